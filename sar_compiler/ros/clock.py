@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.of_node import of_node
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ PATIENCE_SEC = 10.0
 _FASTEST = 200.0
 _JUMP_SEC = 10.0
 _INSTANT_SEC = 1e-9
+# A clock that has not gone on for longer has stood still; steady seconds.
+_GAP_SEC = 1.0
 
 
 class NodeTime:
@@ -34,6 +37,7 @@ class NodeTime:
         patience_sec: How long simulated time may stand still, steady seconds.
         fastest: Simulated seconds that are counted for a steady second at most; what exceeds it is cut off.
         say: Called with a line when the clock stops, goes on, or jumps.
+        steady: The machine's time.
     """
 
     def __init__(
@@ -42,22 +46,25 @@ class NodeTime:
         patience_sec: float = PATIENCE_SEC,
         fastest: float = math.inf,
         say: Callable[[str], Any] = lambda _: None,
+        steady: Callable[[], float] | None = None,
     ) -> None:
         self._clock = node.get_clock()
         self._patience_sec, self._fastest, self._say = patience_sec, fastest, say
+        self._steady = steady or time.monotonic
         self._ros = self._read()
-        self._advanced_at = self._counted_to = time.monotonic()
+        self._advanced_at = self._counted_to = self._steady()
+        self._heard_at = AWAKE.now()
         self._now = self._ros
         self._stands_still = False
 
     def now(self) -> float:
         """Return the time in seconds; only differences mean anything."""
-        steady, ros = time.monotonic(), self._read()
+        steady, ros = self._steady(), self._read()
         if not self._clock.ros_time_is_active:
             self._count(steady, ros, steady - self._counted_to)
         elif ros != self._ros:
             self._advance(steady, ros)
-        elif steady - self._advanced_at > self._patience_sec:
+        elif AWAKE.now() - self._heard_at > self._patience_sec:
             self._stand_still(steady)
         return self._now
 
@@ -67,7 +74,7 @@ class NodeTime:
     def _count(self, steady: float, ros: float, seconds: float) -> None:
         self._now += seconds
         self._advanced_at = self._counted_to = steady
-        self._ros = ros
+        self._heard_at, self._ros = AWAKE.now(), ros
 
     def _advance(self, steady: float, ros: float) -> None:
         step, passed = ros - self._ros, steady - self._counted_to
@@ -95,6 +102,30 @@ class NodeTime:
             )
         self._now += steady - self._counted_to
         self._counted_to = steady
+
+
+class ClockedTime:
+    """Awake seconds in which a node's clock went on: by them those are judged who do nothing while it stands still.
+
+    Without simulated time they are all that pass.
+
+    Args:
+        node: The node.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        self._clock = node.get_clock()
+        self._ros_ns = -1
+        self._now = self._counted_to = AWAKE.now()
+
+    def now(self) -> float:
+        """Return the time in seconds, to be asked for twice a second or more; only differences mean anything."""
+        awake, ros_ns = AWAKE.now(), int(self._clock.now().nanoseconds)
+        if ros_ns != self._ros_ns:
+            passed = awake - self._counted_to
+            self._now += min(passed, _GAP_SEC) if self._clock.ros_time_is_active else passed
+            self._counted_to, self._ros_ns = awake, ros_ns
+        return self._now
 
 
 class RosClock(NodeTime):

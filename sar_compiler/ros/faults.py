@@ -25,11 +25,11 @@ _FORMS = {
     "drop": "drop=COUNT",
     "delay": "delay=SECONDS",
     "refuse": "refuse=COUNT",
-    "abort": "abort=ZONE or abort@ZONE,drives=SECONDS",
-    "code": "code=NUMBER[@ZONE][,after=SECONDS]",
+    "abort": "abort=PLACE or abort@PLACE,drives=SECONDS",
+    "code": "code=NUMBER[@PLACE][,after=SECONDS]",
     "late": "late=SECONDS",
     "reject": "reject=COUNT",
-    "die": "die[@ZONE][,back=SECONDS]",
+    "die": "die[@PLACE][,back=SECONDS]",
 }
 _COUNTED = ("drop", "refuse", "reject")
 _TIMED = ("delay", "late")
@@ -69,7 +69,7 @@ class Fault:
         count: The number of calls or goals that it affects (`drop`, `refuse`, `reject`).
         seconds: Seconds of the server's clock: of delay of each answer (`delay`, `late`), on the way until the end (`code`), of
             driving on after it (`abort`; 0: a goal that is aborted before anything drives).
-        zone: The zone that it affects (`abort`, `code`, `die`); "" for all.
+        place: The place that it affects (`abort`, `code`, `die`); "" for all.
         code: The error code that a goal ends with (`code`).
         back: The time until a dead server returns, in simulated seconds; None for never (`die`).
         text: The fault as written.
@@ -79,7 +79,7 @@ class Fault:
     kind: str
     count: int = 0
     seconds: float = 0.0
-    zone: str = ""
+    place: str = ""
     code: int = 0
     back: float | None = None
     text: str = field(default="", compare=False)
@@ -89,7 +89,7 @@ class Fault:
 
 
 def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
-    """Read one fault, for instance `report_survivor:drop=2` or `navigate_to_pose:die@zone_c,back=5`.
+    """Read one fault, for instance `take_photo:drop=2` or `navigate_to_pose:die@yard,back=5`.
 
     Args:
         text: The fault as written.
@@ -113,7 +113,7 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
         raise FaultError(text, f"'{option}={seconds}' is not known; expected {form}")
     fault = _with_amount(Fault(target, kind, text=text), value)
     if place is not None:
-        fault = replace(fault, zone=_zone(text, place))
+        fault = replace(fault, place=_place(text, place))
     if option is None:
         return fault
     time = _seconds(text, seconds)
@@ -130,7 +130,7 @@ def _with_amount(fault: Fault, value: str | None) -> Fault:
         return replace(fault, count=_count(fault.text, value))
     if fault.kind in _TIMED:
         return replace(fault, seconds=_seconds(fault.text, value))
-    return replace(fault, zone=_zone(fault.text, value))
+    return replace(fault, place=_place(fault.text, value))
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ _OUT_OF_REACH = 208
 
 
 class NavigationFaults:
-    """The faults of navigation. Every goal for an aborted zone is aborted; a server dies, and a robot drives on, once per fault."""
+    """The faults of navigation. Every goal for an aborted place is aborted; a server dies, and a robot drives on, once per fault."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
@@ -199,16 +199,16 @@ class NavigationFaults:
         self._single = [
             fault for fault in faults if fault.kind in {"abort", "die"} and not _is_lasting(fault)
         ]
-        self.zones = {fault.zone: fault for fault in faults if fault.zone}
+        self.places = {fault.place: fault for fault in faults if fault.place}
 
-    def check_zones(self, known: Collection[str]) -> None:
-        """Check that every zone of a fault exists.
+    def check_places(self, known: Collection[str]) -> None:
+        """Check that every place of a fault exists.
 
         Raises:
-            FaultError: If a zone does not exist.
+            FaultError: If a place does not exist.
         """
-        for zone, fault in self.zones.items():
-            _known(str(fault), "zone", zone, known)
+        for place, fault in self.places.items():
+            _known(str(fault), "place", place, known)
 
     def rejects_next(self) -> bool:
         """Return whether the goal that has just arrived is to be rejected."""
@@ -216,17 +216,17 @@ class NavigationFaults:
         self._rejections -= reject
         return reject
 
-    def accepted(self, zone: str | None) -> GoalFate:
+    def accepted(self, place: str | None) -> GoalFate:
         """Return the fate of a goal that has just been accepted.
 
         Args:
-            zone: The zone that contains it, or None.
+            place: The place that contains it, or None.
         """
         for fault in self._lasting:
-            if fault.zone in {zone, ""}:
+            if fault.place in {place, ""}:
                 return GoalFate(code=fault.code or _OUT_OF_REACH, after_sec=fault.seconds)
         for fault in self._single:
-            if fault.zone in {zone, ""}:
+            if fault.place in {place, ""}:
                 self._single.remove(fault)
                 if fault.kind == "die":
                     return GoalFate(dies=fault.target, back_sec=fault.back)
@@ -243,19 +243,19 @@ class FaultPlan:
 
     Args:
         faults: The requested faults, in any order.
-        zones: Zone positions (metres, frame `map`) by which goals are told apart; the world's markers if None.
+        places: Positions of places (metres, frame `map`) by which goals are told apart; the world's markers if None.
 
     Attributes:
         faults: The requested faults.
-        zones: The zone positions, or None.
+        places: The place positions, or None.
         navigation: The faults of `navigate_to_pose`.
     """
 
     def __init__(
-        self, faults: Sequence[Fault] = (), zones: Mapping[str, tuple[float, float]] | None = None
+        self, faults: Sequence[Fault] = (), places: Mapping[str, tuple[float, float]] | None = None
     ) -> None:
         self.faults = tuple(faults)
-        self.zones = zones
+        self.places = places
         self.navigation = NavigationFaults([fault for fault in faults if fault.target in NAVIGATION_FAULTS])
 
     def for_service(self, name: str) -> ServiceFaults:
@@ -361,7 +361,7 @@ def _seconds(text: str, value: str) -> float:
     return seconds
 
 
-def _zone(text: str, value: str) -> str:
+def _place(text: str, value: str) -> str:
     if not re.fullmatch(r"[\w.-]+", value):
-        raise FaultError(text, f"'{value}' is not a zone's name")
+        raise FaultError(text, f"'{value}' is not a place's name")
     return value

@@ -97,7 +97,7 @@ class _Recorded(NamedTuple):
 
 
 class McapRecorder:
-    """Writes messages into a file, in a thread of its own: a slow disk holds up nobody.
+    """Writes messages from a background thread, so that a slow disk never delays a tick.
 
     Messages have the time at which they came, by the machine's clock, as in rosbag2.
 

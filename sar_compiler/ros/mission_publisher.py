@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -17,12 +17,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.situation import CHANGED, Landmark, Situation
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
 from sar_compiler.ros.failure_reports import described
-from sar_compiler.ros.landmark import Landmark
 from sar_compiler.ros.tree_log import TOPIC, TreeLog
 from sar_compiler.runtime.kernel.cells import RUNNING
 
@@ -34,8 +34,13 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Of Okabe and Ito, whose colours differ for everybody: grey, orange, blue, vermilion; the plan is sky blue.
 _COLOURS = ((0.6, 0.6, 0.6), (0.9, 0.62, 0.0), (0.0, 0.45, 0.7), (0.84, 0.37, 0.0))
 _PLAN_COLOUR = (0.34, 0.71, 0.91)
-# A kind without a form of its own is a sphere; diameters in metres.
-_FORMS = {"zone": (Marker.CYLINDER, 1.0), "survivor": (Marker.SPHERE, 0.5), "base": (Marker.CUBE, 0.5)}
+# By the shape of a kind, with the diameter in metres.
+_FORMS = {
+    "circle": (Marker.CYLINDER, 1.0),
+    "triangle": (Marker.SPHERE, 0.5),
+    "house": (Marker.CUBE, 0.5),
+    "square": (Marker.CUBE, 0.5),
+}
 
 
 class MissionPublisher:
@@ -50,19 +55,11 @@ class MissionPublisher:
     Args:
         node: The mission's node.
         tree: The tree.
-        landmarks: Returns what is shown on the map.
-        figures: Returns the mission's figures, by name.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        tree: NumberedTree,
-        landmarks: Callable[[], Sequence[Landmark]] = tuple,
-        figures: Callable[[], Mapping[str, float]] = dict,
-    ) -> None:
+    def __init__(self, node: Node, tree: NumberedTree) -> None:
         self._node, self._tree = node, tree
-        self._landmarks, self._figures = landmarks, figures
+        self._situation = Situation()
         self._is_broken = False
         self._is_state_known = self._are_markers_known = False
         self._plan: Mapping[str, Any] = {}
@@ -84,8 +81,11 @@ class MissionPublisher:
         """Take an entry of the run's journal."""
         if entry.kind == "plan":
             self._plan = entry.data
-        if entry.kind == "plan" or entry.kind not in ("status", *OF_ROBOT):
-            self._are_markers_known = False
+        elif entry.kind == CHANGED:
+            self._situation.take(**entry.data)
+        else:
+            return
+        self._are_markers_known = False
 
     def end(self) -> None:
         """Publish how it has ended; nothing is ticked any more."""
@@ -138,7 +138,7 @@ class MissionPublisher:
             "tree": self._tree.name,
             "root": tree.root.status.value,
             "ticks": tree.count + 1,
-            **self._figures(),
+            **{each.name: f"{each.value:g}" for each in self._situation.figures.values()},
         }
         status = DiagnosticStatus(
             level=DiagnosticStatus.ERROR if failed else DiagnosticStatus.OK,
@@ -154,8 +154,11 @@ class MissionPublisher:
     def _publish_markers(self) -> None:
         self._are_markers_known = True
         made = [Marker(action=Marker.DELETEALL)]
-        for number, landmark in enumerate(self._landmarks()):
-            made += _shape(number, landmark)
+        for number, landmark in enumerate(self._situation.landmarks.values()):
+            if landmark.corners:
+                made.append(_outline(number, landmark))
+            else:
+                made += _shape(number, landmark, self._situation.kind_of(landmark).shape)
         made += _line(self._plan)
         for marker in made:
             marker.header.stamp = self._now()
@@ -170,12 +173,20 @@ def _colour(rgb: tuple[float, float, float]) -> ColorRGBA:
     return ColorRGBA(r=rgb[0], g=rgb[1], b=rgb[2], a=0.8)
 
 
-def _shape(number: int, landmark: Landmark) -> list[Marker]:
-    """Return a form at a landmark's place, and its name and state above it."""
-    kind, size = _FORMS.get(landmark.kind, (Marker.SPHERE, 0.5))
-    form = Marker(
-        ns=landmark.kind, id=number, type=kind, color=_colour(_COLOURS[landmark.level % len(_COLOURS)])
+def _outline(number: int, landmark: Landmark) -> Marker:
+    """Return a landmark's outline as a closed line."""
+    marker = Marker(
+        ns=landmark.kind, id=number, type=Marker.LINE_STRIP, color=_colour(_COLOURS[landmark.level])
     )
+    marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
+    marker.points = [Point(x=x, y=y, z=0.05) for x, y in (*landmark.corners, landmark.corners[0])]
+    return marker
+
+
+def _shape(number: int, landmark: Landmark, shape: str) -> list[Marker]:
+    """Return a form at a landmark's place, and its name and state above it."""
+    kind, size = _FORMS.get(shape, _FORMS["circle"])
+    form = Marker(ns=landmark.kind, id=number, type=kind, color=_colour(_COLOURS[landmark.level]))
     form.scale.x = form.scale.y = size
     # Flat, so that a robot on it can be seen.
     form.scale.z = 0.05 if kind == Marker.CYLINDER else size

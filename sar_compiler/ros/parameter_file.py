@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -44,6 +44,11 @@ class FileProblem:
     column: int
     text: str
 
+    @property
+    def place(self) -> str:
+        """Its line and column."""
+        return f"{self.line}:{self.column}"
+
 
 class ParameterFileError(SarError):
     """A parameter file that ROS would refuse or misread.
@@ -65,7 +70,7 @@ class ParameterFileError(SarError):
         text = in_one_line(shortened(problem.text))
         if not problem.line:
             return f"{self.file}: {text}"
-        return f"{self.file}:{problem.line}:{problem.column}: {text}"
+        return f"{self.file}:{problem.place}: {text}"
 
 
 def check_parameter_file(path: Path | str) -> None:
@@ -107,22 +112,75 @@ def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
         node: The full name of the node, with its namespace.
 
     Returns:
-        The values by their flat names (`zones.zone_a.x`). Of sections for the node, the later one counts.
+        The values by their flat names (`points.yard.x`). Of sections for the node, the later one counts.
 
     Raises:
         ParameterFileError: If there are mistakes; has all of them, each with its place.
     """
     check_parameter_file(path)
+    return {name: each.value for name, each in _given(path, node).items()}
+
+
+class _Given(NamedTuple):
+    """A value of a file, and the node of its name."""
+
+    value: object
+    name: yaml.Node
+
+
+def _given(path: Path | str, node: str) -> dict[str, _Given]:
+    """Return what a file without mistakes gives to a node, by the flat names."""
     text = _text_of(Path(path))
-    walk, sections = _Walk(text), dict[str, dict[str, object]]()
+    walk, sections = _Walk(text), dict[str, dict[str, _Given]]()
     for name, parameters in _sections(yaml.compose(text, Loader=_LOADER), ""):
         sections.setdefault(name, {}).update(walk.values(parameters, ""))
     return {
-        key: value
+        key: given
         for name, values in sections.items()
         if _is_for(name, node)
-        for key, value in values.items()
+        for key, given in values.items()
     }
+
+
+class ParameterPlaces:
+    """Where parameter files give a node its parameters.
+
+    Args:
+        paths: The files, each one that `check_parameter_file` passes; a later one counts.
+        node: The full name of the node, with its namespace.
+    """
+
+    def __init__(self, paths: Iterable[Path | str], node: str) -> None:
+        self._given: dict[str, tuple[object, str]] = {}
+        self._beginning = ""
+        for path in paths:
+            given = _given(path, node)
+            places = {name: f"{path}:{_at(each.name, '').place}" for name, each in given.items()}
+            self._given |= {name: (each.value, places[name]) for name, each in given.items()}
+            self._beginning = next(iter(places.values()), f"{path}:1:1")
+
+    def of(self, key: str, parameters: Mapping[str, object]) -> str:
+        """Return file, line and column of a parameter, or of what is around one that is missing; empty if no file says it.
+
+        Args:
+            key: Its flat name.
+            parameters: The parameters that the node has; what a command line says otherwise is in no file.
+        """
+        if key in parameters:
+            value, place = self._given.get(key, (None, ""))
+            return place if repr(_plain(value)) == repr(_plain(parameters[key])) else ""
+        around = key
+        while around:
+            for name, (_, place) in self._given.items():
+                if name == around or name.startswith(f"{around}."):
+                    return place
+            around = around.rpartition(".")[0]
+        return self._beginning
+
+
+def _plain(value: object) -> object:
+    """Return a value of ROS, whose lists are arrays, as a file has it."""
+    return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
 
 
 def _sections(root: yaml.Node | None, above: str) -> Iterator[tuple[str, yaml.MappingNode]]:
@@ -276,16 +334,16 @@ class _Walk:
             else:
                 yield _at(key, f"{_SECTION} must hold parameters, 'name: value'")
 
-    def values(self, mapping: yaml.MappingNode, prefix: str) -> Iterator[tuple[str, object]]:
+    def values(self, mapping: yaml.MappingNode, prefix: str) -> Iterator[tuple[str, _Given]]:
         """Yield the parameters of a section without mistakes, with their flat names."""
         for key, value in mapping.value:
             name = prefix + key.value
             if isinstance(value, yaml.MappingNode):
                 yield from self.values(value, f"{name}.")
             elif isinstance(value, yaml.SequenceNode):
-                yield name, [self._value(entry) for entry in value.value]
+                yield name, _Given([self._value(entry) for entry in value.value], key)
             else:
-                yield name, self._value(value)
+                yield name, _Given(self._value(value), key)
 
     def _value(self, node: yaml.ScalarNode) -> object:
         return _READ[self._kind(node)](node.value)

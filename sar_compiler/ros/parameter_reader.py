@@ -1,16 +1,17 @@
 """Reading a node's parameters: mistakes are collected, with the names of the keys; works without ROS.
 
-The keys are those of a ROS node, flat and relative: `zones.zone_a.x`, `base_station.yaw`, `zone_order`.
+The keys are those of a ROS node, flat and relative: `points.yard.x`, `initial_pose.yaw`, `point_order`.
 Lengths are in metres, angles in radians, in the frame `map`.
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.parameter_file import ParameterPlaces
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
 _POSE = ("x", "y", "yaw")
@@ -26,16 +27,18 @@ class Problem:
     """One mistake in the parameters.
 
     Attributes:
-        key: The parameter, such as `zones.zone_a.x`.
+        key: The parameter, such as `points.yard.x`.
         text: The description of the mistake.
+        place: The file that gives it, with line and column; empty if it is given in no file.
     """
 
     key: str
     text: str
+    place: str = ""
 
     def __str__(self) -> str:
-        """Return the key and the mistake."""
-        return f"{self.key}: {self.text}"
+        """Return the place, the key and the mistake."""
+        return _placed(self.place, f"{self.key}: {self.text}")
 
 
 class ParameterError(SarError):
@@ -48,26 +51,30 @@ class ParameterError(SarError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
         if len(self.problems) == 1:
-            message = f"parameter {self.problems[0]}"
+            [only] = self.problems
+            message = _placed(only.place, f"parameter {only.key}: {only.text}")
         else:
             lines = "".join(f"\n  {problem}" for problem in self.problems)
             message = f"{len(self.problems)} mistakes in the parameters:{lines}"
         super().__init__(message)
 
 
-def lookalikes(given: Iterable[str], read: Iterable[str]) -> list[str]:
+def lookalikes(
+    given: Iterable[str], read: Iterable[str], place_of: Callable[[str], str] = lambda _name: ""
+) -> list[str]:
     """Report parameters whose names are similar to those that are read.
 
     Args:
         given: The flat names of a node's parameters. Names without a similar one are ignored.
-        read: The names that are read, besides ROS's own; of a group, such as `zones`, the first part.
+        read: The names that are read, besides ROS's own; of a group, such as `points`, the first part.
+        place_of: Returns the file that gives one, with line and column; empty if none does.
 
     Returns:
         A note for each misspelling, with the name that was probably meant.
     """
     known = sorted({*read, *_ROS})
     plain = [name for name in known if "." not in name]
-    notes: dict[str, None] = {}
+    notes: dict[str, str] = {}
     for name in given:
         first = name.partition(".")[0]
         if name in known or first in known:
@@ -75,9 +82,10 @@ def lookalikes(given: Iterable[str], read: Iterable[str]) -> list[str]:
         for written, names in ((name, known), (first, plain)):
             near = get_close_matches(written.lower(), names, 1, _ALIKE)
             if near:
-                notes[f"parameter '{written}' is not read; did you mean '{near[0]}'?"] = None
+                note = f"parameter '{written}' is not read; did you mean '{near[0]}'?"
+                notes.setdefault(note, _placed(place_of(name), note))
                 break
-    return list(notes)
+    return list(notes.values())
 
 
 class ParameterReader:
@@ -87,22 +95,30 @@ class ParameterReader:
         parameters: A node's parameters by flat name. Names that are not read are ignored.
         elsewhere: A note of the nodes that parameters were given for instead
             (`parameter_file.sections_elsewhere`), for the message about a missing list of places.
+        places: Where files give them, if they come of files.
 
     Attributes:
         parameters: The parameters.
         problems: All mistakes found so far.
-        notes: Notes on valid but surprising parameters, such as a zone that is never visited.
+        notes: Notes on valid but surprising parameters, such as a point that is never visited.
     """
 
-    def __init__(self, parameters: Mapping[str, object], elsewhere: str = "") -> None:
+    def __init__(
+        self, parameters: Mapping[str, object], elsewhere: str = "", places: ParameterPlaces | None = None
+    ) -> None:
         self.parameters = parameters
+        self._places = places
         self.problems: list[Problem] = []
         self.notes: list[str] = []
         self._elsewhere = elsewhere
 
     def report(self, key: str, text: str) -> None:
         """Note a mistake in a parameter."""
-        self.problems.append(Problem(key, text))
+        self.problems.append(Problem(key, text, self.place_of(key)))
+
+    def place_of(self, key: str) -> str:
+        """Return the file that gives a parameter, or what is around a missing one, with line and column; empty if none does."""
+        return self._places.of(key, self.parameters) if self._places is not None else ""
 
     def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
         """Return, of `<prefix>.<id>.<name>`, the names by id; anything else there is a mistake."""
@@ -121,7 +137,7 @@ class ParameterReader:
         return groups
 
     def places(self, noun: str) -> list[dict[str, Any]]:
-        """Read poses that are visited in an order: for `zone`, `zone_order` and `zones.<id>.{x,y,yaw}`.
+        """Read poses that are visited in an order: for `point`, `point_order` and `points.<id>.{x,y,yaw}`.
 
         Args:
             noun: The noun for one of them.
@@ -132,7 +148,10 @@ class ParameterReader:
         groups = self.group(f"{noun}s", _POSE)
         order = self._order(noun, groups)
         self.notes += [
-            f"{noun}s.{name} is not in {noun}_order and is never visited"
+            _placed(
+                self.place_of(f"{noun}s.{name}"),
+                f"{noun}s.{name} is not in {noun}_order and is never visited",
+            )
             for name in groups
             if name not in order
         ]
@@ -251,6 +270,10 @@ class ParameterReader:
             return value
         self.report(key, f"must be true or false, is {_shown(value)}")
         return default
+
+
+def _placed(place: str, text: str) -> str:
+    return f"{place}: {text}" if place else text
 
 
 def _shown(value: object) -> str:

@@ -60,6 +60,9 @@ class Readiness:
         begins_anew: Whether the localisation is known to have no pose yet.
         types: The types that actions, services and topics must have; those without one may have any.
         first: Requirements of the caller, who also closes them, to look at before all others.
+
+    Attributes:
+        ends_by_itself: Whether one of those of the caller that was missing when it was looked last will be there by itself.
     """
 
     def __init__(
@@ -74,6 +77,7 @@ class Readiness:
     ) -> None:
         self.node = node
         self._first = tuple(first)
+        self.ends_by_itself = False
         self._uses = list(dict.fromkeys(uses))
         self._requirements: list[Requirement] = []
         if node.get_clock().ros_time_is_active:
@@ -116,7 +120,9 @@ class Readiness:
 
     def missing(self) -> list[str]:
         """Take the next step, and return what is missing, one readable line each."""
-        return _missing(self._first) or _missing(self._requirements)
+        first = {each: line for each in self._first if (line := each.missing()) is not None}
+        self.ends_by_itself = any(each.ends_by_itself for each in first)
+        return list(first.values()) or _missing(self._requirements)
 
     def close(self) -> None:
         """Destroy the clients and subscriptions on the node, when the wait is given up."""
@@ -137,7 +143,7 @@ def wait_until_ready(
     Args:
         executor: The executor of the node.
         readiness: The requirements to wait for.
-        timeout_sec: The time limit in total, in seconds of the steady clock.
+        timeout_sec: The time limit, in seconds of the steady clock, from when no requirement is looked at that ends by itself.
         should_stop: Returns whether to stop waiting; the function then just returns.
 
     Raises:
@@ -150,6 +156,8 @@ def wait_until_ready(
     try:
         while not should_stop() and not readiness.poll():
             now = time.monotonic()
+            if readiness.ends_by_itself:
+                start = now
             if not readiness.contested:
                 contested_since = None
             elif contested_since is None:

@@ -1,20 +1,18 @@
 """The requirements that a mission may have to wait for, one class each; none of them blocks."""
 
 import math
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from lifecycle_msgs.srv import GetState
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import QoSProfile
-from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.asked import Asked, with_full_name
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.poses import estimated_pose, turn_by
 from sar_compiler.ros.robot_estimate import robot_estimate
@@ -27,8 +25,6 @@ _INITIAL_POSE_PERIOD_SEC = 1.0
 _LISTEN_SEC = 1.0
 # A pose that is this near to the initial one is the same, metres and radians.
 _AGREES_M, _AGREES_RAD = 0.5, 0.5
-_ASK_PERIOD_SEC = 0.5
-_ANSWER_DEADLINE_SEC = 2.0
 
 # Nav2's bring-up: its lifecycle manager, and the nodes that it activates before the navigator, in this order.
 _MANAGER = "lifecycle_manager_navigation"
@@ -46,7 +42,13 @@ _WAITS_FOR_POSE = ("planner_server", "activate")
 
 
 class Requirement(ABC):
-    """A requirement that must be fulfilled before the first tick."""
+    """A requirement that must be fulfilled before the first tick.
+
+    Attributes:
+        ends_by_itself: Whether it is there in the end whatever anybody does: no time limit counts meanwhile.
+    """
+
+    ends_by_itself = False
 
     @abstractmethod
     def missing(self) -> str | None:
@@ -148,7 +150,7 @@ class MisplacedRobotError(SarError):
             value = f"-p initial_pose.x:={place[0]:.2f} -p initial_pose.y:={place[1]:.2f}, or "
         super().__init__(
             f"the localisation {where}: it is not told another pose. Go on with the mission that was interrupted "
-            f"(--resume), drive home first, or say where the robot is ({value}-p set_initial_pose:=false to begin where "
+            f"(--resume), drive back first, or say where the robot is ({value}-p set_initial_pose:=false to begin where "
             f"it stands; where the localisation is wrong, in RViz: 2D Pose Estimate)"
         )
 
@@ -186,7 +188,7 @@ class Localised(Requirement):
         self._answered = self._answered or self._is_answered() or self._keeps_its_own()
         if self._answered:
             return None
-        now = time.monotonic()
+        now = AWAKE.now()
         heard = self._publisher.get_subscription_count() > 0
         if heard and self._has_been_listened_to(now) and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
             self._sent_at = now
@@ -238,77 +240,6 @@ class Localised(Requirement):
         return message
 
 
-class _Asked:
-    """A service that is asked again and again for its answer of now.
-
-    An answer that is lost, as may happen while the two sides still discover each other, is not waited for.
-
-    Args:
-        node: The node to ask with.
-        service_type: The Python class of the service, whose request is empty.
-        name: Its relative name.
-
-    Attributes:
-        answer: The last answer; None while there is none, or since one was lost.
-        is_silent: Whether the last question was not answered in time.
-    """
-
-    def __init__(self, node: Node, service_type: Any, name: str) -> None:
-        self.answer: Any = None
-        self.is_silent = False
-        self._node = node
-        self._type = service_type
-        self._client: Any = node.create_client(service_type, name)
-        self._call: Future | None = None
-        self._asked_at = -math.inf
-
-    @property
-    def is_there(self) -> bool:
-        """Whether there is a server."""
-        return bool(self._client.service_is_ready())
-
-    @property
-    def is_awaited(self) -> bool:
-        """Whether a question was asked, and it is not known yet whether it is answered in time."""
-        return self.answer is None and self._call is not None and not self.is_silent
-
-    def forget(self) -> None:
-        """Forget the last answer."""
-        self._drop()
-        self.answer, self.is_silent, self._asked_at = None, False, -math.inf
-
-    def ask(self) -> bool:
-        """Take the answer, and ask again if it is due; return whether there is a server."""
-        if not self.is_there:
-            self._drop()
-            self.answer = None
-            return False
-        self._take_answer()
-        if self._call is None and time.monotonic() - self._asked_at >= _ASK_PERIOD_SEC:
-            self._asked_at = time.monotonic()
-            self._call = self._client.call_async(self._type.Request())
-        return True
-
-    def close(self) -> None:
-        """Destroy the client."""
-        self._drop()
-        self._node.destroy_client(self._client)
-
-    def _take_answer(self) -> None:
-        if self._call is None:
-            return
-        if self._call.done():
-            self.answer, self.is_silent, self._call = self._call.result(), False, None
-        elif time.monotonic() - self._asked_at > _ANSWER_DEADLINE_SEC:
-            self.answer, self.is_silent = None, True
-            self._drop()
-
-    def _drop(self) -> None:
-        call, self._call = self._call, None
-        if call is not None:
-            self._client.remove_pending_request(call)
-
-
 class NodeActive(Requirement):
     """A lifecycle node that must be active.
 
@@ -317,54 +248,14 @@ class NodeActive(Requirement):
     Args:
         node: The node to ask with.
         name: The relative name of the lifecycle node.
-
-    Attributes:
-        name: Its relative name.
-        title: Its kind and name.
     """
 
     def __init__(self, node: Node, name: str) -> None:
-        self._asked = _Asked(node, GetState, f"{name}/get_state")
-        self._service = node.resolve_service_name(f"{name}/get_state")
-        self.name = name
-        self.title = f"node {with_full_name(name, self._service.removesuffix('/get_state'))}"
-
-    @property
-    def is_there(self) -> bool:
-        """Whether the node can be asked."""
-        return self._asked.is_there
-
-    @property
-    def is_awaited(self) -> bool:
-        """Whether the node was asked, and it is not known yet whether it answers in time."""
-        return self._asked.is_awaited
-
-    @property
-    def is_silent(self) -> bool:
-        """Whether the node has not answered in time: it was killed, or hangs."""
-        return self._asked.is_silent
-
-    def forget(self) -> None:
-        """Forget the last answer."""
-        self._asked.forget()
-
-    @property
-    def state(self) -> str | None:
-        """The state that it has answered last; None if it has not."""
-        return _name_of(self._asked.answer.current_state) if self._asked.answer is not None else None
+        self._lifecycle = robot_estimate(node).lifecycle(name)
 
     def missing(self) -> str | None:
         """Ask if it is due, and describe the last answer; None if that was `active`."""
-        if not self._asked.ask():
-            return f"node {self.name}: not there (no service {self._service})"
-        if self.state is None:
-            late = f" for {_ANSWER_DEADLINE_SEC:g} s" if self.is_silent else ""
-            return f"node {self.name}: {self._service} has not answered{late}"
-        return None if self.state == "active" else f"{self.title}: state '{self.state}', must be 'active'"
-
-    def close(self) -> None:
-        """Destroy the client."""
-        self._asked.close()
+        return self._lifecycle.missing()
 
 
 class NavigatorActive(NodeActive):
@@ -382,46 +273,43 @@ class NavigatorActive(NodeActive):
 
     def __init__(self, node: Node, name: str, *, tells_pose: bool = True) -> None:
         super().__init__(node, name)
-        self._node = node
+        self._node, self._estimate = node, robot_estimate(node)
         self._log = nav2_log(node)
-        self._robot = None if tells_pose else robot_estimate(node)
-        self._manager: _Asked | None = None
-        self._before: dict[str, NodeActive] = {}
+        self._robot = None if tells_pose else self._estimate
+        self._manager: Asked | None = None
 
     def missing(self) -> str | None:
         """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
-        line = super().missing()
-        if line is None or self.state is None:
+        line, state = super().missing(), self._lifecycle.state
+        if line is None or state is None:
             return line
-        return line + self._reason() + self._pose()
+        return line + self._reason(state) + self._pose()
 
     def close(self) -> None:
-        """Destroy the clients."""
-        super().close()
-        for each in (self._manager, *self._before.values()):
-            if each is not None:
-                each.close()
+        """Destroy the client."""
+        if self._manager is not None:
+            self._manager.close()
 
-    def _reason(self) -> str:
+    def _reason(self, state: str) -> str:
         """Ask the manager, and the nodes that it activates before; return what they have answered."""
         if self._manager is None:
-            self._manager = _Asked(self._node, Trigger, f"{_MANAGER}/is_active")
-            self._before = {name: NodeActive(self._node, name) for name in _BEFORE_NAVIGATOR}
+            self._manager = Asked(self._node, Trigger, f"{_MANAGER}/is_active")
         self._manager.ask()
-        for each in self._before.values():
+        before = [self._estimate.lifecycle(name) for name in _BEFORE_NAVIGATOR]
+        for each in before:
             each.missing()
-        states = {name: each.state for name, each in self._before.items() if each.state is not None}
-        asleep = next((each for each in states.items() if each[1] != "active"), None)
+        states = {each.name: each.state for each in before if each.state is not None}
+        asleep = next((pair for pair in states.items() if pair[1] != "active"), None)
         # It does not answer while it is at work.
         if self._manager.answer is None or self._manager.answer.success:
             return f"; {asleep[0]} is '{asleep[1]}', too" if asleep else ""
-        if {self.state, *states.values()} == {"unconfigured"} and not self._log.quote():
+        if {state, *states.values()} == {"unconfigured"} and not self._log.quote():
             call = self._node.resolve_service_name(f"{_MANAGER}/manage_nodes")
             return (
                 f"; {_MANAGER} has not started Nav2 up (autostart is off): "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
-        stuck, what = _stuck({**states, self.name: str(self.state)})
+        stuck, what = _stuck({**states, self._lifecycle.name: state})
         said = self._log.quote(stuck)
         pose = ", and give the initial pose within its initial_transform_timeout"
         return (
@@ -464,16 +352,3 @@ def _wrong_type(title: str, how: str, types: Iterable[str], wanted: str | None) 
     if wanted is None or not there or wanted in there:
         return None
     return f"{title}: {how} as {', '.join(there)}, must be {wanted}"
-
-
-def with_full_name(name: str, resolved: str) -> str:
-    """Return a name, followed by its resolved form in brackets if that is not obvious."""
-    return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
-
-
-def _name_of(state: Any) -> str:
-    """Return a lifecycle state's name; some servers fill in only its number."""
-    from lifecycle_msgs.msg import State
-
-    known = {State.PRIMARY_STATE_ACTIVE: "active", State.PRIMARY_STATE_INACTIVE: "inactive"}
-    return state.label or known.get(state.id, f"number {state.id}")

@@ -1,13 +1,15 @@
-"""The one estimate of a robot: where it is, whether it moves, and whether its localisation lives.
+"""The one estimate of a robot: where it is, whether it moves, whether its localisation lives, and what state its nodes are in.
 
 Leaves, watch, readiness, journal and the end of a run read it. What it subscribes to is subscribed to once for each node.
 """
 
 import math
-import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.ros.awake import AWAKE
+from sar_compiler.ros.clock import ClockedTime
 from sar_compiler.ros.leaves.deadline import deadline_clock
 from sar_compiler.ros.leaves.interfaces import qos_profile
 from sar_compiler.ros.of_node import of_node
@@ -16,6 +18,8 @@ from sar_compiler.ros.run_parameters import SETTLE_SEC
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+    from sar_compiler.ros.lifecycle_state import LifecycleState
 
 # Slower than this a robot stands, m/s and rad/s, once it has been for so long, seconds of its own clock.
 _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
@@ -36,12 +40,15 @@ class RobotEstimate:
         node: The rclpy node.
 
     Attributes:
-        pose: The last message of `amcl_pose`; None if none has come.
+        clock: The clock of waits for the robot, seconds.
+        pose: The last message of `amcl_pose` whose numbers are finite, as all that is kept here; None if none has come.
         pose_at: When it came, steady seconds.
+        is_diverged: Whether the last message of `amcl_pose` was no pose: its numbers are not finite.
         odometry: The pose of the last message of `odometry/filtered`, frame `odom`; None if none has come.
         odometry_at_pose: The same as it was when `pose` came.
         speed: What the last odometry says: m/s and rad/s.
         settle_timeout_sec: How long it is waited for that the robot stands, seconds.
+        lacks: Why the robot cannot drive, in words, by who watches it (`ros.watch`); empty if it can.
         transform_at: When the last transform from `map` came, steady seconds; None if none has come.
     """
 
@@ -53,16 +60,22 @@ class RobotEstimate:
 
         self.pose: Any = None
         self.pose_at = -math.inf
+        self.is_diverged = False
         self.odometry: Any = None
         self.odometry_at_pose: Any = None
         self.speed = (0.0, 0.0)
         self.settle_timeout_sec = SETTLE_SEC
         self.transform_at: float | None = None
-        self._clock = deadline_clock(node)
+        self.lacks = ""
+        self._node = node
+        self._states: dict[str, LifecycleState] = {}
+        self.clock = deadline_clock(node)
         self._frames = ("", "")
         self._odometry_at = -math.inf
         self._slow_since: float | None = None
         self._transforms = b""
+        # Who localises by a simulated clock sends nothing while that stands still.
+        self._clocked, self._transform_clocked_at = ClockedTime(node), -math.inf
         self._listeners: list[PoseListener] = []
         self._awaiting: list[Callable[[], None]] = []
         latched = qos_profile(type(self).__name__, "transient_local")
@@ -75,7 +88,7 @@ class RobotEstimate:
     @property
     def moves(self) -> bool | None:
         """Whether the robot moves by the last odometry; None without fresh one."""
-        if time.monotonic() - self._odometry_at > _FRESH_SEC:
+        if AWAKE.now() - self._odometry_at > _FRESH_SEC:
             return None
         return self._slow_since is None
 
@@ -84,7 +97,7 @@ class RobotEstimate:
         """Whether the robot stands, and has for half a second; None without fresh odometry."""
         if self.moves is None or self._slow_since is None:
             return None if self.moves is None else False
-        return self._clock.now() - self._slow_since >= _STANDS_SEC
+        return self.clock.now() - self._slow_since >= _STANDS_SEC
 
     @property
     def speed_in_words(self) -> str:
@@ -92,8 +105,13 @@ class RobotEstimate:
         return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
 
     def call_when_it_stands(self, listener: Callable[[], None]) -> None:
-        """Have a function called once, when the robot stands."""
+        """Have a function called once, when the robot stands, unless it is withdrawn before."""
         self._awaiting.append(listener)
+
+    def withdraw(self, listener: Callable[[], None]) -> None:
+        """Have a function not called any more that `call_when_it_stands` was given; nothing if it was called already."""
+        with suppress(ValueError):
+            self._awaiting.remove(listener)
 
     @property
     def is_localised(self) -> bool:
@@ -101,10 +119,22 @@ class RobotEstimate:
         return self.pose is not None or self.transform_at is not None
 
     def lost_transforms(self) -> str:
-        """Return in words that transforms from `map` have stopped; empty if they come, or never have."""
-        if self.transform_at is None or time.monotonic() - self.transform_at <= TRANSFORM_SEC:
+        """Return in words that transforms from `map` have stopped; empty if they come, or never have.
+
+        While simulated time stands still they are neither lost nor found: the clock is told alone.
+        """
+        silent_sec = self._clocked.now() - self._transform_clocked_at
+        if self.transform_at is None or silent_sec <= TRANSFORM_SEC:
             return ""
         return f"No transform from 'map' has come for {TRANSFORM_SEC:g} s: the localisation has stopped"
+
+    def lifecycle(self, name: str) -> "LifecycleState":
+        """Return what is known of a lifecycle node, by its relative name: the same object in every call."""
+        from sar_compiler.ros.lifecycle_state import LifecycleState
+
+        if name not in self._states:
+            self._states[name] = LifecycleState(self._node, name)
+        return self._states[name]
 
     def place(self) -> tuple[float, float, float] | None:
         """Return where the robot is by its localisation: x and y (m), yaw (rad), frame `map`; None if that is not known."""
@@ -118,25 +148,30 @@ class RobotEstimate:
         self._listeners.append(listener)
 
     def _on_pose(self, message: Any) -> None:
+        self.is_diverged = not _is_finite(message.pose.pose)
+        if self.is_diverged:
+            return
         self.pose, self.odometry_at_pose = message, self.odometry
-        self.pose_at = time.monotonic()
+        self.pose_at = AWAKE.now()
         for listener in self._listeners:
             listener(message)
 
     def _on_odometry(self, message: Any) -> None:
-        self.odometry = message.pose.pose
-        self._frames = (message.header.frame_id, message.child_frame_id)
-        if self.odometry_at_pose is None:
-            self.odometry_at_pose = self.odometry
+        self._clocked.now()
+        if _is_finite(message.pose.pose):
+            self.odometry = message.pose.pose
+            self._frames = (message.header.frame_id, message.child_frame_id)
+            if self.odometry_at_pose is None:
+                self.odometry_at_pose = self.odometry
         linear = message.twist.twist.linear
         speed = math.hypot(linear.x, linear.y, linear.z), abs(message.twist.twist.angular.z)
         if not all(map(math.isfinite, speed)):
             return
-        self.speed, self._odometry_at = speed, time.monotonic()
+        self.speed, self._odometry_at = speed, AWAKE.now()
         if speed[0] >= _STANDS_MPS or speed[1] >= _STANDS_RADPS:
             self._slow_since = None
         elif self._slow_since is None:
-            self._slow_since = self._clock.now()
+            self._slow_since = self.clock.now()
         elif self._awaiting and self.stands:
             awaiting, self._awaiting = self._awaiting, []
             for listener in awaiting:
@@ -144,7 +179,8 @@ class RobotEstimate:
 
     def _on_transforms(self, message: bytes) -> None:
         if FROM_MAP in message:
-            self.transform_at, self._transforms = time.monotonic(), message
+            self.transform_at, self._transforms = AWAKE.now(), message
+            self._transform_clocked_at = self._clocked.now()
 
     def _place_by_transforms(self) -> tuple[float, float, float] | None:
         """Return the place by the last transform from `map`, and by the odometry if that leads to its frame."""
@@ -155,9 +191,9 @@ class RobotEstimate:
             return None
         odom, base = self._frames
         for each in deserialize_message(self._transforms, TFMessage).transforms:
-            if each.header.frame_id != "map":
-                continue
             x, y, yaw = _flat(each.transform.translation, each.transform.rotation)
+            if each.header.frame_id != "map" or not all(map(math.isfinite, (x, y, yaw))):
+                continue
             if each.child_frame_id == base:
                 return x, y, yaw
             if each.child_frame_id == odom:
@@ -165,6 +201,11 @@ class RobotEstimate:
                 cos, sin = math.cos(yaw), math.sin(yaw)
                 return x + cos * there_x - sin * there_y, y + sin * there_x + cos * there_y, yaw + turned
         return None
+
+
+def _is_finite(pose: Any) -> bool:
+    """Return whether a pose is one: what computes it may have come to say "not a number"."""
+    return all(map(math.isfinite, _flat(pose.position, pose.orientation)))
 
 
 def _flat(position: Any, orientation: Any) -> tuple[float, float, float]:

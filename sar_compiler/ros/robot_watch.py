@@ -37,6 +37,7 @@ class RobotWatch:
     - `plan`: `points`, x and y in metres in the plan's `frame`, from `plan`
     - `map`: `png`, an image in base64 of `width` and `height` pixels of `resolution` metres, whose lower left corner is at `x`, `y`
       (m), turned by `yaw` (rad), from `map`; where it is another one than before
+    - `lacks`: `text`, why the robot cannot drive (Nav2 is not active, transforms have stopped), empty when it can again
     - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`; of other nodes than the mission's own only warnings and
       errors
 
@@ -64,10 +65,10 @@ class RobotWatch:
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
             node.create_subscription(message, topic, take, qos)
-        robot = robot_estimate(node)
-        robot.listen(partial(self._take, "pose"))
-        if robot.pose is not None:
-            self._take("pose", robot.pose)
+        self._robot, self._lacks = robot_estimate(node), ""
+        self._robot.listen(partial(self._take, "pose"))
+        if self._robot.pose is not None:
+            self._take("pose", self._robot.pose)
         node.create_timer(_LOOK_SEC, self._look)
         journal.listen(self._on_entry)
 
@@ -83,6 +84,9 @@ class RobotWatch:
         """Tell what came last and was not due: where the robot stands still, nothing else is up to date."""
         for kind in tuple(self._newest):
             self._tell(kind)
+        if self._robot.lacks != self._lacks:
+            self._lacks = self._robot.lacks
+            self._journal.watch("lacks", text=self._lacks)
         left_out, self._others = self._others - _OTHERS, 0
         if left_out > 0:
             text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are left out."

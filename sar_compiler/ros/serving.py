@@ -24,6 +24,18 @@ NodeFactory = Callable[["Context", list[str]], "Node"]
 """Creates the node in a context, with arguments of its own."""
 
 
+def server_parser(prog: str, description: str) -> CommandParser:
+    """Return the parser of a server's command, which has no arguments but those of ROS."""
+    parser = CommandParser(
+        prog,
+        description,
+        epilog="What follows --ros-args is ROS's: -p name:=value, -r from:=to, --params-file FILE. "
+        "Ctrl-C or SIGTERM end it, with status 0.",
+    )
+    add_version(parser)
+    return parser
+
+
 def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[str] | None = None) -> int:
     """Run a node as a command until SIGINT or SIGTERM.
 
@@ -40,13 +52,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
     """
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
-    parser = CommandParser(
-        prog,
-        description,
-        epilog="What follows --ros-args is ROS's: -p name:=value, -r from:=to, --params-file FILE. "
-        "Ctrl-C or SIGTERM end it, with status 0.",
-    )
-    add_version(parser)
+    parser = server_parser(prog, description)
     split = split_arguments(sys.argv[1:] if argv is None else argv)
     parser.parse_args(split.own)
     try:

@@ -6,6 +6,7 @@ import os
 import platform
 import time
 import uuid
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -17,9 +18,11 @@ from sar_compiler.errors import SarError
 from sar_compiler.ros.readiness import SHADOW_SEC
 from sar_compiler.ros.requirements import Requirement
 
-# How long to look for another mission before the first message that changes anything, seconds: twice what half of
-# the participants take to meet.
+# How long to look for another mission before the first message that changes anything, seconds, from when the last node came
+# into sight: twice what half of the participants take to meet.
 LOOK_SEC = 1.0
+# Where nodes keep coming, so many times that.
+_LONGEST_LOOK = 10.0
 # What somebody else writes is shown up to this length.
 _SHOWN = 80
 # So many other missions are kept and told: whoever is in the domain can claim as often as he likes.
@@ -79,15 +82,19 @@ class SoleMission(Requirement):
     Args:
         node: The mission's node.
         actions: The actions, with resolved or relative names.
-        look_sec: How long to look for others at first, seconds.
+        look_sec: How long to look for others at first, seconds; anew when a node comes into sight, with which a mission may.
         claims: Whether to claim them, or only to look.
     """
+
+    ends_by_itself = True
 
     def __init__(
         self, node: Node, actions: Iterable[str], *, look_sec: float = LOOK_SEC, claims: bool = True
     ) -> None:
         self._node = node
-        self._clear_at = time.monotonic() + look_sec
+        self._look_sec, self._seen = look_sec, Counter[tuple[str, str]]()
+        self._looks_since: float | None = time.monotonic()
+        self._clear_at = self._looks_since + look_sec
         self._others: dict[str, MissionClaim] = {}
         self._told: set[str] = set()
         # When another node of this name was first seen: infinity for not yet, None once it was told.
@@ -122,8 +129,20 @@ class SoleMission(Requirement):
         rival = self._rival()
         if rival is not None:
             raise AnotherMissionError(rival)
-        looks = self._subscriptions and time.monotonic() < self._clear_at
+        looks = self._subscriptions and self._looks_around()
         return "looking for another mission on this robot" if looks else None
+
+    def _looks_around(self) -> bool:
+        """Return whether a mission may be there that was not heard yet: on a busy machine nodes meet late."""
+        now, nodes = time.monotonic(), Counter(self._node.get_node_names_and_namespaces())
+        if nodes - self._seen:
+            self._seen |= nodes
+            if self._looks_since is None:
+                self._looks_since = now
+            self._clear_at = min(now + self._look_sec, self._looks_since + _LONGEST_LOOK * self._look_sec)
+        if now >= self._clear_at:
+            self._looks_since = None
+        return now < self._clear_at
 
     def run(self) -> None:
         """Announce that the tree is ticked from now on."""

@@ -1,13 +1,13 @@
 """A robot that moves although no goal of its mission is active: told, and where it still follows one of ours, stopped."""
 
 import math
-import time
 from collections.abc import Iterable
 
 from action_msgs.srv import CancelGoal
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.leaves.deadline import deadline_clock
 from sar_compiler.ros.leaves.goal_statuses import goal_statuses_of
 from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
@@ -84,7 +84,7 @@ class UnaskedMotion:
     def _judge(self) -> None:
         """Tell of a robot that moves, and stop one that moves since the end of a goal."""
         if self._is_ours():
-            if time.monotonic() - self._cancelled_at >= _CANCEL_SEC:
+            if AWAKE.now() - self._cancelled_at >= _CANCEL_SEC:
                 self._cancel_everything()
         elif not self._told:
             self._tell(
@@ -96,7 +96,7 @@ class UnaskedMotion:
         return self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
 
     def _cancel_everything(self) -> None:
-        self._cancelled_at = time.monotonic()
+        self._cancelled_at = AWAKE.now()
         there = {name: client for name, client in self._cancellers.items() if client.service_is_ready()}
         if not self._told:
             self._tell(
@@ -132,7 +132,7 @@ class UnaskedMotion:
             self._has_sent, self._ended, self._since, self._told = True, None, None, False
 
     def _now(self) -> tuple[float, float]:
-        return time.monotonic(), self._clock.now()
+        return AWAKE.now(), self._clock.now()
 
     def _passed(self, since: tuple[float, float]) -> float:
         """Return the seconds since then, of the clock that is slower: a robot brakes by its own."""

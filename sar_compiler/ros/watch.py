@@ -1,7 +1,6 @@
 """Watching, while a tree runs, what it relied on at the start."""
 
 import math
-import time
 from collections.abc import Collection, Iterable
 from typing import Any
 
@@ -13,11 +12,13 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.asked import with_full_name
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
 from sar_compiler.ros.poses import estimated_pose, yaw_of
 from sar_compiler.ros.readiness import SHADOW_SEC
-from sar_compiler.ros.requirements import NodeActive, OneServer, with_full_name
+from sar_compiler.ros.requirements import OneServer
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.sole_mission import SoleMission
 from sar_compiler.ros.unasked_motion import UnaskedMotion
@@ -26,6 +27,9 @@ _PERIOD_SEC = 0.5
 # How long Nav2 may not be active before that is told (a node that answers nothing is told at once: that took 2 s), and how long
 # a new localisation may say nothing.
 _LOST_SEC = 2.0
+# Two questions without an answer are no accident; a process that has died has left the graph long before the second.
+_DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
+_ANOTHER = "another process has to go on (--resume; by itself with --supervise)"
 # Less movement than this is none for AMCL either (its update_min_d and update_min_a): metres, radians.
 _MOVED, _TURNED = 0.25, 0.2
 
@@ -43,6 +47,7 @@ class Watch:
       wait meanwhile (`ActionLeaf.hold_timeout_sec`).
     * The robot moves without a goal of the mission: said, or stopped (`UnaskedMotion`).
     * No transform from `map` for 3 s: said, whatever the nodes answer.
+    * No node of Nav2 that the graph shows answers any more, to a new client neither: said (`deafness`).
 
     Args:
         node: The node that the tree runs on.
@@ -52,6 +57,7 @@ class Watch:
 
     Attributes:
         trouble: Why the run must end; empty if it need not.
+        deafness: Why another process has to go on with the mission; empty if none has.
     """
 
     def __init__(
@@ -63,7 +69,7 @@ class Watch:
         drives: Iterable[str] = (),
     ) -> None:
         uses, drives = list(dict.fromkeys(uses)), list(drives)
-        self.trouble = ""
+        self.trouble = self.deafness = ""
         self._node = node
         self._sole = sole
         self._servers = [
@@ -86,9 +92,10 @@ class Watch:
         if self._localisation is not None:
             for line in self._localisation.look():
                 self._node.get_logger().warning(line)
+            self.deafness = self._localisation.deafness
 
     def _count_servers(self, server: OneServer) -> None:
-        now = time.monotonic()
+        now = AWAKE.now()
         if not server.contested:
             if self._contested.pop(server, None) is not None:
                 self._node.get_logger().warning(f"{server.title} has one server again.")
@@ -116,38 +123,68 @@ class _Localisation:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._nodes = [NodeActive(node, name) for name in NAV2_NODES]
+        self._robot = robot_estimate(node)
+        self._nodes = [self._robot.lifecycle(name) for name in NAV2_NODES]
         self._lost_since: float | None = None
         self._is_lost = False
+        self._inactive = ""
         self._known: set[bytes] = set()
         self._new_since: float | None = None
-        self._robot = robot_estimate(node)
         self._transform_is_lost = False
+        self.deafness = ""
         self._pose_topic = node.resolve_topic_name("amcl_pose")
         self._poses = with_full_name("initialpose", node.resolve_topic_name("initialpose"))
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def close(self) -> None:
         self._node.destroy_publisher(self._publisher)
-        for each in self._nodes:
-            each.close()
 
     def look(self) -> Iterable[str]:
         """Yield what has changed."""
         looked = [(each, each.missing()) for each in self._nodes]
-        missing = [line for each, line in looked if line is not None and not each.is_awaited]
+        was_deaf, self.deafness = bool(self.deafness), self._deafness()
+        if self.deafness:
+            if not was_deaf:
+                yield f"{self.deafness}."
+            self._robot.lacks = self.deafness
+            return
+        if any(
+            each.is_there and each.has_heard_nothing and each.silent_sec < _DEAF_SEC for each in self._nodes
+        ):
+            return  # who may not be heard, and may be: what was lacked is still
+        missing = [line for each, line in looked if line is not None and not each.is_awaited()]
         if missing:
             yield from self._miss(missing)
-        elif not any(each.is_awaited for each in self._nodes):
+            # It stays while one that is back has not answered yet.
+            self._inactive = f"Nav2 is not active: {'; '.join(missing)}" if self._is_lost else ""
+        elif not any(each.is_awaited() for each in self._nodes):
             self._lost_since = None
             if self._is_lost:
-                self._is_lost = False
+                self._is_lost, self._inactive = False, ""
                 yield "Nav2 is active again."
         yield from self._look_for_new_localizer()
         yield from self._look_for_transform()
+        self._robot.lacks = self._inactive or self._robot.lost_transforms()
+
+    def _deafness(self) -> str:
+        """Return that nobody answers whom the graph shows; empty if somebody does.
+
+        Fast DDS: who was silent for longer than its lease is forgotten by others, and does not know that. It then sees them for
+        good, and hears nothing of them until it is another participant.
+        """
+        there = [each for each in self._nodes if each.is_there]
+        silent_sec = min((each.silent_sec for each in there), default=0.0)
+        if silent_sec < _DEAF_SEC:
+            return ""
+        names = " and ".join(each.name for each in there)
+        if all(each.has_heard_nothing for each in there):
+            return f"Since this process stood still it hears nothing of {names}, whom the ROS graph shows: {_ANOTHER}"
+        if silent_sec < _DEAD_SEC:
+            return ""
+        return f"{names} answer nothing, to new clients neither, and do not leave the ROS graph: {_ANOTHER}"
 
     def _miss(self, missing: list[str]) -> Iterable[str]:
-        now = time.monotonic()
+        now = AWAKE.now()
         self._lost_since = self._lost_since or now
         is_sure = now - self._lost_since >= _LOST_SEC or any(each.is_silent for each in self._nodes)
         if not self._is_lost and is_sure:
@@ -156,7 +193,7 @@ class _Localisation:
 
     def _look_for_new_localizer(self) -> Iterable[str]:
         """Find out whether another process localises, and has no pose yet: neither one nor a transform has come of it."""
-        sources, now = self._sources_of_poses(), time.monotonic()
+        sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
             self._known = sources
         if sources <= self._known or self._nodes[0].missing() is not None:
@@ -216,7 +253,7 @@ def refuse_parameters(node: Node, names: Collection[str]) -> None:
 
     Args:
         node: The node.
-        names: The names of the parameters, or of what they stand below: `zones` for `zones.kitchen.x`.
+        names: The names of the parameters, or of what they stand below: `points` for `points.kitchen.x`.
     """
 
     def judge(parameters: list[Parameter]) -> SetParametersResult:

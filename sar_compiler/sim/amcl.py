@@ -13,6 +13,7 @@ from sar_compiler.sim.geometry import ORIGIN, Pose2D, normalise_angle
 from sar_compiler.sim.messages import from_pose, to_grid, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
+from sar_compiler.sim.remote_robot import RemoteRobot
 from sar_compiler.sim.robot import Robot
 
 _MAP, _ODOM = "map", "odom"
@@ -39,7 +40,12 @@ class Amcl:
     """
 
     def __init__(
-        self, host: NodeHost, robot: Robot, occupancy: OccupancyMap, *, localised: bool = False
+        self,
+        host: NodeHost,
+        robot: "Robot | RemoteRobot",
+        occupancy: OccupancyMap,
+        *,
+        localised: bool = False,
     ) -> None:
         self._host, self._robot, self._map = host, robot, occupancy
         # From the true pose to the one that is believed, both in `map`; None before there is one.

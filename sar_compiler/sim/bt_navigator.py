@@ -1,6 +1,6 @@
 """The stand-in for Nav2's navigator: the action `navigate_to_pose`, as served by Jazzy's bt_navigator."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,16 +21,20 @@ from sar_compiler.sim.messages import from_pose, to_duration, to_path, to_pose, 
 from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome, DriveProgress
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
+from sar_compiler.sim.remote_robot import RemoteRobot
 from sar_compiler.sim.robot import STAND
 from sar_compiler.sim.robot_interface import RobotInterface
+
+NAVIGATE, FOLLOW = "navigate_to_pose", "follow_path"
+"""The actions of Nav2's navigator and of its controller."""
 
 _MAP = "map"
 # One feedback in this many steps (10 Hz at 0.05 s).
 _FEEDBACK_EVERY = 2
 # Simulated seconds between the first transform to `map` and the navigator's becoming active.
-_ACTIVATION_SEC = 1.0
-# A goal nearer than this to a zone is a goal for that zone, metres.
-_ZONE_REACH = 0.5
+ACTIVATION_SEC = 1.0
+# A goal nearer than this to a place is a goal for that place, metres.
+_PLACE_REACH = 0.5
 # A server that is to die does so after this long on the way, simulated seconds.
 _DIES_AFTER_SEC = 1.0
 # How long a drive goes on without a localisation, simulated seconds.
@@ -38,20 +42,28 @@ _LOST_AFTER_SEC = 0.5
 # The reasons for which Nav2 tries to recover.
 _RECOVERABLE = (NavCode.NO_VALID_PATH, NavCode.FAILED_TO_MAKE_PROGRESS)
 # How long results of ended goals are kept for those who ask late, seconds. Nav2 keeps them 900 s.
-_RESULT_TIMEOUT_SEC = 60
+RESULT_TIMEOUT_SEC = 60
 
 
-class _Goal:
-    """An accepted goal, from acceptance to its end."""
+def tell_state(response: Any, *, active: bool) -> Any:
+    """Fill in the answer of a lifecycle node that is active or inactive."""
+    if active:
+        response.current_state = State(id=State.PRIMARY_STATE_ACTIVE, label="active")
+    else:
+        response.current_state = State(id=State.PRIMARY_STATE_INACTIVE, label="inactive")
+    return response
 
-    def __init__(self, handle: ServerGoalHandle, fate: GoalFate, began: float, manner: Manner) -> None:
-        self.handle, self.fate, self.began = handle, fate, began
-        self.drive: Drive | None = None
-        self.progress: DriveProgress | None = None
-        self.recovery: tuple[Recovery, float] | None = None
-        self.left = list(manner.recoveries)
-        self._all = len(self.left)
-        self.localised_at = began
+
+class AcceptedGoal:
+    """An accepted goal, from acceptance to its end.
+
+    Args:
+        handle: It.
+        began: When it was accepted, simulated seconds.
+    """
+
+    def __init__(self, handle: ServerGoalHandle, began: float) -> None:
+        self.handle, self.began = handle, began
         self._outcome = Future()
 
     def end(self, outcome: DriveOutcome) -> None:
@@ -68,6 +80,20 @@ class _Goal:
         else:
             handle.abort()
         return NavigateToPose.Result(error_code=int(outcome.code), error_msg=outcome.text)
+
+
+class _Goal(AcceptedGoal):
+    """A goal that is driven to."""
+
+    def __init__(self, handle: ServerGoalHandle, fate: GoalFate, began: float, manner: Manner) -> None:
+        super().__init__(handle, began)
+        self.fate = fate
+        self.drive: Drive | None = None
+        self.progress: DriveProgress | None = None
+        self.recovery: tuple[Recovery, float] | None = None
+        self.left = list(manner.recoveries)
+        self._all = len(self.left)
+        self.localised_at = began
 
     @property
     def recovered(self) -> int:
@@ -87,26 +113,30 @@ class BtNavigator:
         planner: Plans the paths.
         localise: Returns the robot's pose in `map`, or None while there is no such transform.
         lose_localisation: Makes the localisation disappear, until a simulated time in seconds or for ever (None).
-        zones: Zone positions, metres, frame `map`, for faults.
+        places: Positions of places, metres, frame `map`, for faults.
         faults: The faults to inject.
         manner: How it drives.
     """
 
+    node_name, action = "bt_navigator", NAVIGATE
+    served: Sequence[str] = ("bt_navigator",)
+    """The lifecycle nodes that it stands for."""
+
     def __init__(
         self,
         host: NodeHost,
-        rosbot: RobotInterface,
+        rosbot: "RobotInterface | RemoteRobot",
         planner: Planner,
         localise: Callable[[], Pose2D | None],
         *,
         lose_localisation: Callable[[float | None], None],
-        zones: Mapping[str, tuple[float, float]],
+        places: Mapping[str, tuple[float, float]],
         faults: NavigationFaults,
         manner: Manner = QUICK,
     ) -> None:
         self._host, self._rosbot, self._planner, self._localise = host, rosbot, planner, localise
         self._lose_localisation = lose_localisation
-        self._zones, self._faults, self._manner = zones, faults, manner
+        self._places, self._faults, self._manner = places, faults, manner
         self._now = 0.0
         self._active_at: float | None = None
         self._back_at: float | None = None
@@ -130,7 +160,7 @@ class BtNavigator:
                 self._open()
             return
         if self._active_at is None and self._localise() is not None:
-            self._active_at = self._now + _ACTIVATION_SEC
+            self._active_at = self._now + ACTIVATION_SEC
         self._acknowledge()
         if self._goal is not None:
             self._attend(self._goal, feedback_due=step % _FEEDBACK_EVERY == 0)
@@ -157,35 +187,33 @@ class BtNavigator:
 
     def _open(self) -> None:
         self._active_at = None
-        self._node = self._host.create("bt_navigator")
-        self._node.create_service(GetState, "bt_navigator/get_state", self._on_get_state)
-        # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
-        self._node.create_service(CancelGoal, "follow_path/_action/cancel_goal", self._on_stop)
+        self._node = self._host.create(self.node_name)
+        for name in self.served:
+            self._node.create_service(GetState, f"{name}/get_state", self._on_get_state)
+        if self.action != FOLLOW:
+            # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
+            self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
         self._server = ActionServer(
             self._node,
             NavigateToPose,
-            "navigate_to_pose",
+            self.action,
             execute_callback=lambda _: NavigateToPose.Result(),
             goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
-            result_timeout=_RESULT_TIMEOUT_SEC,
+            result_timeout=RESULT_TIMEOUT_SEC,
         )
 
     def _die(self, back_sec: float | None) -> None:
         """Disappear without notice, like a killed process."""
-        self._node.get_logger().warning("Fault: bt_navigator disappears.")
+        self._node.get_logger().warning(f"Fault: {self.node_name} disappears.")
         self._back_at = None if back_sec is None else self._now + back_sec
         # The goal's coroutine waits for ever: to end it would be to send its result.
         self.close()
 
     def _on_get_state(self, _: Any, response: Any) -> Any:
-        if self.active:
-            response.current_state = State(id=State.PRIMARY_STATE_ACTIVE, label="active")
-        else:
-            response.current_state = State(id=State.PRIMARY_STATE_INACTIVE, label="inactive")
-        return response
+        return tell_state(response, active=self.active)
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         if self._goal is None and self._loose is not None:
@@ -207,7 +235,7 @@ class BtNavigator:
             self._late.append((self._now + self._faults.late_sec, answer))
             await answer
         if not self.active:
-            self._node.get_logger().warning("Goal rejected: bt_navigator is not active.")
+            self._node.get_logger().warning(f"Goal rejected: {self.node_name} is not active.")
             return GoalResponse.REJECT
         if self._faults.rejects_next():
             self._node.get_logger().warning("Fault: a goal is rejected.")
@@ -219,7 +247,7 @@ class BtNavigator:
         if target is not None:
             place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
             self._node.get_logger().debug(f"Goal accepted: {place}.")
-        fate = self._faults.accepted(self._zone_of(target))
+        fate = self._faults.accepted(self._place_of(target))
         goal = _Goal(handle, fate, self._now, self._manner)
         handle.execute(goal.run)
         under_way = self._goal
@@ -359,9 +387,19 @@ class BtNavigator:
         message.current_pose.pose = to_pose(self._localise() or ORIGIN)
         return message
 
-    def _zone_of(self, goal: Pose2D | None) -> str | None:
-        if goal is None or not self._zones:
+    def _place_of(self, goal: Pose2D | None) -> str | None:
+        if goal is None or not self._places:
             return None
-        away = {zone: goal.distance_to(Pose2D(*place)) for zone, place in self._zones.items()}
+        away = {name: goal.distance_to(Pose2D(*place)) for name, place in self._places.items()}
         nearest = min(away, key=away.__getitem__)
-        return nearest if away[nearest] < _ZONE_REACH else None
+        return nearest if away[nearest] < _PLACE_REACH else None
+
+
+class ControllerServer(BtNavigator):
+    """What drives, where it is a process of its own: node `controller_server`, for the planner and the behaviours, too.
+
+    It plans as well, so that its action takes the goal of the navigator and not a path.
+    """
+
+    node_name, action = "controller_server", FOLLOW
+    served = ("controller_server", "planner_server", "behavior_server")

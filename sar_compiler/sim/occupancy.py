@@ -85,7 +85,7 @@ def read_map(path: Path) -> OccupancyMap:
     try:
         sums, most = _brightness(image)
     except _ImageError as error:
-        document.report(named, "wrong-value", f"{image}: {error}")
+        document.report("wrong-value", f"{image}: {error}", named)
         document.raise_findings()
     # One of few values for each pixel, so that not even a large image takes much memory.
     shade = np.arange(most + 1) / most

@@ -15,6 +15,10 @@ QUICK_NAME, NAV2_NAME = "quick", "nav2"
 MANNER_NAMES = (QUICK_NAME, NAV2_NAME)
 """The ways in which the stand-in for Nav2 can drive (`sim.manner`)."""
 
+ROBOT, AMCL, CONTROLLER, NAVIGATOR = "robot", "amcl", "controller_server", "bt_navigator"
+PARTS = (ROBOT, AMCL, CONTROLLER, NAVIGATOR)
+"""What of a simulation can be a process of its own: the world with its robots and the clock, and the parts of the stand-in for Nav2."""
+
 
 class PlacementError(SarError):
     """Robots cannot be placed as requested.
@@ -40,6 +44,7 @@ class Placement:
         odometry: Its pose at time zero by its odometry.
         localised: Whether its localisation knows where it is without being told.
         like: How its stand-in for Nav2 drives, one of `MANNER_NAMES`.
+        separate: Whether that is in other processes (`sim.separate`).
     """
 
     name: str
@@ -47,6 +52,7 @@ class Placement:
     odometry: Pose2D = ORIGIN
     localised: bool = False
     like: str = QUICK_NAME
+    separate: bool = False
 
     @property
     def action(self) -> str:

@@ -8,11 +8,12 @@ from sar_compiler.ros.faults import Fault, NavigationFaults
 from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.bt_navigator import BtNavigator
 from sar_compiler.sim.geometry import Pose2D
-from sar_compiler.sim.manner import MANNERS
+from sar_compiler.sim.manner import manner
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.placement import Placement
 from sar_compiler.sim.planner import Planner
+from sar_compiler.sim.remote_robot import TruePlaces
 from sar_compiler.sim.robot import Robot
 from sar_compiler.sim.robot_interface import RobotInterface
 
@@ -26,13 +27,13 @@ class NavigationSetup:
     Attributes:
         occupancy: The map.
         planner: Plans the paths on it.
-        zones: Zone positions, metres, frame `map`, for faults.
+        places: Positions of places, metres, frame `map`, for faults.
         faults: The faults of navigation, the same for each robot.
     """
 
     occupancy: OccupancyMap
     planner: Planner
-    zones: Mapping[str, tuple[float, float]]
+    places: Mapping[str, tuple[float, float]]
     faults: Sequence[Fault]
 
 
@@ -58,10 +59,11 @@ class SimulatedRobot:
     ) -> None:
         self._host, self._robot = host, robot
         self._interface = RobotInterface(host, robot, seed=seed)
+        self._places = TruePlaces(host, robot) if placement.separate else None
         self._amcl: Amcl | None = None
         self._navigator: BtNavigator | None = None
         self._navigation, self._amcl_back_at = navigation, math.inf
-        if navigation is not None:
+        if navigation is not None and not placement.separate:
             self._amcl = Amcl(host, robot, navigation.occupancy, localised=placement.localised)
             self._navigator = BtNavigator(
                 host,
@@ -69,9 +71,9 @@ class SimulatedRobot:
                 navigation.planner,
                 lambda: None if self._amcl is None else self._amcl.pose(),
                 lose_localisation=self._lose_localisation,
-                zones=navigation.zones,
+                places=navigation.places,
                 faults=NavigationFaults(navigation.faults),
-                manner=MANNERS[placement.like],
+                manner=manner(placement.like),
             )
 
     @property
@@ -91,6 +93,8 @@ class SimulatedRobot:
     def sense(self, step: int, now_ns: int) -> None:
         """Publish the sensor data at the end of step number *step*, at *now_ns* nanoseconds."""
         self._interface.publish(step, now_ns)
+        if self._places is not None:
+            self._places.publish(now_ns)
 
     def navigate(self, step: int, now_ns: int) -> None:
         """Localise, and continue with the current goal."""

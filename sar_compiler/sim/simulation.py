@@ -80,7 +80,7 @@ class Simulation:
     Raises:
         SimulationError: If the speed is not above 0.
         PlacementError: If the robots cannot be placed as requested.
-        FaultError: If a fault names an unknown zone.
+        FaultError: If a fault names an unknown place.
         SarError: If the world's map cannot be read.
     """
 
@@ -114,7 +114,8 @@ class Simulation:
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
         self._listener: ROSClock | None = None
         self._jumps: JumpHandle | None = None
-        self._actions = [robot.action for robot in robots]
+        # Without a map somebody else drives, in whose place a new server may come while the graph still has the dead one.
+        self._actions = [robot.action for robot in robots if navigation is not None and not robot.separate]
         self._robots: dict[str, SimulatedRobot] = {}
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
             host = NodeHost(self._executor, context, namespace, robot.ros_arguments)
@@ -231,10 +232,10 @@ class Simulation:
 
 def _navigation(world: World, faults: FaultPlan) -> NavigationSetup | None:
     """Return the data of the stand-ins for Nav2, or None if the world has no map."""
-    zones = world.zones if faults.zones is None else faults.zones
-    faults.navigation.check_zones(zones)
+    places = world.places if faults.places is None else faults.places
+    faults.navigation.check_places(places)
     if world.map_path is None:
         return None
     occupancy = read_map(world.map_path)
     navigation_faults = [fault for fault in faults.faults if fault.target in NAVIGATION_FAULTS]
-    return NavigationSetup(occupancy, Planner(occupancy, world.robot_radius), zones, navigation_faults)
+    return NavigationSetup(occupancy, Planner(occupancy, world.robot_radius), places, navigation_faults)

@@ -32,7 +32,7 @@ class World:
         robot_radius: Radius of the robot's body.
         boxes: Walls and debris.
         cylinders: Round debris.
-        zones: Zone markers, id to position; nothing collides with them.
+        places: Markers of places, id to position; nothing collides with them.
         survey: Way-points of the route for mapping the world; empty if it is not mapped.
         map_path: The description (`.yaml`) of the world's occupancy map, or None if it has none.
     """
@@ -42,7 +42,7 @@ class World:
     robot_radius: float
     boxes: tuple[Box, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
-    zones: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    places: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     survey: tuple[tuple[float, float], ...] = ()
     map_path: Path | None = None
 

@@ -57,7 +57,7 @@ def load_world(path: Path) -> World:
             Box(**_sizes(each)) for each in (*said["walls"], *debris) if each.get("shape") != "cylinder"
         ),
         cylinders=tuple(Cylinder(**_sizes(each)) for each in debris if each["shape"] == "cylinder"),
-        zones=MappingProxyType(
+        places=MappingProxyType(
             {name: (point["x"], point["y"]) for name, point in said.get("zones", {}).items()}
         ),
         survey=tuple((point["x"], point["y"]) for point in said.get("survey", ())),
@@ -65,7 +65,7 @@ def load_world(path: Path) -> World:
     )
     if world.solid.clearance(world.start.x, world.start.y) <= world.robot_radius:
         message = "the robot would start in an obstacle"
-        document.report(document.root.name_at(("robot",)), "wrong-value", message)
+        document.report("wrong-value", message, document.root.name_at(("robot",)))
     document.raise_findings()
     return world
 

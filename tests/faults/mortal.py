@@ -55,7 +55,7 @@ class Mortal:
     @property
     def record(self):
         """The record of the mission in this life."""
-        from sar_compiler.missions.search_and_rescue import MissionRecord
+        from sar_compiler.missions.search_and_rescue.record import MissionRecord
 
         return self.mission.context[MissionRecord]
 
@@ -184,7 +184,7 @@ def kinds(place):
 
     file = JournalFile.read(place)
     try:
-        facts = file.facts()
+        facts = [*file.facts()]
     finally:
         file.close()
     return Counter((fact.kind, fact.data.get("zone") or fact.data.get("survivor")) for fact in facts)

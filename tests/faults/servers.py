@@ -1,7 +1,8 @@
 """Servers that misbehave as a test tells them, in a process of their own, which can be killed and frozen.
 
 Roles: `navigation` (the action `navigate_to_pose`, and Nav2's two lifecycle nodes), `survivors` (the two services),
-`clock` (`/clock`). What happens in the process is an event, a line of JSON; orders go the other way.
+`clock` (`/clock`). What happens in the process is an event, a line of JSON in a pipe of its own: Fast DDS writes its
+complaints to standard output. Orders come by standard input.
 """
 
 import json
@@ -34,19 +35,22 @@ class Servers:
     def __init__(self, role: str, env: "dict[str, str] | None" = None, **script: Any) -> None:
         self.events: list[dict[str, Any]] = []
         self._news = News()
+        read_end, write_end = os.pipe()
+        self._events = os.fdopen(read_end, encoding="utf-8")
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.faults.servers", role, json.dumps(script)],
+            [sys.executable, "-m", "tests.faults.servers", str(write_end), role, json.dumps(script)],
             stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
+            pass_fds=[write_end],
             text=True,
             env={**os.environ, **(env or {})},
         )
+        os.close(write_end)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         self.wait_for("ready")
 
     def _read(self) -> None:
-        for line in self._process.stdout or ():
+        for line in self._events:
             with self._news:
                 self.events.append(json.loads(line))
                 self._news.tell()
@@ -90,15 +94,18 @@ class Servers:
             self._process.kill()
         self._process.wait()
         self._reader.join(SILENCE_SEC)
-        for pipe in (self._process.stdin, self._process.stdout):
+        for pipe in (self._process.stdin, self._events):
             if pipe is not None:
                 pipe.close()
 
 
+_to_test: "list[int]" = []
+
+
 def tell(event: str, **fields: Any) -> None:
-    """Tell the test of an event."""
-    sys.stdout.write(f"{json.dumps({'event': event, **fields})}\n")
-    sys.stdout.flush()
+    """Tell the test of an event; at once, in any thread."""
+    for descriptor in _to_test:
+        os.write(descriptor, f"{json.dumps({'event': event, **fields})}\n".encode())
 
 
 class Navigation:
@@ -107,12 +114,13 @@ class Navigation:
     Script:
         goals: How each goal is served, in the order of their arrival; the last entry serves all that follow.
             `accept` (true), `accept_after` (0.0 s), `drive` (0.2 s; null: for ever), `feedback` (true), `end` ("succeed" or
-            "abort"), `code` (of an abort), `cancel` ("grant", "ignore": granted and not heeded, "refuse", "mute": not
+            "abort"), `code` (of an abort), `says` (on /rosout, as Nav2's controller, before its end), `cancel` ("grant", "ignore": granted and not heeded, "refuse", "mute": not
             answered), `result` ("send" or "lose"), `drives_on` (0.0 s after its end, unless `follow_path` is cancelled).
         states: The states of the lifecycle nodes by name; null: a node that is not there.
         odometry: Whether the robot has odometry, which says 0.3 m/s while it drives (false).
         runs_away: Whether a robot that drives on does so whatever is cancelled (false).
         pose: x and y that the localisation has from the start on (none).
+        deaf: Whether no goal is answered before there is a client that was not there when the first one came (false).
         preempts: Whether a goal that is accepted aborts the one under way (false).
 
     A pose on `initialpose` makes `bt_navigator` active.
@@ -123,8 +131,10 @@ class Navigation:
     def __init__(self, node: Any, script: "dict[str, Any]") -> None:
         from lifecycle_msgs.srv import GetState
         from nav2_msgs.action import NavigateToPose
+        from rcl_interfaces.msg import Log
         from rclpy.action import ActionServer, CancelResponse, GoalResponse
         from rclpy.callback_groups import ReentrantCallbackGroup
+        from rclpy.qos import DurabilityPolicy, QoSProfile
 
         self._node, self._type = node, NavigateToPose
         self._goals: list[dict[str, Any]] = script.get("goals", [{}])
@@ -136,6 +146,7 @@ class Navigation:
         self._responses, self._cancels = GoalResponse, CancelResponse
         group = ReentrantCallbackGroup()
         loses, scripts = self._loses, self._scripts
+        deaf, first = script.get("deaf", False), set[bytes]()
 
         class Server(ActionServer):
             async def _execute_get_result_request(self, header_and_request: Any) -> None:
@@ -148,6 +159,11 @@ class Navigation:
             async def _execute_goal_request(self, header_and_request: Any) -> None:
                 # The request that is judged has no id; this one has.
                 accept.id = bytes(header_and_request[1].goal_id.uuid)
+                if deaf and not first:
+                    first.update(_readers_of_answers(node))
+                if deaf and not _readers_of_answers(node) - first:
+                    tell("unanswered")
+                    return
                 await super()._execute_goal_request(header_and_request)
 
         accept = threading.local()
@@ -168,6 +184,8 @@ class Navigation:
                     GetState, f"{name}/get_state", lambda _, response, name=name: self._state(name, response)
                 )
         self._serve_poses(node, script.get("pose"))
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._line, self._log = Log, node.create_publisher(Log, "/rosout", latched)
         self._drives_until = -math.inf
         if script.get("odometry", False):
             self._serve_odometry(node, runs_away=script.get("runs_away", False))
@@ -268,6 +286,8 @@ class Navigation:
             time.sleep(_TICK_SEC)
         ends = {"succeed": handle.succeed, "abort": handle.abort, "cancel": handle.canceled}
         self._drives_until = time.monotonic() + script.get("drives_on", 0.0)
+        if "says" in script:
+            self._log.publish(self._line(level=40, name="controller_server", msg=script["says"]))
         ends[how]()
         tell("ended", number=script["number"], how=how)
         return self._type.Result(error_code=script.get("code", 0) if how == "abort" else 0)
@@ -277,6 +297,14 @@ class Navigation:
 
     def _loses(self, goal: bytes) -> bool:
         return self._scripts.get(goal, {}).get("result") == "lose"
+
+
+def _readers_of_answers(node: Any) -> "set[bytes]":
+    """Return what distinguishes the clients to which the answers of the action's server go."""
+    readers = node.get_subscriptions_info_by_topic(
+        "rr/navigate_to_pose/_action/send_goalReply", no_mangle=True
+    )
+    return {bytes(each.endpoint_gid) for each in readers}
 
 
 class Localiser:
@@ -312,7 +340,7 @@ class Localiser:
         node.create_service(GetState, "amcl/get_state", answer)
 
     def obey(self, order: "dict[str, Any]") -> None:
-        self._sends = order["transforms"]
+        self._sends = order.get("transforms", self._sends)
 
 
 class Survivors:
@@ -404,11 +432,12 @@ _ROLES: "dict[str, Any]" = {
 }
 
 
-def main(role: str, script: str) -> None:
+def main(descriptor: str, role: str, script: str) -> None:
     """Serve until the test ends the process, or its own end."""
     import rclpy
     from rclpy.executors import MultiThreadedExecutor
 
+    _to_test.append(int(descriptor))
     rclpy.init()
     node = rclpy.create_node(f"scripted_{role}")
     servers = _ROLES[role](node, json.loads(script))

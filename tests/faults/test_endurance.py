@@ -58,8 +58,11 @@ def test_a_process_that_flies_one_mission_after_the_other_keeps_nothing_of_them(
         assert grown <= MEMORY_PER_MISSION_KB * (missions - SETTLED_MISSIONS)
 
 
+@pytest.mark.parametrize("view", [(), ("--view", "web", "--web-port", "0")], ids=["no page", "page"])
 @pytest.mark.parametrize("zones", [60, pytest.param(2000, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_a_mission_of_many_zones_needs_no_more_for_the_last_than_for_the_first(serve, start, tmp_path, zones):
+def test_a_mission_of_many_zones_needs_no_more_for_the_last_than_for_the_first(
+    serve, start, tmp_path, zones, view
+):
     names = [f"zone_{number}" for number in range(1, zones + 1)]
     serve("navigation", goals=[{"drive": 0.0}])
     serve("survivors", found={name: (0.0, number) for number, name in enumerate(names[::10])})
@@ -71,7 +74,7 @@ def test_a_mission_of_many_zones_needs_no_more_for_the_last_than_for_the_first(s
         encoding="utf-8",
     )
     tree = "search_and_rescue_resilient"
-    process = begin(start, 1, tree, tmp_path / "mission.journal", {}, "--params", params)
+    process = begin(start, 1, tree, tmp_path / "mission.journal", {}, "--params", params, *view)
     told = {}
     for number in range(zones // 10, zones + 1, zones // 10):
         process.wait_for(f"Reached zone_{number}.")

@@ -1,6 +1,6 @@
 """The failsafes: which response wins, what it leaves behind, and the operator's orders over ROS."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -14,24 +14,27 @@ from sar_compiler import load
 from sar_compiler.cli.compile import main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.missions.fence import Fence
-from sar_compiler.missions.search_and_rescue import (
-    AbandonZones,
+from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZones
+from sar_compiler.missions.search_and_rescue.failsafes import (
     BaseInReach,
     BatterySuffices,
     InsideFence,
-    MissionRecord,
     MissionTimeLeft,
     NotAborted,
-    NotHeld,
     NotRecalled,
-    OperatorOrders,
-    ZoneManager,
 )
+from sar_compiler.missions.search_and_rescue.operating import AwaitStandstill, NotHeld
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
 from sar_compiler.testing import assert_scenario_holds
 from tests.processes import in_order
+from tests.ros.conftest import Said
+from tests.ros.test_unasked_motion import Robot
 
 GUARDED = Path("trees/search_and_rescue_guarded.xml")
 EXAMPLE = Path("examples/failsafes")
@@ -154,7 +157,17 @@ def test_a_hold_comes_before_everything_else() -> None:
     flight.tree.events.clear()
     flight.trouble("NotHeld?", *EMERGENCIES, *CONTINGENCIES)
     assert [flight.tick() for _ in range(3)] == [Status.RUNNING] * 3
-    assert flight.answered() == ["NotHeld? held"] * 3
+    assert flight.answered() == ["NotHeld? held", "AwaitStandstillAndHold stands", *["NotHeld? held"] * 2]
+
+
+def test_an_emergency_is_over_when_the_robot_stands() -> None:
+    flight = Flight()
+    flight.trouble("NotAborted?")
+    flight.day.wrong["AwaitStandstillAndStop"] = "moves"
+    assert [flight.tick() for _ in range(2)] == [Status.RUNNING] * 2
+    assert flight.tree.fact_values()["zones_left"] == 0
+    del flight.day.wrong["AwaitStandstillAndStop"]
+    assert flight.tick() is Status.FAILURE
 
 
 def test_a_mission_that_was_held_goes_on_with_the_same_zone() -> None:
@@ -310,17 +323,6 @@ class TestConditions:
         clock.advance(31.0)
         assert leaf.update() is Status.FAILURE
 
-    def test_a_robot_outside_the_fence_is_told_with_its_place(
-        self, listening: Listening, record: MissionRecord
-    ) -> None:
-        fence = Fence([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
-        leaf = listening.to(InsideFence("Inside?", fence, record=record))
-        assert leaf.update() is Status.SUCCESS
-        assert leaf.on_message(pose(1.0, 1.0)) is Status.SUCCESS
-        assert leaf.on_message(pose(3.0, 1.0)) is Status.FAILURE
-        assert record.alarm == "the robot, at (3.00, 1.00), is outside the geofence"
-        assert leaf.on_message(pose(float("nan"), 1.0)) is Status.FAILURE
-
     def test_what_is_wrong_is_said_once_until_it_is_well_again(self, listening: Listening) -> None:
         leaf = listening.to(BatterySuffices("Battery?"))
         for share in (0.19, 0.18, 0.5, 0.17):
@@ -336,6 +338,7 @@ class TestConditions:
         zones = ZoneManager(
             [{"id": name, "x": 0, "y": 0, "yaw": 0} for name in ("zone_a", "zone_b")], {"x": 0, "y": 0, "yaw": 0}
         )  # fmt: skip
+        SearchState(zones, record)
         record.alarmed("the battery is low")
         assert listening.to(AbandonZones("Abandon", zones, record=record)).update() is Status.SUCCESS
         assert not zones.has_remaining()
@@ -345,8 +348,64 @@ class TestConditions:
         ]
 
 
-def pose(x: float, y: float) -> Any:
-    return SimpleNamespace(pose=SimpleNamespace(pose=SimpleNamespace(position=SimpleNamespace(x=x, y=y))))
+@pytest.mark.ros
+class TestFence:
+    """`InsideFence` beside a robot that says where it is."""
+
+    def test_a_robot_outside_the_fence_is_told_with_its_place(self, ros: Any, record: MissionRecord) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        robot = ros.node("robot").create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
+        leaf = fenced(ros, record)
+        assert leaf.update() is Status.SUCCESS
+
+        def comes_to(status: Status, x: float) -> None:
+            message = PoseWithCovarianceStamped()
+            message.pose.pose.position.x, message.pose.pose.position.y = x, 1.0
+            ros.spin_until(lambda: (robot.publish(message), leaf.update())[1] is status, f"{status} at {x}")
+
+        comes_to(Status.FAILURE, 3.0)
+        assert record.alarm == "the robot, at (3.00, 1.00), is outside the geofence"
+        comes_to(Status.SUCCESS, 1.0)
+        comes_to(Status.FAILURE, float("nan"))
+        assert record.alarm == "the localisation has diverged: its last pose is none"
+        comes_to(Status.SUCCESS, 1.0)
+
+    def test_between_two_poses_of_the_localisation_the_odometry_says_where_it_is(
+        self, ros: Any, record: MissionRecord
+    ) -> None:
+        from geometry_msgs.msg import TransformStamped
+        from nav_msgs.msg import Odometry
+        from tf2_msgs.msg import TFMessage
+
+        node = ros.node("robot")
+        transforms, odometry = (
+            node.create_publisher(TFMessage, "/tf", 10),
+            node.create_publisher(Odometry, "odometry/filtered", 10),
+        )
+        leaf = fenced(ros, record)
+        frame, measured = TransformStamped(child_frame_id="odom"), Odometry(child_frame_id="base_link")
+        frame.header.frame_id, measured.header.frame_id = "map", "odom"
+        frame.transform.translation.x, frame.transform.translation.y = 1.5, 1.0
+        frame.transform.rotation.w = measured.pose.pose.orientation.w = 1.0
+        measured.pose.pose.position.x = 0.6
+
+        def is_told() -> bool:
+            transforms.publish(TFMessage(transforms=[frame]))
+            odometry.publish(measured)
+            return leaf.update() is Status.FAILURE
+
+        ros.spin_until(is_told, "the alarm")
+        assert record.alarm == "the robot, at (2.10, 1.00), is outside the geofence"
+
+
+def fenced(ros: Any, record: MissionRecord) -> InsideFence:
+    """Return the condition on a fence of 2 m by 2 m, on a node."""
+    leaf = InsideFence("Inside?", Fence([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]), record=record)
+    leaf.setup(node=ros.node("mission"))
+    return leaf
 
 
 @pytest.mark.ros
@@ -366,6 +425,7 @@ class TestOrders:
     @pytest.fixture
     def held(self, ros: Any, orders: OperatorOrders, zones: ZoneManager, record: MissionRecord) -> Any:
         fence = Fence([(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)])
+        SearchState(zones, record, orders=orders)
         leaf = NotHeld("NotHeld?", orders, zones, fence=fence, record=record)
         leaf.setup(node=ros.node("mission"))
         yield leaf
@@ -467,6 +527,96 @@ class TestOrders:
         assert not orders.held
         assert record.alarm == said
         leaf.shutdown()
+
+
+@pytest.mark.ros
+class TestStandstill:
+    """`AwaitStandstill` beside a robot that moves as the test says."""
+
+    @pytest.fixture
+    def robot(self, ros: Any) -> Iterator[Robot]:
+        robot = Robot(ros)
+        yield robot
+        robot.motion.close()
+
+    @pytest.fixture
+    def leaf(self, robot: Robot) -> AwaitStandstill:
+        leaf = AwaitStandstill("Rest")
+        leaf.setup(node=robot.node, wake=lambda: None)
+        return leaf
+
+    def test_it_waits_until_the_odometry_says_that_the_robot_stands(
+        self, robot: Robot, leaf: AwaitStandstill
+    ) -> None:
+        robot.speed = 0.25
+        robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
+        assert (ticked(leaf), leaf.feedback_message) == (Status.RUNNING, "waiting for the robot to stand")
+        robot.speed = 0.0
+        robot.ros.spin_until(lambda: robot.estimate.stands, "its stop")
+        assert (ticked(leaf), leaf.feedback_message) == (Status.SUCCESS, "")
+
+    def test_it_waits_no_longer_than_the_settle_timeout_and_says_that_the_robot_moves(
+        self, robot: Robot, leaf: AwaitStandstill, said: Said
+    ) -> None:
+        robot.speed, robot.estimate.settle_timeout_sec = 0.25, 0.2
+        robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
+        robot.ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "the end of its patience")
+        assert said.has(
+            "'Rest': the robot still moves (0.25 m/s, 0.00 rad/s) 0.2 s after it was told to stand."
+        )
+
+    def test_a_robot_that_does_not_come_to_rest_is_told_of_once_at_whatever_speeds(
+        self, robot: Robot, leaf: AwaitStandstill, said: Said
+    ) -> None:
+        from sar_compiler.ros.leaves.standstill import Standstill
+
+        robot.speed, robot.estimate.settle_timeout_sec = 0.25, 0.2
+        robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
+        rest = Standstill(leaf, lambda: None, "the end of its goal")
+        robot.ros.spin_until(lambda: not rest.is_awaited(), "the end of its patience")
+        robot.speed = 0.5
+        robot.ros.spin_until(lambda: robot.estimate.speed[0] == 0.5, "another speed")
+        assert not rest.is_awaited()
+        leaf.complain("the end")
+        robot.ros.spin_until(lambda: said.has("the end"), "the last line")
+        assert len([line for line in said.lines() if "still moves" in line]) == 1
+
+    def test_a_wait_that_is_interrupted_requests_no_tick_any_more(self, robot: Robot) -> None:
+        ticks: list[None] = []
+        leaf = AwaitStandstill("Rest")
+        leaf.setup(node=robot.node, wake=lambda: ticks.append(None))
+        leaf.stop(Status.INVALID)
+        robot.speed = 0.25
+        robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
+        assert ticked(leaf) is Status.RUNNING
+        leaf.stop(Status.INVALID)
+        others: list[None] = []
+        robot.estimate.call_when_it_stands(lambda: others.append(None))
+        robot.speed = 0.0
+        robot.ros.spin_until(lambda: others, "its stop")
+        assert ticks == []
+
+    def test_a_robot_that_stands_is_waited_for_while_any_goal_may_be_active(
+        self, robot: Robot, leaf: AwaitStandstill
+    ) -> None:
+        goal = robot.drive()
+        assert robot.estimate.stands
+        assert ticked(leaf) is Status.RUNNING
+        robot.end(goal)
+        assert ticked(leaf) is Status.SUCCESS
+
+    def test_without_odometry_the_end_of_the_goals_counts(self, robot: Robot, leaf: AwaitStandstill) -> None:
+        robot.speed = None
+        robot.ros.spin_until(lambda: robot.estimate.moves is None, "the silence")
+        goal = robot.drive()
+        assert ticked(leaf) is Status.RUNNING
+        robot.end(goal)
+        assert ticked(leaf) is Status.SUCCESS
+
+
+def ticked(leaf: AwaitStandstill) -> Status:
+    leaf.tick_once()
+    return leaf.status
 
 
 @pytest.mark.ros

@@ -1,9 +1,12 @@
 """A goal is over when its end was seen, or said not to be; and what is not its fault costs no attempt."""
 
 import signal
+from html import unescape
 from pathlib import Path
 
 import pytest
+
+from tests.processes import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -70,8 +73,8 @@ def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_n
     # It has answered, or sent something, by the time that the next comes.
     navigation.wait_for("feedback" if feedback else "asked", times=2)
     navigation.kill()
-    silent = "sent no feedback" if feedback else "answered nothing"
-    run.wait_for(f"the server has {silent} for 10 s; {LOST}")
+    quiet = "sent no feedback for 2 s, and node bt_navigator answers nothing"
+    run.wait_for(f"the server has {quiet if feedback else 'answered nothing for 10 s'}; {LOST}")
 
 
 def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed(
@@ -201,3 +204,24 @@ def test_a_goal_that_was_sent_to_a_dead_server_is_over_when_another_server_does_
     serve("navigation")
     assert run.end() == 0, run.output
     assert "the robot may still be moving: " not in run.output
+
+
+def test_a_server_that_hears_nothing_of_the_client_is_asked_with_another_one(fly, serve):
+    navigation = serve("navigation", deaf=True)
+    run = fly(RESILIENT)
+    run.wait_for("The server of 'navigate_to_pose' is there and has answered 2 goals in a row with nothing")
+    assert run.end() == 0, run.output
+    assert len(navigation.of("unanswered")) == 2
+
+
+def test_what_nav2_says_itself_of_an_abort_without_a_code_is_the_reason_everywhere(fly, serve, tmp_path):
+    serve("navigation", goals=[{"end": "abort", "says": "Failed to make progress"}, {}])
+    journal, reports = tmp_path / "run.journal", [tmp_path / f"run.{form}" for form in ("json", "html")]
+    asked = [word for report in reports for word in ("--report", report)]
+    run = fly(RESILIENT, "--journal", journal, *asked)
+    assert run.end() == 0, run.output
+    why = Command("sar-journal", "why", journal)
+    assert why.end() == 0
+    said = [run.output, why.output, *(report.read_text(encoding="utf-8") for report in reports)]
+    quote = 'controller_server: "Failed to make progress"'
+    assert [quote in unescape(text).replace('\\"', '"') for text in said] == [True] * 4, said[:2]

@@ -3,20 +3,15 @@
 import os
 import re
 import signal
-from pathlib import Path
 
 import pytest
+
+from tests.processes import children_of
 
 pytestmark = pytest.mark.ros
 
 GONE = "the mission is gone"
 REPLACED = "the guardian has ended, by SIGKILL: another one takes its place"
-
-
-def children_of(pid):
-    """Return the children of a process, whichever of its threads has begun them."""
-    found = Path(f"/proc/{pid}/task").glob("*/children")
-    return [int(each) for file in found for each in file.read_text().split()]
 
 
 def told_deaths(run):

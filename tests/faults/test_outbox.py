@@ -9,16 +9,12 @@ from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import SimulatedTree, compile_simulated
-from sar_compiler.missions.search_and_rescue import (
-    KeptReports,
-    MissionRecord,
-    NotHeld,
-    OperatorOrders,
-    ZoneManager,
-)
 from sar_compiler.missions.search_and_rescue.actions.backoff import Backoff
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
-from sar_compiler.missions.search_and_rescue.record import Standing
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
+from sar_compiler.missions.search_and_rescue.operating import NotHeld
+from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
@@ -132,7 +128,7 @@ class TestFindsThatMayBeTheSame:
     def record(self) -> MissionRecord:
         record = MissionRecord(duplicate_radius_m=3.0)
         for number, (zone, x) in enumerate({"zone_a": 0.0, "zone_b": 2.9, "zone_c": 9.0}.items(), start=1):
-            record.survivor_found(zone, x, 0.0)
+            record.zone_searched(zone, (x, 0.0))
             record.survivor_named(f"survivor_{number}", x, 0.0)
         return record
 
@@ -176,21 +172,23 @@ class TestJudging:
     """The operator's word on a find, by its service."""
 
     @pytest.fixture
-    def kept(self) -> KeptReports:
-        kept = KeptReports()
+    def search(self) -> SearchState:
+        search = SearchState(ZoneManager([], {"x": 0, "y": 0, "yaw": 0}))
         for number in (1, 2):
-            kept.keep(SurvivorReport(f"survivor_{number}", float(number), 0.0))
-        return kept
+            report = SurvivorReport(f"survivor_{number}", float(number), 0.0)
+            search.record.survivor_named(report.survivor_id, report.x, report.y)
+            search.record.report_kept(report)
+        return search
 
     @pytest.fixture
-    def record(self, ros: Any, kept: KeptReports) -> Any:
-        record = MissionRecord()
-        for report in kept:
-            record.survivor_named(report.survivor_id, report.x, report.y)
-        zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
-        leaf = NotHeld("NotHeld?", OperatorOrders(), zones, record=record, kept_reports=kept)
+    def kept(self, search: SearchState) -> KeptReports:
+        return search.kept
+
+    @pytest.fixture
+    def record(self, ros: Any, search: SearchState) -> Any:
+        leaf = NotHeld("NotHeld?", search.orders, search.zones, record=search.record)
         leaf.setup(node=ros.node("mission"))
-        yield record
+        yield search.record
         leaf.shutdown()
 
     def judge(self, ros: Any, survivor_id: str, verdict: int, same_as: str = "") -> tuple[bool, str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes import BIN, Command
+from tests.processes import BIN, Command, children_of, wait_for_end_of
 from tests.trees import document
 
 pytestmark = pytest.mark.ros
@@ -85,10 +85,6 @@ def driving(goals):
 def stopped(goals):
     """Return whether the latest goal was cancelled, and no other is under way."""
     return goals[-1:] == [CANCELED] and EXECUTING not in goals
-
-
-def children_of(pid):
-    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 class TestTheTerminalIsClosed:
@@ -183,10 +179,9 @@ class TestAGuardian:
         watching = witness()
         run = start("sar-run", "--guardian", "--ros-args", *ROS)
         watching.wait_for_goals(driving)
-        guardians = children_of(run._process.pid)
-        assert len(guardians) == 1
+        (guardian,) = children_of(run._process.pid)
         assert run.stop(within_sec=5.0) == 130, run.output
-        assert not Path(f"/proc/{guardians[0]}").exists()
+        wait_for_end_of(guardian)
         assert "the mission is gone" not in run.output
 
     def test_ctrl_c_in_a_terminal_does_not_reach_it(self, servers, start, witness):

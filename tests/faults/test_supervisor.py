@@ -1,5 +1,6 @@
 """Whatever a mission dies of, its supervisor brings it to its end: nobody is lost, named or reported twice."""
 
+import json
 import logging
 import os
 import random
@@ -9,9 +10,8 @@ from contextlib import suppress
 
 import pytest
 
-from tests.faults.test_guardian import children_of
 from tests.faults.worlds import arguments, end, hold, world
-from tests.processes import Command
+from tests.processes import Command, children_of
 from tests.trees import document
 
 __all__ = ["world"]
@@ -38,6 +38,11 @@ class Misbehave(Behaviour):
         count = pathlib.Path("count")
         lives = int(count.read_text()) if count.exists() else 0
         count.write_text(str(lives + 1))
+        if self._how == "die before the report":
+            from sar_compiler.cli.run_report import RunReport
+
+            RunReport.write = lambda _: os.kill(os.getpid(), signal.SIGKILL)
+            return Status.SUCCESS
         if lives >= self._times:
             return Status.SUCCESS
         print(f"life {lives + 1}", flush=True)
@@ -114,6 +119,15 @@ def test_an_end_of_its_own_is_the_end(misbehave):
     run.wait_for("starting again")
     assert run.stop(within_sec=5.0) == 130, run.output
     assert "has died" not in run.output
+
+
+def test_what_a_process_had_no_time_to_report_its_supervisor_does(misbehave, tmp_path):
+    reports = ("--report", "run.html", "--report", "run.json")
+    run = misbehave(0, "die before the report", "--supervise", *reports)
+    assert run.end() == 0, run.output
+    assert "has died" not in run.output
+    assert json.loads((tmp_path / "run.json").read_text())["runs"]
+    assert (tmp_path / "run.html").is_file()
 
 
 def kill_after(run, child, seconds, how):

@@ -1,13 +1,25 @@
 """What changes around a mission while it runs is said, and acted on."""
 
-from pathlib import Path
+import math
+import os
+import signal
 
 import pytest
+
+from tests.processes import children_of
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 RESILIENT = "search_and_rescue_resilient"
 ENDLESS = [{"drive": None}]
+BLAMES = (
+    "The clock has",
+    "Nav2 is no longer active",
+    "No transform from 'map'",
+    "failed:",
+    "waits to send",
+    "the server has",
+)
 
 
 def test_a_clock_that_stops_ends_the_waits_and_is_told(fly, serve):
@@ -19,6 +31,23 @@ def test_a_clock_that_stops_ends_the_waits_and_is_told(fly, serve):
     run.wait_for("The clock has stood still for 10 s (is the simulator running?)")
     assert run.end() == 0, run.output
     assert "Timeout" not in run.output
+
+
+def test_a_clock_that_stops_is_told_alone_although_the_transforms_stop_with_it(fly, serve):
+    clock = serve("clock")
+    navigation = serve("navigation", goals=[{"drive": 18.0}, {}], states={"amcl": None})
+    localiser = serve("localiser")
+    run = fly(RESILIENT, use_sim_time="true")
+    navigation.wait_for("feedback")
+    clock.order(stop=True)
+    localiser.order(transforms=False)
+    run.wait_for("The clock has stood still for 10 s")
+    localiser.order(transforms=True)
+    clock.order(stop=False)
+    run.wait_for("The clock goes on.")
+    assert run.end() == 0, run.output
+    assert "No transform from 'map'" not in run.output
+    assert "Transforms from 'map'" not in run.output
 
 
 def test_a_clock_that_jumps_is_told_once_and_changes_no_duration(fly, serve, tmp_path):
@@ -111,31 +140,46 @@ def test_a_simulator_that_was_killed_and_started_again_is_given_the_last_pose_an
     env = {"FASTRTPS_DEFAULT_PROFILES_FILE": "config/fastdds_profile.xml"}
     places = tmp_path / "places.json"
     serve("survivors", env)
-    world = start("sar-sim", "run", "--keep", places, env=env)
+    # Slow: the robot is killed near the last place that its localisation has said, as one is that stands.
+    world = start("sar-sim", "run", "--keep", places, "--speed", 0.25, env=env)
     ros = ("--ros-args", "-p", "use_sim_time:=true", "-p", "zone_order:=[zone_a]")
     mission = start("sar-run", RESILIENT, "--until", "complete", *ros, env=env)
     mission.wait_for("Navigating to zone_a...")
-    _wait_for_places(places)
+    _wait_for_pose_away_from_the_start()
     world.kill()
-    mission.wait_for("failed:")
+    mission.wait_for("waits to send its goal again")
     again = start("sar-sim", "run", "--keep", places, env=env).wait_for("runs")
     mission.wait_for("The localisation is back, and is given its last pose again")
     assert mission.end() == 0, mission.output
     assert "far from the robot's" not in again.output
 
 
-def _wait_for_places(path: Path) -> None:
-    """Wait until the robot has moved from the world's start."""
-    import json
+def _wait_for_pose_away_from_the_start() -> None:
+    """Wait until a localisation has said that the robot is elsewhere than at the start, and the simulator has gone on after that."""
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+    from nav_msgs.msg import Odometry
 
-    from tests.waiting import News
+    from tests.e2e.witness import Watcher
 
-    def moved() -> bool:
-        return path.is_file() and json.loads(path.read_text())["robots"][""][0][0] < -0.3
+    heard: list[str] = []
 
-    news = News()
-    with news:
-        news.wait_until(moved, lambda: "the robot does not move")
+    def take_pose(message: PoseWithCovarianceStamped) -> None:
+        place = message.pose.pose.position
+        if math.hypot(place.x, place.y) > 0.3:
+            heard.append("pose")
+
+    def take_odometry(_: Odometry) -> None:
+        if heard:
+            heard.append("odometry")
+
+    watcher = Watcher("watcher")
+    watcher.node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", take_pose, 10)
+    watcher.node.create_subscription(Odometry, "odometry/filtered", take_odometry, 10)
+    watcher.watch()
+    try:
+        watcher.wait_until(lambda: "odometry" in heard, "the place of a robot that drives")
+    finally:
+        watcher.close()
 
 
 def test_parameters_that_cannot_change_in_flight_are_refused(fly, serve):
@@ -171,3 +215,52 @@ def _set(ros, **values):
     results = answer.result().results
     assert not any(result.successful for result in results)
     return [result.reason for result in results]
+
+
+def test_a_run_that_was_stopped_names_that_and_blames_no_server(fly, serve):
+    serve("clock")
+    navigation = serve("navigation", goals=[{"drive": 16.0}, {}], states={"amcl": None})
+    serve("localiser")
+    run = fly(RESILIENT, use_sim_time="true")
+    navigation.wait_for("feedback")
+    run.send(signal.SIGSTOP)
+    # Ten a second: longer than anybody's patience for feedback, answers, transforms and the clock.
+    navigation.wait_for("feedback", times=120)
+    run.send(signal.SIGCONT)
+    run.wait_for("This process stood still for ")
+    assert run.end() == 0, run.output
+    assert run.output.count("This process stood still for 1") == 1
+    assert not any(blame in run.output for blame in BLAMES), run.output
+
+
+def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process(fly, serve, tmp_path):
+    navigation = serve("navigation", goals=[{"drive": 30.0}, {}])
+    run = fly(RESILIENT, "--supervise", "--journal", tmp_path / "run.journal")
+    navigation.wait_for("feedback")
+    (process,) = children_of(run.pid)
+    os.kill(process, signal.SIGSTOP)
+    # Ten a second; a supervisor kills what is silent for 10 s.
+    navigation.wait_for("feedback", times=len(navigation.of("feedback")) + 40)
+    # In the graph, and not heard: as for who was forgotten, which is a matter of luck.
+    navigation.freeze()
+    os.kill(process, signal.SIGCONT)
+    run.wait_for("Since this process stood still it hears nothing of amcl and bt_navigator")
+    navigation.thaw()
+    assert run.end() == 0, run.output
+    assert "died (it heard nothing of Nav2, which the ROS graph shows): it is resumed (1 of 3)" in run.output
+    assert not any(blame in run.output for blame in BLAMES), run.output
+
+
+def test_a_supervisor_that_stood_still_itself_blames_no_run_for_its_silence(fly, serve, tmp_path):
+    navigation = serve("navigation", goals=[{"drive": 18.0}, {}])
+    run = fly(RESILIENT, "--supervise", "--journal", tmp_path / "run.journal")
+    navigation.wait_for("feedback")
+    (child,) = children_of(run.pid)
+    for process in (child, run.pid):
+        os.kill(process, signal.SIGSTOP)
+    # As on a machine that sleeps; ten a second, and 10 s are silence.
+    navigation.wait_for("feedback", times=len(navigation.of("feedback")) + 120)
+    for process in (run.pid, child):
+        os.kill(process, signal.SIGCONT)
+    assert run.end() == 0, run.output
+    assert "has died" not in run.output

@@ -9,9 +9,11 @@ from pathlib import Path
 import yaml
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from lifecycle_msgs.srv import ChangeState
 from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
+from sensor_msgs.msg import BatteryState
 
 from tests.e2e.witness import LATCHED, Watcher
 from tests.nav2.prefix import MANAGER, SERVERS, environment, executable
@@ -19,15 +21,19 @@ from tests.processes import Command
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PARAMS = ROOT / "config" / "nav2_params.yaml"
-LOCALISATION, NAVIGATION = (
-    ["map_server", "amcl"],
-    [name for name in SERVERS if name not in ("map_server", "amcl")],
-)
+LOCALISATION = ["map_server", "amcl"]
+NAVIGATION = [name for name in SERVERS if name not in LOCALISATION]
+LOCALISATION_MANAGER, NAVIGATION_MANAGER = "lifecycle_manager_localization", "lifecycle_manager_navigation"
+_MANAGERS = {LOCALISATION_MANAGER: LOCALISATION, NAVIGATION_MANAGER: NAVIGATION}
 
 # A robot that is slower than this stands, m/s and rad/s.
 STANDS_V, STANDS_W = 0.02, 0.05
 # So long after the end of a goal, or of the process, nothing may move any more, seconds.
 GRACE_SEC = 1.0
+# How often Nav2 is started until it comes up, and how long each time it may take, seconds.
+_BRING_UPS, _BRING_UP_SEC = 3, 40.0
+# How long its processes may take to end in order, as `ros2 launch` has it, seconds.
+_END_SEC = 10.0
 # How near to its start a robot is at home, metres.
 _HOME = 0.5
 _ENDED = (GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED)
@@ -48,6 +54,10 @@ class Robot(Watcher):
             GoalStatusArray, "navigate_to_pose/_action/status", self._on_statuses, LATCHED
         )
         self._tell = self.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
+        self._battery = self.node.create_publisher(BatteryState, "battery_state", 10)
+        self._changes = {
+            name: self.node.create_client(ChangeState, f"{name}/change_state") for name in SERVERS
+        }
         self.watch()
 
     def _on_odometry(self, message, info):
@@ -71,6 +81,16 @@ class Robot(Watcher):
                     changes.append((info["source_timestamp"] / 1e9, each.status))
             self._news.tell()
 
+    def comes_within(self, sec, wanted):
+        """Wait until something is so, but not longer than a time; whether it is."""
+        deadline = time.time() + sec
+        self.wait_until(lambda: wanted() or time.time() > deadline, "the time")
+        return wanted()
+
+    def let_pass(self, sec):
+        """Let a time pass in which something must not happen."""
+        self.comes_within(sec, lambda: False)
+
     def wait_until_moving(self):
         self.wait_until(lambda: self.speeds and self.speeds[-1][1] > 0.1, "movement")
 
@@ -85,14 +105,24 @@ class Robot(Watcher):
                 each[-1][1] for each in self.goals.values() if self._is_over(each) and each[-1][0] >= began
             ]
 
+    def first(self, statuses, since):
+        """The time after another one at which a goal first had one of some statuses; None if none had."""
+        with self._news:
+            times = [
+                at
+                for each in self.goals.values()
+                for at, status in each
+                if at >= since and status in statuses
+            ]
+        return min(times, default=None)
+
     @staticmethod
     def _is_over(changes):
         return changes[-1][1] in _ENDED
 
     def still_after(self, when):
         """Watch for three seconds; return how long after a time the robot still moved, seconds."""
-        deadline = max(time.time(), when) + 3.0
-        self.wait_until(lambda: time.time() > deadline, "the time")
+        self.let_pass(3.0)
         with self._news:
             moving = [at for at, v, w in self.speeds if when < at and (v > STANDS_V or w > STANDS_W)]
         return max(moving) - when if moving else 0.0
@@ -140,6 +170,20 @@ class Robot(Watcher):
         self.wait_until(self._tell.get_subscription_count, "a localisation")
         self._tell.publish(message)
 
+    def change_state(self, name, transition):
+        """Have a node of Nav2 take a step of its life, as the lifecycle manager does; whether it did."""
+        client = self._changes[name]
+        self.wait_until(client.service_is_ready, f"{name}/change_state")
+        request = ChangeState.Request()
+        request.transition.id = transition
+        answer = client.call_async(request)
+        self.wait_until(answer.done, f"the change of {name}")
+        return answer.result().success
+
+    def say_battery(self, left):
+        """Say how full the battery is, between 0 and 1, beside the simulator that says so once a second."""
+        self._battery.publish(BatteryState(percentage=left, present=True))
+
     def is_home(self):
         """Whether the robot is localised, and at its start."""
         with self._news:
@@ -161,12 +205,31 @@ class Nav2:
     def __init__(self, prefix, folder):
         self._prefix, self._folder = prefix, folder
         self._environment = environment(prefix)
-        self._processes, self._commands = {}, []
+        self._processes, self._commands, self._read = {}, [], {}
         self.start()
 
     def start(self):
-        """Start everything, with the robot at its start and not localised."""
+        """Start everything, with the robot at its start and not localised.
+
+        Where a busy machine loses the answer to one of its managers, that one waits for ever: everything is started anew then.
+        """
+        for _ in range(_BRING_UPS):
+            self._launch()
+            if self.robot.comes_within(_BRING_UP_SEC, self._is_up):
+                return
+            self.stop()
+        message = f"Nav2 does not come up:\n{self.log(LOCALISATION_MANAGER)}{self.log(NAVIGATION_MANAGER)}"
+        raise AssertionError(message)
+
+    def _is_up(self):
+        """Whether the localisation is active, and the planner asks for the robot's place."""
+        return "Managed nodes are active" in self.news(
+            LOCALISATION_MANAGER
+        ) and "Activating planner_server" in self.news(NAVIGATION_MANAGER)
+
+    def _launch(self):
         self.is_whole = True
+        self._forget_logs()
         simulated = ["--ros-args", "-p", "use_sim_time:=true"]
         self.simulator = Command("sar-sim", "run", self._world(), "--speed", "1")
         self.simulator.wait_for("runs")
@@ -176,12 +239,8 @@ class Nav2:
             Command("sar-detect-survivor-server", *simulated, *params),
             Command("sar-report-survivor-server", *simulated),
         ]
-        for name, package in SERVERS.items():
-            self._run(name, package, name, "--params-file", PARAMS, *self._map(name))
-        for kind, names in (("localization", LOCALISATION), ("navigation", NAVIGATION)):
-            manager = f"lifecycle_manager_{kind}"
-            listed = f"node_names:=[{', '.join(names)}]"
-            self._run(manager, *MANAGER, "-r", f"__node:={manager}", "-p", "autostart:=true", "-p", listed)
+        for name in [*SERVERS, *_MANAGERS]:
+            self.run(name)
         self.robot = Robot()
 
     def _world(self):
@@ -197,7 +256,15 @@ class Nav2:
             ["-p", f"yaml_filename:={ROOT / 'maps' / 'disaster_zone.yaml'}"] if name == "map_server" else []
         )
 
-    def _run(self, name, package, program, *arguments):
+    def run(self, name):
+        """Start one of its processes, also again when it was killed."""
+        if name in SERVERS:
+            self._start(name, SERVERS[name], name, "--params-file", PARAMS, *self._map(name))
+        else:
+            listed = f"node_names:=[{', '.join(_MANAGERS[name])}]"
+            self._start(name, *MANAGER, "-r", f"__node:={name}", "-p", "autostart:=true", "-p", listed)
+
+    def _start(self, name, package, program, *arguments):
         log = (self._folder / f"{name}.log").open("a")
         words = [
             executable(self._prefix, package, program),
@@ -214,16 +281,34 @@ class Nav2:
             start_new_session=True,
         )
 
-    def kill(self, name):
-        """Kill one of Nav2's processes; the machine's time at which that was."""
+    def kill(self, *names):
+        """Kill processes; the machine's time at which that was."""
         self.is_whole = False
-        self._processes[name].kill()
-        self._processes[name].wait()
+        self._forget_logs()
+        for name in names:
+            self._processes[name].kill()
+            self._processes[name].wait()
         return time.time()
+
+    def end(self, *names):
+        """End processes as a launch file does: by Ctrl-C, and by force what does not end then; the machine's time at which that was."""
+        for name in names:
+            self._processes[name].send_signal(signal.SIGINT)
+        self.robot.comes_within(
+            _END_SEC, lambda: all(self._processes[name].poll() is not None for name in names)
+        )
+        return self.kill(*names)
 
     def log(self, name):
         """What a node has said."""
         return (self._folder / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+
+    def news(self, name):
+        """What a node has said since everything was started, or the last one was killed."""
+        return self.log(name)[self._read.get(name, 0) :]
+
+    def _forget_logs(self):
+        self._read = {each: len(self.log(each)) for each in self._processes}
 
     def be_home(self):
         """See that everything runs, with the robot at its start: drive it there, or start everything anew."""

@@ -6,19 +6,24 @@ import time
 
 import pytest
 import yaml
+from lifecycle_msgs.msg import Transition
 
-from tests.nav2.stack import GRACE_SEC, ROOT
+from tests.nav2.stack import GRACE_SEC, NAVIGATION, NAVIGATION_MANAGER, ROOT
 from tests.processes import in_order
 
 pytestmark = [pytest.mark.nav2, pytest.mark.ros]
 
 TREES = ("search_and_rescue", "search_and_rescue_resilient", "search_and_rescue_guarded")
-RESILIENT = TREES[1]
+RESILIENT, GUARDED = TREES[1:]
 ZONES = ("zone_a", "zone_b", "zone_c", "zone_d")
-SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+CANCELING, CANCELED, ABORTED = 3, 5, 6
 MISSIONS_IN_A_ROW = 10
 # How long Nav2 is away in the tests of a server that is killed, seconds.
 AWAY_SEC = 45.0
+# How soon it is told that a server has died, seconds: 10 s of silence, and a look each second.
+TOLD_SEC = 12.0
+# After how long somebody starts a killed server again, and how long Nav2 has to come back then, seconds.
+RESTARTED_AFTER_SEC, BACK_WITHIN_SEC = 5.0, 120.0
 
 
 def end(run, nav2):
@@ -43,12 +48,6 @@ def summary(run):
     return json.loads(
         next(line for line in reversed(run.output.splitlines()) if line.startswith('{"status"'))
     )
-
-
-def wait_and_watch(robot, sec):
-    """Let a time pass in which something must not happen."""
-    deadline = time.time() + sec
-    robot.wait_until(lambda: time.time() > deadline, "the time")
 
 
 @pytest.mark.parametrize("tree", TREES)
@@ -107,24 +106,44 @@ def test_a_signal_on_the_way_cancels_the_goal_and_the_robot_stands(nav2, fly, se
     assert still <= GRACE_SEC
 
 
+def test_a_second_ctrl_c_ends_it_at_once_and_the_robot_stands(nav2, fly, seen):
+    began, run = time.time(), fly(RESILIENT)
+    nav2.robot.wait_until_moving()
+    run.send(signal.SIGINT)
+    nav2.robot.let_pass(0.05)
+    sent = time.time()
+    run.send(signal.SIGINT)
+    status, ended = end(run, nav2), time.time()
+    still = nav2.robot.still_after(ended)
+    seen(
+        "the cancel is sent; status 130, or 4 where the goal was still under way",
+        f"status {status} after {ended - sent:.1f} s, moved for {still:.1f} s after it",
+    )
+    assert status in (130, 4), run.output
+    assert CANCELED in nav2.robot.ends_since(began)
+    assert still <= GRACE_SEC
+
+
 def test_a_mission_that_is_killed_leaves_no_goal_and_is_resumed(nav2, fly, seen, tmp_path):
     journal = tmp_path / "m.journal"
-    began, run = time.time(), fly(RESILIENT, "--journal", journal)
+    run = fly(RESILIENT, "--journal", journal)
     until(run, nav2, "Reached zone_a.")
     until(run, nav2, "Navigating to zone_b...")
     nav2.robot.wait_until_moving()
-    run.kill()
     killed = time.time()
-    nav2.robot.wait_until(lambda: CANCELED in nav2.robot.ends_since(began), "the goal's end")
-    canceled = time.time() - killed
-    still = nav2.robot.still_after(killed)
+    run.kill()
+    nav2.robot.wait_until(lambda: nav2.robot.first([CANCELED], killed), "the goal's end")
+    asked, ended = (nav2.robot.first(each, killed) for each in ([CANCELING, CANCELED], [CANCELED]))
+    still = nav2.robot.still_after(ended)
     resumed = fly(RESILIENT, "--journal", journal, "--resume", "--summary", "json")
     status = end(resumed, nav2)
     seen(
         "the guardian cancels at once; --resume completes",
-        f"cancelled after {canceled:.1f} s, still after {still:.1f} s, resumed with status {status}",
+        f"cancelled after {asked - killed:.1f} s, ended after {ended - killed:.1f} s, moved for {still:.1f} s after it, "
+        f"resumed with status {status}",
     )
-    assert still <= 2 * GRACE_SEC
+    assert asked - killed <= GRACE_SEC
+    assert still <= GRACE_SEC
     assert status == 0, resumed.output
     assert "Navigating to zone_a..." not in resumed.log
 
@@ -166,7 +185,7 @@ def test_a_pose_that_is_given_late_is_waited_for(running, fly, seen):
     running.stop()
     running.start()
     run = fly(RESILIENT, set_initial_pose="false", zone_order="[zone_a]")
-    wait_and_watch(running.robot, 15.0)
+    running.robot.let_pass(15.0)
     told = time.time()
     running.robot.tell_pose(0.0, 0.0)
     running.robot.wait_until_moving()
@@ -189,28 +208,107 @@ def test_a_clock_that_stops_is_told_and_the_mission_goes_on(nav2, fly, seen):
     assert status == 0, run.output
 
 
-def killed_on_the_way(nav2, fly, name):
-    """Kill one of Nav2's processes on the way to a zone; the run, and when that was."""
-    run = fly(RESILIENT, "--no-journal")
+def test_a_low_battery_on_the_way_brings_the_robot_home(nav2, fly, seen):
+    run = on_the_way(nav2, fly, GUARDED)
+    told = time.time()
+    deadline = told + 10.0
+    while "the battery is at 10%" not in run.output and time.time() < deadline:
+        nav2.robot.say_battery(0.1)
+        nav2.robot.let_pass(0.1)
+    noticed = time.time() - told
+    status = end(run, nav2)
+    seen(
+        "home with the next tick, the zones named, status 1",
+        f"noticed after {noticed:.1f} s, home {time.time() - told:.1f} s after; status {status}",
+    )
+    assert status == 1, run.output
+    assert "Reached base station." in run.log
+    assert all(any(zone in line for line in given_up(run)) for zone in ZONES[1:]), run.output
+
+
+def test_nav2_that_is_deactivated_on_the_way_costs_no_attempt(nav2, fly, seen):
+    """Its lifecycle manager misses the node, takes down the others, and brings all of them up again."""
+    began, run = time.time(), on_the_way(nav2, fly)
+    assert nav2.robot.change_state("bt_navigator", Transition.TRANSITION_DEACTIVATE)
+    inactive = time.time()
+    still = nav2.robot.still_after(inactive)
+    status = end(run, nav2)
+    ends = nav2.robot.ends_since(began)
+    seen(
+        "waited for; no zone is postponed or given up; the mission completes",
+        f"moved for {still:.1f} s, {ends.count(CANCELED)} goals canceled, {ends.count(ABORTED)} aborted; "
+        f"{given_up(run) or 'none given up'}; status {status}",
+    )
+    assert status == 0, run.output
+    assert not given_up(run)
+
+
+def on_the_way(nav2, fly, tree=RESILIENT):
+    """A run whose robot drives from its first zone to the second."""
+    run = fly(tree, "--no-journal")
     until(run, nav2, "Reached zone_a.")
     until(run, nav2, "Navigating to zone_b...")
     nav2.robot.wait_until_moving()
+    return run
+
+
+def killed_on_the_way(nav2, fly, name):
+    """Kill one of Nav2's processes on the way to a zone; the run, and when that was."""
+    run = on_the_way(nav2, fly)
     return run, nav2.kill(name)
+
+
+def test_a_navigator_that_is_killed_and_started_again_costs_no_zone(nav2, fly, seen):
+    run, killed = killed_on_the_way(nav2, fly, "bt_navigator")
+    nav2.robot.let_pass(RESTARTED_AFTER_SEC)
+    nav2.run("bt_navigator")
+    came_back = nav2.robot.comes_within(
+        BACK_WITHIN_SEC, lambda: "Managed nodes are active" in nav2.news(NAVIGATION_MANAGER)
+    )
+    if not came_back:
+        run.send(signal.SIGINT)
+    status = end(run, nav2)
+    seen(
+        "no zone is postponed or given up, whether Nav2 comes back or not; if it does, the mission completes",
+        f"Nav2 {'came back' if came_back else 'did not come back'}; {given_up(run) or 'none given up'}; status {status}, {time.time() - killed:.0f} s after the kill",
+    )
+    assert not given_up(run)
+    assert status == (0 if came_back else 130), run.output
+
+
+@pytest.mark.parametrize("how", ["end", "kill"])
+def test_a_navigation_that_goes_and_is_started_again_goes_on_with_the_mission(how, nav2, fly, seen):
+    run = on_the_way(nav2, fly)
+    ended = getattr(nav2, how)(NAVIGATION_MANAGER, *NAVIGATION)
+    nav2.robot.let_pass(RESTARTED_AFTER_SEC)
+    for name in (*NAVIGATION, NAVIGATION_MANAGER):
+        nav2.run(name)
+    status = end(run, nav2)
+    seen(
+        "no zone is postponed or given up; the mission completes",
+        f"{given_up(run) or 'none given up'}; status {status}, {time.time() - ended:.0f} s after the end",
+    )
+    assert status == 0, run.output
+    assert not given_up(run)
 
 
 @pytest.mark.parametrize("name", ["bt_navigator", "controller_server", "planner_server", "behavior_server"])
 def test_no_zone_is_given_up_while_a_server_of_nav2_is_away(name, nav2, fly, seen):
     run, killed = killed_on_the_way(nav2, fly, name)
-    still = nav2.robot.still_after(killed)
-    wait_and_watch(nav2.robot, AWAY_SEC)
+    moved = nav2.robot.still_after(killed)
+    nav2.robot.let_pass(AWAY_SEC)
+    told = [(at - killed, text) for at, _, text in run.stamped_log() if at > killed]
+    assert told, run.output
     lost = given_up(run)
     run.send(signal.SIGINT)
     status, ended = end(run, nav2), time.time()
     after = nav2.robot.still_after(ended)
     seen(
-        "no zone is postponed or given up; nothing moves after the end",
-        f"still {still:.1f} s after the kill; {lost or 'none given up'} in {AWAY_SEC:.0f} s; status {status}, moved for {after:.1f} s",
+        f"told within {TOLD_SEC:.0f} s, no zone is postponed or given up; nothing moves after the end",
+        f"told after {told[0][0]:.1f} s: {told[0][1]}; moved for {moved:.1f} s after the kill; "
+        f"{lost or 'none given up'} in {AWAY_SEC:.0f} s; status {status}, moved for {after:.1f} s",
     )
+    assert told[0][0] <= TOLD_SEC
     assert not lost
     assert after <= GRACE_SEC
 

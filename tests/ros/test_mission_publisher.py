@@ -1,13 +1,13 @@
 """What other ROS nodes see of a mission."""
 
-import itertools
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
 
 import sar_compiler
-from sar_compiler import Landmark, ManualClock, TreeRunner
+from sar_compiler import ManualClock, TreeRunner
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from tests.monitoring.test_groot2 import Queue, main
@@ -15,7 +15,7 @@ from tests.trees import write
 
 pytestmark = pytest.mark.ros
 
-ZONE = Landmark("zone", "zone_a", 1.0, 2.0, "visited", 2)
+ZONE = {"kind": "zone", "name": "zone_a", "x": 1.0, "y": 2.0, "state": "visited", "level": 2}
 
 
 class Witness:
@@ -53,12 +53,12 @@ def publish(ros, tmp_path):
 
     runners = []
 
-    def begin(body, **options):
+    def begin(body):
         path = tmp_path / "tree.xml"
         write(path, *main(body), main="Main")
         tree = sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
         node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
-        publisher = MissionPublisher(node, NumberedTree(tree), **options)
+        publisher = MissionPublisher(node, NumberedTree(tree))
         publisher.watch(runner)
         runner.setup(node=node)
         runners.append(runner)
@@ -137,9 +137,8 @@ def test_diagnostics_say_what_is_done_and_whether_the_tree_has_failed(
     from diagnostic_msgs.msg import DiagnosticArray
 
     seen = witness.listen(DiagnosticArray, "/diagnostics")
-    runner, publisher = publish(
-        f'<Queue name="one" answers="{answers}"/>', figures=lambda: {"zones visited": 2}
-    )
+    runner, publisher = publish(f'<Queue name="one" answers="{answers}"/>')
+    publisher.take(entry("changed", figures=[{"name": "zones visited", "value": 2, "of": 3}]))
     ros.spin_until(publisher._diagnostics.get_subscription_count, "the witness")
     runner.root.feedback_message = "under way"
     runner.tick()
@@ -159,7 +158,8 @@ def test_diagnostics_say_what_is_done_and_whether_the_tree_has_failed(
 def test_markers_show_landmarks_and_the_plan(publish, witness):
     from visualization_msgs.msg import Marker, MarkerArray
 
-    runner, publisher = publish('<Queue answers="R"/>', landmarks=lambda: [ZONE])
+    runner, publisher = publish('<Queue answers="R"/>')
+    publisher.take(entry("changed", landmarks=[ZONE]))
     publisher.take(entry("plan", frame="map", points=[[0.0, 0.0], [1.0, 2.0], [float("nan"), 0.0]]))
     runner.tick()
     clear, form, text, plan = witness.latched(MarkerArray, "/robot1/mission/markers").markers
@@ -185,14 +185,28 @@ def test_a_plan_that_is_no_line_has_no_marker(points, publish, witness):
     assert len(witness.latched(MarkerArray, "/robot1/mission/markers").markers) == 1
 
 
-def test_markers_are_published_again_when_something_has_come_true(publish):
-    asked = itertools.count()
-    runner, publisher = publish('<Queue answers="R"/>', landmarks=lambda: [ZONE, next(asked)][:1])
-    for kind, times in (("pose", 1), ("status", 1), ("map", 1), ("zone_visited", 2), ("log", 2), ("plan", 3)):
+def test_an_area_is_shown_by_its_outline(publish, witness):
+    from visualization_msgs.msg import Marker, MarkerArray
+
+    runner, publisher = publish('<Queue answers="R"/>')
+    corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]
+    fence = {"kind": "geofence", "name": "geofence", "x": 0.0, "y": 0.0, "corners": corners}
+    publisher.take(entry("changed", landmarks=[fence]))
+    runner.tick()
+    _, outline = witness.latched(MarkerArray, "/robot1/mission/markers").markers
+    assert (outline.ns, outline.type) == ("geofence", Marker.LINE_STRIP)
+    assert [[point.x, point.y] for point in outline.points] == [*corners, corners[0]]
+
+
+def test_markers_are_published_again_when_what_they_show_has_changed(publish, monkeypatch):
+    runner, publisher = publish('<Queue answers="R"/>')
+    published: list[object] = []
+    monkeypatch.setattr(publisher, "_markers", SimpleNamespace(publish=published.append))
+    for kind, times in (("pose", 1), ("status", 1), ("map", 1), ("changed", 2), ("log", 2), ("plan", 3)):
         publisher.take(entry(kind))
         runner.tick()
         runner.tick()
-        assert repr(asked) == f"count({times})", kind
+        assert len(published) == times, kind
 
 
 def test_the_end_waits_for_the_readers_of_the_last_messages_no_longer_than_a_second(publish, monkeypatch):
@@ -213,12 +227,13 @@ def test_the_end_waits_for_the_readers_of_the_last_messages_no_longer_than_a_sec
     assert all(0.0 <= seconds <= 1.0 for seconds in waited.values())
 
 
-def test_a_mission_that_cannot_be_shown_flies_on(publish, said):
+def test_a_mission_that_cannot_be_shown_flies_on(publish, said, monkeypatch):
     def broken():
         message = "no map"
         raise LookupError(message)
 
-    runner, _ = publish('<Queue answers="R"/>', landmarks=broken)
+    runner, publisher = publish('<Queue answers="R"/>')
+    monkeypatch.setattr(publisher, "_situation", SimpleNamespace(landmarks=SimpleNamespace(values=broken)))
     runner.tick()
     runner.tick()
     assert runner.count == 2

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sar_compiler.ros.clock import NodeTime
+from sar_compiler.ros.clock import ClockedTime, NodeTime
 
 
 class Bench:
@@ -22,6 +22,9 @@ class Bench:
 
     def node_time(self, **options):
         return NodeTime(SimpleNamespace(get_clock=lambda: self.clock), say=self.said.append, **options)
+
+    def clocked_time(self):
+        return ClockedTime(SimpleNamespace(get_clock=lambda: self.clock))
 
     def passes(self, counted, steady_sec, ros_sec, steps=100):
         """Return what the time counts while both clocks go on in small steps."""
@@ -101,3 +104,12 @@ def test_a_clock_that_comes_in_steps_loses_nothing_between_them(bench):
         bench.ros_sec += 0.05
         counted.now()
     assert counted.now() - before == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("speed", [0.01, 1.0, 150.0])
+def test_who_acts_by_a_clock_is_judged_by_the_seconds_in_which_it_goes_on(bench, speed):
+    clocked = bench.clocked_time()
+    assert bench.passes(clocked, 60.0, 60.0 * speed) == pytest.approx(60.0)
+    assert bench.passes(clocked, 60.0, 0.0) == 0.0
+    # Of the standstill a second, at most, may have been none.
+    assert bench.passes(clocked, 10.0, 10.0 * speed) == pytest.approx(10.9)

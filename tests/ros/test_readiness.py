@@ -412,12 +412,15 @@ class TestTheBringUpOfNav2:
             '/lifecycle_manager_navigation/manage_nodes nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"',
         )
 
-    def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
+    def test_leaves_nothing_behind_but_the_states_that_the_estimate_keeps(self, ros: Ros) -> None:
         self.stack(ros, up=False, planner_server="inactive", bt_navigator="inactive")
         node = ros.node()
-        before = len(list(node.clients))
         missing(ros, readiness(node, Use.nav2(), initial_pose=None), 1.0)
-        assert len(list(node.clients)) == before
+        left = {each.srv_name for each in node.clients}
+        assert left >= {"bt_navigator/get_state", "planner_server/get_state"}
+        assert all(name.endswith("/get_state") for name in left)
+        missing(ros, readiness(node, Use.nav2(), initial_pose=None), 1.0)
+        assert len(list(node.clients)) == len(left)
 
 
 class TestNav2:
@@ -472,9 +475,10 @@ class TestNav2:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
-        from sar_compiler.ros import requirements
+        from sar_compiler.ros.asked import Asked
+        from sar_compiler.ros.requirements import NodeActive
 
-        monkeypatch.setattr(requirements, "_ANSWER_DEADLINE_SEC", 0.2)
+        monkeypatch.setattr(Asked, "deadline_sec", 0.2)
         other, node = ros.node("other"), ros.node()
         calls: list[int] = []
 
@@ -488,7 +492,7 @@ class TestNav2:
         from rclpy.callback_groups import ReentrantCallbackGroup
 
         other.create_service(GetState, "amcl/get_state", answer, callback_group=ReentrantCallbackGroup())
-        state = requirements.NodeActive(node, "amcl")
+        state = NodeActive(node, "amcl")
         ros.spin_until(lambda: state.missing() is None, "the second answer")
         assert len(calls) >= 2
         state.close()
@@ -556,7 +560,7 @@ class TestNav2:
         [line] = missing(ros, readiness(ros.node(), Use.nav2()), SILENCE_SEC)
         assert line.startswith(
             "the localisation has the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00): it is not told another "
-            "pose. Go on with the mission that was interrupted (--resume), drive home first, or say where the robot is "
+            "pose. Go on with the mission that was interrupted (--resume), drive back first, or say where the robot is "
             "(-p initial_pose.x:=-0.44 -p initial_pose.y:=0.60, or -p set_initial_pose:=false"
         )
         assert nav2.poses == []
@@ -587,6 +591,13 @@ class TestNav2:
         node = ros.node()
         robot = robot_of(node)
         ros.spin_until(lambda: robot.odometry is not None and robot.is_localised, "the place")
+        assert robot.place() == pytest.approx((1.0, 2.0, math.pi / 2))
+        offset.transform.translation.x = math.nan
+        ros.spin_until(lambda: robot.place() is None, "a transform that is no number")
+        offset.transform.translation.x = 1.0
+        ros.spin_until(robot.place, "the place")
+        odometry.pose.pose.position.y, odometry.twist.twist.linear.x = math.nan, 0.5
+        ros.spin_until(lambda: robot.moves, "odometry that is no number")
         assert robot.place() == pytest.approx((1.0, 2.0, math.pi / 2))
         [line] = missing(ros, readiness(node, Use.nav2()), SILENCE_SEC)
         assert "has the robot at (1.00, 2.00), 2.24 m from initial_pose (0.00, 0.00)" in line
@@ -628,7 +639,9 @@ class TestNav2:
                 len(list(kind)) for kind in (node.publishers, node.subscriptions, node.clients, node.timers)
             ]
 
-        robot_of(node)  # which stays, as the log of Nav2 does
+        robot = robot_of(node)  # which stays, as the log of Nav2 does
+        for name in ("amcl", "bt_navigator"):
+            robot.lifecycle(name)
         nav2_log(node)
         before = entities()
         ready = readiness(node, Use.nav2())

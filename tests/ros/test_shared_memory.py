@@ -45,6 +45,12 @@ def test_what_is_held_or_new_or_somebody_elses_stays(tmp_path: Path, monkeypatch
     assert len(list(tmp_path.iterdir())) == 5
 
 
+def test_the_ports_of_the_dead_are_left_to_who_takes_them_over(tmp_path: Path) -> None:
+    left(tmp_path, "port7009")
+    assert remove_what_the_dead_left(tmp_path) == 0
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["fastrtps_port7009", "fastrtps_port7009_el"]
+
+
 @pytest.mark.ros
 def test_what_a_living_participant_has_stays_and_goes_when_it_was_killed(
     monkeypatch: pytest.MonkeyPatch,
@@ -56,7 +62,7 @@ def test_what_a_living_participant_has_stays_and_goes_when_it_was_killed(
     assert process.stdout is not None
     process.stdout.readline()
     opened = {each.readlink() for each in Path(f"/proc/{process.pid}/fd").iterdir()}
-    held = opened & set(folder.glob("fastrtps_*_el")) - before
+    held = {each for each in opened & set(folder.glob("fastrtps_*_el")) - before if "_port" not in each.name}
     assert held, "Fast DDS holds no lock: its names have changed"
     assert not any(_remove_if_dead(each) for each in held)
     assert all(each.exists() for each in held)

@@ -31,6 +31,30 @@ def test_alone_on_a_robot_it_is_clear_after_the_look_around(ros: Ros) -> None:
     assert alone.trouble() == ""
 
 
+def test_it_looks_around_anew_when_a_node_comes_into_sight(ros: Ros) -> None:
+    alone = SoleMission(ros.node("first"), DRIVE, look_sec=0.2)
+    ros.spin_until(lambda: alone.missing() is None, "the end of the look around")
+    ros.node("another")
+    ros.spin_until(alone.missing, "another look around")
+    ros.spin_until(lambda: alone.missing() is None, "its end")
+
+
+def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_coming(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node, now = ros.node("first"), [100.0]
+    monkeypatch.setattr("sar_compiler.ros.sole_mission.time.monotonic", lambda: now[0])
+    names: list[tuple[str, str]] = []
+    monkeypatch.setattr(node, "get_node_names_and_namespaces", lambda: names)
+    alone = SoleMission(node, DRIVE, look_sec=1.0)
+    for number in range(100):
+        names.append((f"node_{number}", "/"))
+        if alone.missing() is None:
+            break
+        now[0] += 0.5
+    assert now[0] == 110.0
+
+
 def test_one_that_runs_goes_before_one_that_begins_whoever_is_older(ros: Ros) -> None:
     newcomer, running = mission(ros, "newcomer"), mission(ros, "running")
     running.run()

@@ -32,6 +32,7 @@ class Robot:
         self.speed: float | None = 0.0
         self.cancelled: list[tuple[str, Any]] = []
         other, node = ros.node("nav2"), ros.node("mission")
+        self.node = node
         self._type, self._odometry = Odometry, other.create_publisher(Odometry, "odometry/filtered", 10)
         other.create_timer(0.02, self._publish)
         for name in SERVERS:

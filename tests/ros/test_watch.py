@@ -167,6 +167,76 @@ def test_a_navigator_that_was_deactivated_alone_is_given_no_pose(scene: Scene) -
     assert not scene.said.has("The localisation is back")
 
 
+def test_what_the_robot_lacks_is_in_the_journal_until_it_is_back(scene: Scene) -> None:
+    from sar_compiler.journal.journal import Journal
+    from sar_compiler.ros.robot_watch import RobotWatch
+
+    journal, told = Journal(), []
+    journal.listen(lambda entry: told.append(entry.data["text"]) if entry.kind == "lacks" else None)
+    RobotWatch(scene.watch._node, journal)
+    scene.begin()
+    scene.nav2.navigator = "inactive"
+    scene.until(lambda: told, "the loss")
+    scene.nav2.navigator = "active"
+    scene.until(lambda: len(told) == 2, "its end")
+    assert told == [
+        "Nav2 is not active: node bt_navigator: state 'inactive', must be 'active'",
+        "",
+    ]
+
+
+def test_a_robot_whose_nav2_is_not_heard_lacks_that_and_nothing_else(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene.begin()
+    known = scene.watch._localisation
+    assert known is not None
+    known._robot.lacks = "what was lacked before"
+    monkeypatch.setattr(known, "_deafness", lambda: "it hears nothing of amcl")
+    scene.watch.look()
+    assert known._robot.lacks == scene.watch.deafness == "it hears nothing of amcl"
+
+
+def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Scene) -> None:
+    scene.begin()
+    robot = scene.watch._localisation._robot  # type: ignore[union-attr]
+    scene.nav2.stop_amcl()
+    scene.nav2.navigator = "active"
+    scene.until(lambda: robot.lacks.startswith("Nav2 is not active: node amcl: not there"), "the loss")
+    scene.nav2.start_amcl()
+    lacks: list[str] = []
+
+    def is_back() -> bool:
+        lacks.append(robot.lacks)
+        return scene.said.has("Nav2 is active again.")
+
+    scene.until(is_back, "its return")
+    assert all(lacks[:-1]), "it was not lacked before it had answered"
+    assert lacks[-1] == ""
+
+
+def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_that_is(ros: Ros) -> None:
+    from sar_compiler.ros.leaves.lifecycle import driving_nodes
+    from sar_compiler.ros.requirements import NodeActive
+    from sar_compiler.ros.robot_estimate import robot_estimate
+
+    Nav2(ros)
+    node = ros.node("mission")
+    amcl = robot_estimate(node).lifecycle("amcl")
+    assert amcl.age_sec == float("inf")
+    start = NodeActive(node, "amcl")
+    ros.spin_until(lambda: start.missing() is None, "its state")
+    assert (amcl.state, amcl.is_awaited()) == ("active", False)
+    assert amcl.age_sec < 60.0
+    drives = driving_nodes(node)
+    ros.spin_until(lambda: drives.obstacle() == "", "the states of both")
+    drives.ask_anew()
+    # What was known before does not count any more, and one question is enough for all.
+    assert drives.obstacle() is None
+    ros.spin_until(lambda: drives.obstacle() == "", "their answers")
+    assert len([each for each in node.clients if each.srv_name == "amcl/get_state"]) == 1
+
+
 def test_transforms_that_stop_are_told_and_their_return(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:

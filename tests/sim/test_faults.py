@@ -25,19 +25,19 @@ TARGETS = {**MISSION.faults, **NAVIGATION_FAULTS}
         ("report_survivor:drop=2", Fault("report_survivor", "drop", count=2)),
         ("detect_survivor:delay=3", Fault("detect_survivor", "delay", seconds=3.0)),
         ("report_survivor:refuse=1", Fault("report_survivor", "refuse", count=1)),
-        ("navigate_to_pose:abort=zone_b", Fault("navigate_to_pose", "abort", zone="zone_b")),
+        ("navigate_to_pose:abort=zone_b", Fault("navigate_to_pose", "abort", place="zone_b")),
         ("navigate_to_pose:reject=1", Fault("navigate_to_pose", "reject", count=1)),
-        ("navigate_to_pose:die@zone_c", Fault("navigate_to_pose", "die", zone="zone_c")),
-        ("navigate_to_pose:die@zone_c,back=5", Fault("navigate_to_pose", "die", zone="zone_c", back=5.0)),
+        ("navigate_to_pose:die@zone_c", Fault("navigate_to_pose", "die", place="zone_c")),
+        ("navigate_to_pose:die@zone_c,back=5", Fault("navigate_to_pose", "die", place="zone_c", back=5.0)),
         ("navigate_to_pose:late=2s", Fault("navigate_to_pose", "late", seconds=2.0)),
         ("navigate_to_pose:code=208,after=14s", Fault("navigate_to_pose", "code", code=208, seconds=14.0)),
-        ("navigate_to_pose:code=107@zone_c", Fault("navigate_to_pose", "code", code=107, zone="zone_c")),
+        ("navigate_to_pose:code=107@zone_c", Fault("navigate_to_pose", "code", code=107, place="zone_c")),
         (
             "navigate_to_pose:abort@zone_b,drives=3s",
-            Fault("navigate_to_pose", "abort", zone="zone_b", seconds=3.0),
+            Fault("navigate_to_pose", "abort", place="zone_b", seconds=3.0),
         ),
         ("amcl:die", Fault("amcl", "die")),
-        ("amcl:die@zone_b,back=5", Fault("amcl", "die", zone="zone_b", back=5.0)),
+        ("amcl:die@zone_b,back=5", Fault("amcl", "die", place="zone_b", back=5.0)),
     ],
 )
 def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
@@ -62,16 +62,16 @@ def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
         ("report_survivor:drop=two", "'two' is not a whole number above 0"),
         ("detect_survivor:delay=nan", "'nan' is not a number of seconds above 0"),
         ("detect_survivor:delay=soon", "'soon' is not a number of seconds above 0"),
-        ("navigate_to_pose:die=zone_c", "expected navigate_to_pose:die[@ZONE][,back=SECONDS]"),
-        ("navigate_to_pose:die@zone_c,bak=5", "'bak=5' is not known; expected navigate_to_pose:die[@ZONE]"),
-        ("navigate_to_pose:die@", "expected navigate_to_pose:die[@ZONE]"),
+        ("navigate_to_pose:die=zone_c", "expected navigate_to_pose:die[@PLACE][,back=SECONDS]"),
+        ("navigate_to_pose:die@zone_c,bak=5", "'bak=5' is not known; expected navigate_to_pose:die[@PLACE]"),
+        ("navigate_to_pose:die@", "expected navigate_to_pose:die[@PLACE]"),
         ("navigate_to_pose:reject=1,back=5", "'back=5' is not known; expected navigate_to_pose:reject=COUNT"),
         ("navigate_to_pose:code=many", "'many' is not a whole number above 0"),
         ("navigate_to_pose:code=208,after=14m", "'14m' is not a number of seconds above 0"),
         ("navigate_to_pose:late@zone_b", "expected navigate_to_pose:late=SECONDS"),
         ("amcl:abort=zone_b", "'abort' is no fault of amcl (known: die)"),
         ("navigate_to_pose:die@zone_c,back=", "'' is not a number of seconds above 0"),
-        ("navigate_to_pose:abort=zone b", "'zone b' is not a zone's name"),
+        ("navigate_to_pose:abort=zone b", "'zone b' is not a place's name"),
     ],
 )
 def test_a_fault_that_makes_no_sense_is_explained(text: str, problem: str) -> None:
@@ -138,7 +138,7 @@ def test_a_server_dies_once_per_fault() -> None:
     assert navigation.accepted("zone_c") == GoalFate()
 
 
-def test_a_zone_that_is_not_there_is_named() -> None:
-    with pytest.raises(FaultError, match=r"'zone_x' is no zone.*did you mean 'zone_a'"):
-        plan("navigate_to_pose:abort=zone_x").navigation.check_zones(["zone_a"])
-    plan("navigate_to_pose:abort=zone_a").navigation.check_zones(["zone_a"])
+def test_a_place_that_is_not_there_is_named() -> None:
+    with pytest.raises(FaultError, match=r"'zone-a' is no place.*did you mean 'zone_a'"):
+        plan("navigate_to_pose:abort=zone-a").navigation.check_places(["zone_a"])
+    plan("navigate_to_pose:abort=zone_a").navigation.check_places(["zone_a"])

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -101,6 +102,34 @@ def test_a_simulation_ends_when_another_one_comes(
         client.wait(lambda: simulation.failure is not None, "the end of the simulation")
     assert isinstance(simulation.failure, IsolationError)
     assert "already provides /clock here" in str(simulation.failure)
+
+
+def test_a_robot_alone_outlives_a_second_server_of_its_navigation(
+    ros_context: Any, client: Client, disaster_zone: World
+) -> None:
+    """A killed navigator stays in the graph for 20 s, beside the one that takes its place."""
+    from nav2_msgs.action import NavigateToPose
+    from rclpy.action import ActionServer
+
+    from sar_compiler.sim.simulation import Simulation
+
+    goals = "/navigate_to_pose/_action/send_goal"
+    with Simulation(replace(disaster_zone, map_path=None), context=ros_context) as simulation:
+        servers = [
+            ActionServer(client.node, NavigateToPose, "navigate_to_pose", lambda _: NavigateToPose.Result())
+            for _ in range(2)
+        ]
+        try:
+            client.wait(
+                lambda: client.node.count_services(goals) == len(servers), "both servers in the graph"
+            )
+            seen = simulation.sim_time
+            over = lambda: simulation.failure is not None or simulation.sim_time > seen + 3.0  # noqa: E731
+            client.wait(over, "three more seconds")
+        finally:
+            for each in servers:
+                each.destroy()
+    assert simulation.failure is None
 
 
 def test_the_range_that_a_user_chose_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

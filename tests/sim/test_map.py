@@ -45,7 +45,7 @@ def test_the_map_agrees_with_the_world(disaster_zone: World, shipped_map: Occupa
 
 
 def test_every_zone_and_the_base_are_on_free_ground(disaster_zone: World, shipped_map: OccupancyMap) -> None:
-    for x, y in [*disaster_zone.zones.values(), (0.0, 0.0)]:
+    for x, y in [*disaster_zone.places.values(), (0.0, 0.0)]:
         cell = shipped_map.cell_at(x, y)
         assert cell is not None
         assert shipped_map.cells[cell] == FREE

@@ -98,7 +98,7 @@ def test_the_shipped_world_is_the_disaster_zone(disaster_zone: World) -> None:
     assert disaster_zone.cylinders == (Cylinder(-2.0, -2.5, 0.3),)
     assert disaster_zone.start == Pose2D(0.0, 0.0, 0.0)
     assert disaster_zone.robot_radius == 0.22
-    assert dict(disaster_zone.zones) == {
+    assert dict(disaster_zone.places) == {
         "zone_a": (-3.0, 3.0),
         "zone_b": (3.5, 3.0),
         "zone_c": (4.0, -3.0),
@@ -146,7 +146,7 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     ),
     (
         ROBOT + "walls: []\nzones: {a: {x: 1, y: '1'}}\n",
-        *(3, 23, "wrong-value", "'y' is a number of at most 1000000, and this is the text '1'", ""),
+        *(3, 23, "wrong-value", "'y' is a number of at most 1000000, and 1 in quotes is a text", ""),
     ),
     (
         ROBOT + "walls: []\ndebris:\n  - {shape: bx, x: 1}\n",

@@ -10,7 +10,8 @@ from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, describe_status
 from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
-from sar_compiler.ros.leaves.lifecycle import LifecycleNodes, driving_nodes
+from sar_compiler.ros.leaves.lifecycle import NAVIGATOR, LifecycleNodes, driving_nodes
+from sar_compiler.ros.leaves.standstill import Standstill
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 
 _NAV2 = "nav2_msgs."
@@ -42,7 +43,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         acceptance_timeout_sec: How long to wait for the goal to be accepted.
         feedback_timeout_sec: How long the server may be silent, once it has sent feedback; None for no limit. It
             also limits how long a server without feedback may leave other questions unanswered (None:
-            `server_timeout_sec`).
+            `server_timeout_sec`). Of a leaf that uses Nav2 2 s are enough while `bt_navigator` answers nothing.
         absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is under way.
         hold_timeout_sec: How long to wait, in an activation, for what keeps the server from taking the goal.
         pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
@@ -82,7 +83,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._failures = 0
         self._has_asked = False
         self._robot: RobotEstimate | None = None
-        self._rest: Deadline | None = None
+        self._rest: Standstill | None = None
 
     @abstractmethod
     def goal(self) -> Any:
@@ -172,7 +173,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self.feedback_timeout_sec,
             self.absence_timeout_sec,
         )
-        port, self._rest = cast("ActionPort", self._port), None
+        self._rest_no_longer()
+        port = cast("ActionPort", self._port)
         return ActionGoal(port, message, deadlines, self._announce, self._hear, self._clock)
 
     def _begin(self) -> Status:
@@ -217,18 +219,16 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
 
     def _comes_to_rest(self) -> bool:
         """Whether the robot still moves, and is waited for."""
-        if self._robot is None or self._robot.stands is not False:
+        if self._robot is None:
             return False
         if self._rest is None:
-            self._rest = Deadline(self._robot.settle_timeout_sec, self._clock)
-            self._robot.call_when_it_stands(self._wake)
-            self.feedback_message = "waiting for the robot to stand"
-        if self._rest.passed:
-            self.complain(
-                f"'{self.name}': the robot still moves ({self._robot.speed_in_words}) "
-                f"{self._robot.settle_timeout_sec:g} s after the end of its goal."
-            )
-        return not self._rest.passed
+            self._rest = Standstill(self, self._wake, "the end of its goal")
+        return self._rest.is_awaited()
+
+    def _rest_no_longer(self) -> None:
+        if self._rest is not None:
+            self._rest.give_up()
+            self._rest = None
 
     def _fail_or_hold(self, goal: ActionGoal) -> Status:
         """Go by what keeps the server from taking goals: wait until it is over and send again, or fail at once."""
@@ -278,6 +278,10 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self._pause = Deadline(pause - goal.age_sec, self._clock)
 
     def _progress(self, exchange: ActionGoal) -> Status:
+        # Whoever watches the robot asks; a question is given up after 2 s.
+        navigator = self._robot.lifecycle(NAVIGATOR) if self._robot is not None else None
+        if navigator is not None and navigator.is_silent and not navigator.has_heard_nothing:
+            exchange.lose_if_quiet(NAVIGATOR)
         status = super()._progress(exchange)
         feedback = exchange.take_feedback()
         if feedback is None or status is not Status.RUNNING:
@@ -315,6 +319,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self._exchange.abandon()
 
     def _drop(self) -> None:
+        self._rest_no_longer()
         goal = self._exchange
         self._cancel()
         super()._drop()

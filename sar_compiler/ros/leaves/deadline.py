@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.clock import NodeTime
 from sar_compiler.runtime.clock import WallClock
 
@@ -19,9 +20,10 @@ _FASTEST = 10.0
 def deadline_clock(node: "Node") -> "Clock":
     """Return the clock of deadlines on a node: simulated time where there is any, else the machine's.
 
-    Simulated time counts at most ten times as fast as the machine's; the machine's counts while it stands still.
+    Simulated time counts at most ten times as fast as the machine's; the machine's counts while it stands still. What passes
+    while this process stands still counts in neither.
     """
-    return NodeTime(node, patience_sec=_PATIENCE_SEC, fastest=_FASTEST)
+    return NodeTime(node, patience_sec=_PATIENCE_SEC, fastest=_FASTEST, steady=AWAKE.now)
 
 
 class Deadline:

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakMethod
 
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.leaves.client_leaf import Exchange
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal_statuses import ABORTED, CANCELED, SUCCEEDED, UNKNOWN, goal_statuses_of
@@ -35,8 +36,12 @@ _ENDS = {
 }
 # How long the result may take once the status topic has said that the goal is over, seconds.
 _RESULT_SEC = 2.0
+# So many goals in a row without an answer are no accident.
+_UNANSWERED = 2
 # In how many times its limit an acceptance may still come.
 _LATEST = 4.0
+# A navigator that answers nothing for so long is dead if it sends no feedback either, seconds in which this process ran.
+_QUIET_SEC = 2.0
 # How often a goal that was given up is asked after, seconds.
 _CHASE_SEC = 1.0
 
@@ -53,21 +58,29 @@ class ActionPort:
         node: The rclpy node.
         action_type: The action's Python type.
         name: The action's (relative) name.
+
+    Attributes:
+        unanswered: How many goals in a row were neither taken nor refused in time.
     """
 
     def __init__(self, node: "Node", action_type: Any, name: str) -> None:
+        self.name = name
+        self.action_type = action_type
+        self.unanswered = 0
+        self._node = node
+        self.goals = goals_under_way(node)
+        self.statuses = goal_statuses_of(node, name)
+        self._connect()
+
+    def _connect(self) -> None:
         from action_msgs.srv import CancelGoal
         from rclpy.action import ActionClient
 
-        self.name = name
-        self.action_type = action_type
-        self._node = node
-        self.client = ActionClient(node, action_type, name)
+        node, name = self._node, self.name
+        self.client = ActionClient(node, self.action_type, name)
         # rclpy's action client cancels only goals whose acceptance it has seen.
         self.canceller = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
-        self.goals = goals_under_way(node)
-        self.prober = node.create_client(action_type.Impl.GetResultService, f"{name}/_action/get_result")
-        self.statuses = goal_statuses_of(node, name)
+        self.prober = node.create_client(self.action_type.Impl.GetResultService, f"{name}/_action/get_result")
 
     @property
     def server_is_ready(self) -> bool:
@@ -82,6 +95,20 @@ class ActionPort:
     def warn(self, text: str) -> None:
         """Write a warning to the node's log."""
         self._node.get_logger().warning(in_one_line(text))
+
+    def count_unanswered(self) -> None:
+        """Note that a goal was neither taken nor refused in time; after the second in a row, make the clients anew."""
+        self.unanswered += 1
+        if self.unanswered < _UNANSWERED or not self.usable:
+            return
+        # A server that has not found a client's reader drops every answer to it; it may find another one's.
+        self.unanswered = 0
+        self.warn(
+            f"The server of '{self.name}' is there and has answered {_UNANSWERED} goals in a row with nothing: "
+            "from now on with new clients."
+        )
+        self.release()
+        self._connect()
 
     def release(self) -> None:
         """Destroy the clients; does nothing if the node, which owned them, is gone."""
@@ -159,6 +186,7 @@ class ActionGoal(Exchange):
         self._feedback: Any = None
         self._final: int | None = None
         self._result_due: Deadline | None = None
+        self._heard_at = math.inf
         self._silence: Deadline | None = None
         self._doubt: Deadline | None = None
         self._absence: Deadline | None = None
@@ -204,6 +232,17 @@ class ActionGoal(Exchange):
     def server_is_gone(self) -> bool:
         """Whether there is no server any more that could have the goal."""
         return not self._port.server_is_ready
+
+    def lose_if_quiet(self, navigator: str) -> None:
+        """Give it up if its server sent feedback, and now sends none: what drives for it may not stop by itself.
+
+        Args:
+            navigator: The lifecycle node of the server, which answers nothing.
+        """
+        if self.in_flight and self._final is None and AWAKE.now() - self._heard_at > _QUIET_SEC:
+            self._lose(
+                f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} answers nothing"
+            )
 
     def take_feedback(self) -> Any:
         """Return the latest feedback message, once; None if there is no new one."""
@@ -271,6 +310,8 @@ class ActionGoal(Exchange):
             self._await_result(self._final)
         elif self._handle is None:
             super()._watch()
+            if self.trouble:
+                self._port.count_unanswered()
         elif self._silence is not None and self._silence.passed:
             self._lose(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
         elif not self._port.server_is_ready:
@@ -312,6 +353,7 @@ class ActionGoal(Exchange):
         self._give_up(f"{trouble}; the robot may still be moving")
 
     def _on_answer(self, answer: "Future") -> None:
+        self._port.unanswered = 0
         handle: ClientGoalHandle = answer.result()
         if not handle.accepted:
             self.rejected = True
@@ -349,7 +391,7 @@ class ActionGoal(Exchange):
         return on_feedback
 
     def _on_feedback(self, message: Any) -> None:
-        self._feedback = message.feedback
+        self._feedback, self._heard_at = message.feedback, AWAKE.now()
         if self._pulse is not None:
             self._pulse.rest()
         if self._deadlines.feedback_sec is not None:

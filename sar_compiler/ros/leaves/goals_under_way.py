@@ -52,6 +52,11 @@ class GoalsUnderWay:
             canceller in cancellers and goal not in self._lost for goal, canceller in self._active.items()
         )
 
+    @property
+    def may_be_active(self) -> bool:
+        """Whether one may be whose end can still be seen."""
+        return any(goal not in self._lost for goal in self._active)
+
     def lost(self, goal_id: Any) -> None:
         """Note that the server of a goal has fallen silent: its end will not be seen.
 

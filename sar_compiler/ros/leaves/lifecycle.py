@@ -1,16 +1,25 @@
 """Lifecycle nodes whose state decides whether a server takes goals."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.of_node import of_node
+from sar_compiler.ros.robot_estimate import robot_estimate
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.ros.lifecycle_state import LifecycleState
+
 
 NAV2_NODES = ("amcl", "bt_navigator")
 """The lifecycle nodes of Nav2 that localise and navigate, by their relative names."""
+
+
+NAVIGATOR = NAV2_NODES[-1]
+"""The one of these whose actions drive the robot."""
 
 
 DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
@@ -18,7 +27,7 @@ DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_s
 
 
 class LifecycleNodes:
-    """Lifecycle nodes that must be active; asked only while somebody wants to know, and without blocking.
+    """Lifecycle nodes that must be active.
 
     A node that was never there is not asked for: there are servers without a lifecycle.
 
@@ -28,25 +37,24 @@ class LifecycleNodes:
     """
 
     def __init__(self, node: "Node", names: Sequence[str]) -> None:
-        from sar_compiler.ros.requirements import NodeActive
-
-        self._nodes: list[NodeActive] = [NodeActive(node, name) for name in names]
-        self._known: set[NodeActive] = set()
+        robot = robot_estimate(node)
+        self._nodes = [robot.lifecycle(name) for name in names]
+        self._known: set[LifecycleState] = set()
+        self._since = -math.inf
 
     def look(self) -> None:
         """Note which of the nodes are there."""
         self._known.update(each for each in self._nodes if each.is_there)
 
     def ask_anew(self) -> None:
-        """Forget what the nodes have answered."""
-        for each in self._nodes:
-            each.forget()
+        """Let only what the nodes answer from now on count."""
+        self._since = AWAKE.now()
 
     def obstacle(self) -> str | None:
         """Return what is missing, in words; empty if nothing is, None if not all have answered yet."""
         self.look()
-        missing = [each.missing() for each in self._nodes if each in self._known]
-        if any(each.is_awaited for each in self._known):
+        missing = [each.missing(self._since) for each in self._nodes if each in self._known]
+        if any(each.is_awaited(self._since) for each in self._known):
             return None
         return "; ".join(line for line in missing if line is not None)
 

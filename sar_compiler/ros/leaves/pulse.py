@@ -16,7 +16,7 @@ _PERIOD_SEC = 1.0
 
 
 class Pulse:
-    """Asks a server, again and again, for the result of a goal that nobody has sent, which it answers at once.
+    """Heartbeat: requests the result of an unknown goal, which a live server refuses at once.
 
     A server that works in the only thread that it has answers nothing meanwhile. So it counts as dead only after it
     has answered once.

@@ -1,0 +1,122 @@
+"""The parts of Nav2's stand-in, each a process of its own, killed alone while a mission drives: what is said, and what it costs."""
+
+import os
+import re
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.waiting import Stopwatch
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+class Flight:
+    """A mission on its way to its first zone, in a world of four processes.
+
+    Attributes:
+        mission: The command.
+    """
+
+    def __init__(self, start, serve, ros):
+        self._start, self._ros = start, ros
+        self._speed, self._begun = [0.0], []
+        serve("survivors")
+        self._world = start("sar-sim", "run", "--separate", "--speed", 2).wait_for("runs,")
+        parameters = ("-p", "use_sim_time:=true", "-p", "zone_order:=[zone_a]")
+        self.mission = start(
+            "sar-run", "search_and_rescue_resilient", "--until", "complete", "--ros-args", *parameters
+        )
+        self._listen()
+        self.mission.wait_for("Navigating to zone_a...")
+        ros.spin_until(lambda: self._speed[-1] > 0.3, "the robot's driving")
+
+    def _listen(self):
+        from nav_msgs.msg import Odometry
+
+        self._node = self._ros.node("watching")
+        self._node.create_subscription(
+            Odometry,
+            "odometry/filtered",
+            lambda message: self._speed.append(message.twist.twist.linear.x),
+            10,
+        )
+
+    def kill(self, part):
+        (found,) = re.findall(rf"{part} is process (\d+)", self._world.output)
+        os.kill(int(found), signal.SIGKILL)
+        return Stopwatch(self.mission.pid)
+
+    def stands(self):
+        self._ros.spin_until(lambda: not any(self._speed[-10:]), "the robot's standing")
+
+    def begin_again(self, part, *options):
+        self._begun.append(self._start("sar-sim", "run", "--only", part, *options).wait_for("runs in"))
+
+    def completes_at_no_cost(self):
+        assert self.mission.end() == 0, self.mission.output
+        assert "postponed" not in self.mission.output
+        assert "given up" not in self.mission.output
+
+    def end(self):
+        """End the world, and wait until the shadows of the dead are gone, beside which no other world would begin."""
+        for each in (*self._begun, self._world):
+            each.stop(within_sec=20.0)
+        goals = "/navigate_to_pose/_action/send_goal"
+        self._ros.spin_until(lambda: not self._node.count_services(goals), "the end of the navigators")
+
+
+@pytest.fixture
+def flight(start, serve, ros):
+    """A mission on its way to its first zone."""
+    flight = Flight(start, serve, ros)
+    yield flight
+    flight.end()
+
+
+def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds_and_costs_no_attempt(flight):
+    stopwatch = flight.kill("amcl")
+    flight.mission.wait_for("Nav2 is no longer active: node amcl: /amcl/get_state has not answered")
+    assert stopwatch.own_sec < 4.0
+    flight.stands()
+    flight.mission.wait_for("waits to send its goal again: node amcl")
+    flight.begin_again("amcl", "--localised")
+    flight.completes_at_no_cost()
+
+
+def test_nothing_drives_when_the_controller_is_killed_alone_and_it_costs_no_attempt(flight):
+    flight.kill("controller_server")
+    flight.stands()
+    flight.mission.wait_for("node controller_server: /controller_server/get_state has not answered for 2 s")
+    assert "follow_path has fallen silent" in flight._world.output
+    flight.begin_again("controller_server")
+    flight.completes_at_no_cost()
+
+
+def test_a_navigator_that_is_killed_alone_is_told_and_costs_no_attempt_though_its_controller_drives_on(
+    flight,
+):
+    flight.kill("bt_navigator")
+    flight.mission.wait_for(
+        "Nav2 is no longer active: node bt_navigator: /bt_navigator/get_state has not answered"
+    )
+    flight.mission.wait_for(
+        "waits to send its goal again: the server has sent no feedback for 2 s, and node bt_navigator answers nothing"
+    )
+    flight.mission.wait_for("everything is cancelled (")
+    flight.stands()
+    flight.begin_again("bt_navigator")
+    flight.completes_at_no_cost()
+
+
+def test_the_parts_end_with_a_world_that_is_killed(start):
+    from tests.waiting import News
+
+    world = start("sar-sim", "run", "--separate")
+    world.wait_until(lambda: world.output.count("runs in") == 3, "the parts")
+    parts = [Path("/proc", found) for found in re.findall(r"is process (\d+)", world.output)]
+    world.kill()
+    news = News()
+    with news:
+        news.wait_until(lambda: not any(part.exists() for part in parts), lambda: f"{parts} do not end")

@@ -1,0 +1,35 @@
+"""How the stand-in for Nav2 drives, by Nav2's parameters."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.sim.manner import QUICK, like_nav2, manner
+
+
+def test_like_nav2_it_drives_by_the_shipped_parameters() -> None:
+    nav2 = manner("nav2")
+    assert (nav2.speed, nav2.turn, nav2.tolerance, nav2.server_timeout_sec) == (0.4, 1.0, 0.25, 1.0)
+    assert (nav2.follower.look_ahead, nav2.follower.position_tolerance) == (0.6, 0.25)
+    assert manner("quick") is QUICK
+
+
+def test_what_a_parameter_file_says_counts_and_what_it_leaves_out_is_nav2_s_default(tmp_path: Path) -> None:
+    parameters = tmp_path / "nav2.yaml"
+    parameters.write_text(
+        """
+controller_server:
+  ros__parameters:
+    controller_plugins: [Follow]
+    goal_checker_plugins: [precise]
+    Follow: {desired_linear_vel: 0.3}
+    precise: {xy_goal_tolerance: 0.1, yaw_goal_tolerance: 0.2}
+planner_server:
+  ros__parameters: {GridBased: {tolerance: 0.4}}
+""",
+        encoding="utf-8",
+    )
+    nav2 = like_nav2(parameters)
+    assert (nav2.speed, nav2.turn, nav2.tolerance) == (0.3, 1.8, 0.4)
+    assert (nav2.follower.position_tolerance, nav2.follower.yaw_tolerance) == (0.1, 0.2)
+    assert nav2.server_timeout_sec == pytest.approx(0.02)
