@@ -15,6 +15,9 @@ RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 ROBOTS = {"robot1": "0,0.7,1.57", "robot2": "0,-0.7,-1.57"}
 """Where each robot starts: x, y (m), yaw (rad), frame `map`; the same as `initial_pose` in its file."""
 
+# Launch passes on line by line what processes say, so nothing can be overwritten.
+PASSED_ON = {"TERM": "dumb"}
+
 
 def generate_launch_description() -> LaunchDescription:
     """Return the simulator, and for each robot the two servers and the mission."""
@@ -43,6 +46,7 @@ def simulator() -> Node:
         arguments=["run", "--speed", LaunchConfiguration("speed"), *placed],
         output="screen",
         emulate_tty=True,
+        additional_env=PASSED_ON,
         on_exit=Shutdown(reason="the simulator has ended"),
     )
 
@@ -71,6 +75,7 @@ def mission(robot: str) -> Node:
         remappings=[("/tf", "tf"), ("/tf_static", "tf_static")],
         output="screen",
         emulate_tty=True,
+        additional_env=PASSED_ON,
     )
 
 

@@ -1,7 +1,6 @@
 """The file of a journal: an SQLite database, whose schema has a version."""
 
 import errno
-import itertools
 import math
 import os
 import sqlite3
@@ -16,6 +15,37 @@ from sar_compiler.journal.errors import JournalError, JournalPlaceError
 from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, Ending, JournalEntry, JournalRun
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, Row, RunEnd, read_reserve
+
+# Why a commit is as it is.
+#
+# A mission writes a fact *before* it tells the world: first "photo 1 was taken", then the picture and its message. A process that
+# is killed between the two does the second again, under the same name, which the receiver knows. The other way round somebody
+# would have heard a name that the next run gives to somebody else. So `write` returns when a fact is on the disk, and the tick
+# waits for it. Statuses and poses come far more often, and nothing is resumed from them: they are not worth a sync each.
+#
+# Both go into one file, by SQLite's write-ahead log. `synchronous` is chosen for each transaction: FULL syncs the log with the
+# commit, NORMAL leaves that to a later sync. A NORMAL commit has been handed to the kernel, so SIGKILL loses nothing that was
+# committed; only a power cut loses it. The log is written from front to back, and a FULL commit syncs everything before it, too: a
+# power cut takes the end of the history, and never something out of its middle. (Two files, one durable and one not, would
+# lose the statuses that led to a fact and keep the fact.) The pragma stands before BEGIN, because SQLite does not change the
+# level within a transaction.
+#
+# BEGIN IMMEDIATE takes the write lock at once: what is refused is refused before any row is written. Once a run has begun, that
+# lock is not waited for (`busy_timeout` is 0 since `reserve`): this is the thread that ticks the tree and cancels goals, and
+# somebody's open `sqlite3` shell must not stop a robot's mission. A lock, a full disk and a quota are one case: the transaction has not happened, none of its rows is in the
+# file, and `Journal` holds them with their numbers, facts in the reserve as well, and writes them again in one transaction, in
+# their order. If a transaction could happen by halves, a second attempt would write rows twice, or leave them out. The
+# ROLLBACK may fail, because SQLite has rolled back by itself where the disk was full; that is no second error.
+#
+# A process can die after the commit and before its reserve is emptied. So `_take_from` skips facts whose numbers the file has.
+#
+# Two locks are held on the file. SQLite's are POSIX locks, of the process: closing *any* descriptor of the file gives them up. Ours
+# says that a mission runs here for as long as the process lives, also between transactions and while the database is not open
+# yet; it is `flock`, which belongs to its descriptor, and the two do not know of each other. Hence the order in `close`, first the
+# connection, then the descriptor; and hence `is_locked`, which opens and closes one, is not for the process that writes.
+#
+# The schema is made in one transaction, and the folder is synced after it: a new file is a journal, or empty, and its name is on
+# the disk before a fact is.
 
 VERSION = 2
 """The version of the schema that is written; others are refused."""
@@ -80,6 +110,29 @@ class StreamMark(NamedTuple):
     watched: int = 0
     begun: frozenset[int] = frozenset()
     ended: frozenset[int] = frozenset()
+
+
+class StreamPlace(NamedTuple):
+    """A place in the stream of a journal; its beginning, without arguments.
+
+    Attributes:
+        run: The number of the run.
+        number: The number of an entry of it: 0 for the run's beginning, `END` for its end.
+        time: The latest time of the mission's clock in the run as far as there, in seconds.
+    """
+
+    run: int = 0
+    number: int = 0
+    time: float = -math.inf
+
+    def behind(self, entry: JournalEntry) -> "StreamPlace":
+        """Return the place behind the next entry."""
+        latest = max(self.time, entry.time) if entry.run == self.run else entry.time
+        return StreamPlace(entry.run, entry.number, latest)
+
+
+END = 2**63 - 1
+"""What stands for the number of a run's end in a `StreamPlace`."""
 
 
 class JournalFile:
@@ -278,39 +331,66 @@ class JournalFile:
                 for number, began, about, ended, ending, status, reason in rows
             ]
 
-    def facts(self) -> list[JournalEntry]:
-        """Return all facts, in their order."""
-        return self._entries("SELECT number, run, wall, time, kind, data FROM fact ORDER BY number", ())
+    def facts(self) -> Iterator[JournalEntry]:
+        """Yield all facts, in their order."""
+        return self._read("SELECT number, run, wall, time, kind, data FROM fact ORDER BY number", ())
 
-    def watched(self, *kinds: str) -> list[JournalEntry]:
-        """Return what was watched, in its order: entries of some kinds; of all, if none is named."""
+    def watched(self, *kinds: str) -> Iterator[JournalEntry]:
+        """Yield what was watched, in its order: entries of some kinds; of all, if none is named."""
         chosen = f"WHERE kind IN ({', '.join('?' * len(kinds))}) " if kinds else ""
         query = f"SELECT number, run, wall, time, kind, data FROM watched {chosen}ORDER BY number"  # noqa: S608
-        return self._entries(query, kinds)
+        return self._read(query, kinds)
 
     def stream(self) -> Iterator[JournalEntry]:
         """Yield all that has happened, in its order, one by one: what `Journal.listen` tells of while it happens."""
-        with self.snapshot():
-            entries = itertools.chain.from_iterable(map(self._of_run, self.runs()))
-            for number, entry in enumerate(entries, 1):
-                yield JournalEntry(number, *entry[1:])
+        for number, entry in enumerate(self.stream_behind(StreamPlace()), 1):
+            yield JournalEntry(number, *entry[1:])
 
-    def _of_run(self, run: JournalRun) -> Iterator[JournalEntry]:
-        yield self._begin_of(run, self.about())
-        yield from self.entries(run.number)
-        if (end := self._end_of(run)) is not None:
+    def stream_behind(self, after: StreamPlace) -> Iterator[JournalEntry]:
+        """Yield all that has happened behind a place, in its order, one by one, with the numbers that places have."""
+        with self.snapshot():
+            for run in self.runs():
+                if run.number >= after.run:
+                    yield from self._of_run(run, after=after if run.number == after.run else None)
+
+    def last_run(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
+        """Yield what has happened in the last run, one by one, in its order; without what was watched of some kinds."""
+        with self.snapshot():
+            for run in self.runs()[-1:]:
+                yield from self._of_run(run, without)
+
+    def _of_run(
+        self, run: JournalRun, without: Sequence[str] = (), after: StreamPlace | None = None
+    ) -> Iterator[JournalEntry]:
+        if after is None:
+            after = StreamPlace(run.number, 0, _start(run))
+            yield self._begin_of(run, self.about())
+        if after.number == END:
+            return
+        latest = after.time
+        for entry in self.entries(run.number, without=without, after=after.number):
+            latest = max(latest, entry.time)
+            yield entry
+        # What is left out may be later still.
+        if (end := self._end_of(run, self._last_time(run.number) if without else latest)) is not None:
             yield end
 
-    def entries(self, run: int, *, with_watched: bool = True) -> Iterator[JournalEntry]:
-        """Yield the facts of a run in their order, one by one, with what was watched among them or without."""
-        query = "SELECT number, run, wall, time, kind, data FROM fact WHERE run = ?1"
+    def entries(
+        self, run: int, *, with_watched: bool = True, without: Sequence[str] = (), after: int = 0
+    ) -> Iterator[JournalEntry]:
+        """Yield the facts of a run in their order, one by one.
+
+        Args:
+            run: The number of the run.
+            with_watched: Whether what was watched is among them.
+            without: Kinds of it that are left out.
+            after: The number behind which they begin.
+        """
+        query = "SELECT number, run, wall, time, kind, data FROM fact WHERE run = ?1 AND number > ?2"
         if with_watched:
-            query += " UNION ALL SELECT number, run, wall, time, kind, data FROM watched WHERE run = ?1"
-        with self._reading():
-            for number, of_run, wall, time_, kind, data in self._connection.execute(
-                f"{query} ORDER BY number", (run,)
-            ):
-                yield JournalEntry(number, of_run, _finite(wall), _finite(time_), str(kind), _mapping(data))
+            query += " UNION ALL SELECT number, run, wall, time, kind, data FROM watched WHERE run = ?1 AND number > ?2"
+            query += f" AND kind NOT IN ({', '.join('?' * len(without))})" if without else ""
+        yield from self._read(f"{query} ORDER BY number", (run, after, *without))
 
     def widest_kind(self, run: int, *, with_watched: bool) -> int:
         """Return the length of the longest kind among the entries of a run; 0 if there are none."""
@@ -323,12 +403,12 @@ class JournalFile:
     def _begin_of(self, run: JournalRun, about: Mapping[str, Any]) -> JournalEntry:
         return JournalEntry(0, run.number, run.began, _start(run), RUN_BEGAN, {**about, "run": run.about})
 
-    def _end_of(self, run: JournalRun) -> JournalEntry | None:
+    def _end_of(self, run: JournalRun, latest: float | None = None) -> JournalEntry | None:
         if run.ended is None or run.ending is None:
             return None
         data = {"ending": run.ending.value, "status": run.status, "reason": run.reason}
-        last = max(_start(run), self._last_time(run.number))
-        return JournalEntry(0, run.number, run.ended, last, RUN_ENDED, data)
+        last = max(_start(run), self._last_time(run.number) if latest is None else latest)
+        return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
     def news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
         """Return what has happened since a mark, in its order, and the next mark.
@@ -341,7 +421,7 @@ class JournalFile:
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:
-        """Have all that is read in it be of one moment, whoever writes meanwhile."""
+        """Read a consistent snapshot while another process writes."""
         if self._connection.in_transaction:
             yield
             return
@@ -357,8 +437,8 @@ class JournalFile:
         runs = self.runs()
         about = self.about() if any(run.number not in mark.begun for run in runs) else {}
         columns = "SELECT number, run, wall, time, kind, data FROM"
-        facts = self._entries(f"{columns} fact WHERE number > ? ORDER BY number", (mark.fact,))
-        watched = self._entries(f"{columns} watched WHERE number > ? ORDER BY number", (mark.watched,))
+        facts = [*self._read(f"{columns} fact WHERE number > ? ORDER BY number", (mark.fact,))]
+        watched = [*self._read(f"{columns} watched WHERE number > ? ORDER BY number", (mark.watched,))]
         entries = [*facts, *watched]
         for run in runs:
             if run.number not in mark.begun:
@@ -390,13 +470,10 @@ class JournalFile:
             (last,) = self._connection.execute(query, (run,)).fetchone()
         return -math.inf if last is None else float(last)
 
-    def _entries(self, query: str, values: Iterable[str | int]) -> list[JournalEntry]:
+    def _read(self, query: str, values: Iterable[str | int]) -> Iterator[JournalEntry]:
         with self._reading():
-            rows = self._connection.execute(query, tuple(values))
-            return [
-                JournalEntry(number, run, _finite(wall), _finite(time), str(kind), _mapping(data))
-                for number, run, wall, time, kind, data in rows
-            ]
+            for number, run, wall, time_, kind, data in self._connection.execute(query, tuple(values)):
+                yield JournalEntry(number, run, _finite(wall), _finite(time_), str(kind), _mapping(data))
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
         """Add a run, and say what the mission is if it is the first one; return the run's number."""
@@ -494,7 +571,7 @@ def is_locked(path: Path) -> bool:
 
 
 def _is_used(path: Path) -> bool:
-    """Return whether somebody writes to a journal: whoever does has locked it, and a moment later has a log beside it."""
+    """Return whether a process writes the journal: it holds the lock, and a moment later also a write-ahead log."""
     for _ in range(_ATTEMPTS):
         if Path(f"{path}-wal").exists():
             return True

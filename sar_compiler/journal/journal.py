@@ -4,9 +4,9 @@ import os
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import (
@@ -18,6 +18,7 @@ from sar_compiler.journal.journal_entries import (
     JournalEntry,
 )
 from sar_compiler.journal.json_values import json_text
+from sar_compiler.journal.situation import CHANGED, Display, LandmarkKind, beginning, changes_by
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
 
@@ -32,6 +33,26 @@ _BATCH_SEC = 1.0
 
 # So much waits in memory while the file cannot be written: of each, the later ones are only counted.
 _MOST_FACTS, _MOST_WATCHED = 10_000, 20_000
+
+
+class FactState(Protocol):
+    """A state that facts make: what a mission remembers, and what it shows of that."""
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the state by a fact, the same while it is written and when a later run takes it over.
+
+        Raises:
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        ...
+
+    def display(self) -> Display:
+        """Return what is shown of it."""
+        ...
+
+    def sentence(self, fact: JournalEntry) -> str:
+        """Return a fact as a sentence; empty for the usual words."""
+        ...
 
 
 class SentGoal(NamedTuple):
@@ -73,6 +94,7 @@ class Journal:
             mission's state.
         aside: The name that the file is given, because it is another mission's, before a new one is made in its place;
             None to go on with the file.
+        apply: Changes a state by each fact, where no mission is attached.
 
     Attributes:
         aside: The name that the file has or will have, because it is another mission's.
@@ -82,15 +104,25 @@ class Journal:
         on_recovery: Called with a sentence when the file can be written again.
     """
 
-    def __init__(self, file: "JournalFile | None" = None, aside: Path | None = None) -> None:
+    def __init__(
+        self,
+        file: "JournalFile | None" = None,
+        aside: Path | None = None,
+        *,
+        apply: Callable[[JournalEntry], object] = lambda _: None,
+    ) -> None:
         self.clock: Clock = WallClock()
+        self._apply = apply
+        self._state: FactState | None = None
+        self._kinds: tuple[LandmarkKind, ...] = ()
+        self._shown = Display()
         self.on_failure: Callable[[str], object] = lambda _: None
         self.on_recovery: Callable[[str], object] = lambda _: None
         self._file = file
         self.aside = aside
         known = file if aside is None else None
         self.is_resumed = known is not None and bool(known.runs())
-        self._facts = known.facts() if known is not None else []
+        self._facts = [*known.facts()] if known is not None else []
         self._about = known.about() if known is not None else {}
         self._has_begun = self.is_resumed
         # The last entry's, of facts and of what is watched; the system's clock may be set, and orders nothing.
@@ -161,6 +193,32 @@ class Journal:
         times = Counter(goal.goal_id for goal in sent)
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
 
+    def attach(self, state: FactState, kinds: Iterable[LandmarkKind] = ()) -> None:
+        """Have the facts make a state: those of earlier runs now, each further one as it is noted.
+
+        Args:
+            state: The state of a mission that has just begun.
+            kinds: The kinds of its landmarks.
+
+        Raises:
+            JournalError: If the facts are not those of such a mission.
+        """
+        for fact in self.facts():
+            try:
+                state.apply(fact)
+            except (  # noqa: PERF203 - which fact it is is said
+                ArithmeticError,
+                AttributeError,
+                LookupError,
+                TypeError,
+                ValueError,
+            ) as error:
+                message = (
+                    f"fact {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not fit: {error}"
+                )
+                raise JournalError(message) from error
+        self._state, self._apply, self._kinds = state, state.apply, tuple(kinds)
+
     def begin(self, about: Mapping[str, object], run_about: Mapping[str, object]) -> None:
         """Begin the run: from here on it can be resumed.
 
@@ -176,6 +234,10 @@ class Journal:
         if self._file is not None:
             self._begin_in(self._file, about, of_run)
         self._tell(RUN_BEGAN, {**self._about, "run": of_run})
+        if self._state is not None:
+            self._apply(self._entry(RUN_BEGAN, of_run))
+            self._shown = self._state.display()
+            self.watch(CHANGED, **beginning(self._kinds, self._shown))
 
     def _begin_in(
         self, file: "JournalFile", about: Mapping[str, object], of_run: Mapping[str, object]
@@ -201,16 +263,33 @@ class Journal:
         """Write a fact down; it is on the disk when this returns, and only then may the world be told.
 
         Args:
-            kind: What it is, such as `zone_visited`.
+            kind: What it is, such as `photo_taken`.
             **data: What belongs to it, as JSON values.
 
         Raises:
             TypeError: If a value is no JSON value.
         """
+        fact = self._entry(kind, data)
+        self._apply(fact)
+        changed = self._changed(fact)
         if self._is_written:
-            self._pending.append(self._row(kind, data))
+            self._pending.append(self._row(kind, data, fact))
+            if changed:
+                self._watched.append(self._row(CHANGED, changed, fact))
             self._write()
-        self._tell(kind, data)
+        self._tell(kind, data, fact)
+        if changed:
+            self._tell(CHANGED, changed, fact)
+
+    def _entry(self, kind: str, data: Mapping[str, object]) -> JournalEntry:
+        return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
+
+    def _changed(self, fact: JournalEntry) -> dict[str, object]:
+        """Return what a fact has changed of what the mission shows, with the fact as a sentence."""
+        if self._state is None:
+            return {}
+        before, self._shown = self._shown, self._state.display()
+        return changes_by(fact, self._state.sentence(fact), before, self._shown)
 
     def keep_number(self, kind: str, number: int) -> None:
         """Remember the highest number that was given to something, such as a name: where facts are lost, the next run goes on above it.
@@ -255,12 +334,17 @@ class Journal:
             status: The exit status.
             reason: The reason in a sentence.
         """
+        data = {"ending": ending.value, "status": status, "reason": reason}
+        entry = self._entry(RUN_ENDED, data)
+        self._apply(entry)
+        if changed := self._changed(entry):
+            self.watch(CHANGED, **changed)
         if self._is_written:
             from sar_compiler.journal.reserve import RunEnd
 
             self._end = RunEnd(self._run, time.time(), ending, status, reason)
             self._write()
-        self._tell(RUN_ENDED, {"ending": ending.value, "status": status, "reason": reason})
+        self._tell(RUN_ENDED, data)
 
     def close(self) -> None:
         """Write what is left to be written, and close the file; one in which nothing has begun is removed."""
@@ -275,13 +359,15 @@ class Journal:
             self._file.remove()
         self._file, self._reserve, self._is_written = None, None, False
 
-    def _tell(self, kind: str, data: Mapping[str, object]) -> None:
+    def _tell(self, kind: str, data: Mapping[str, object], at: JournalEntry | None = None) -> None:
+        """Tell the listeners of an entry: of now, or of the moment of another one."""
         if self._listeners:
             # What is no JSON value is the caller's mistake where nothing is written, too.
             if not self._is_written:
                 json_text(data)
             self._told += 1
-            entry = JournalEntry(self._told, self._run, time.time(), self.clock.now(), kind, data)
+            wall, now = self._moment(at)
+            entry = JournalEntry(self._told, self._run, wall, now, kind, data)
             for listener in list(self._listeners):
                 try:
                     listener(entry)
@@ -289,11 +375,16 @@ class Journal:
                     self._listeners.remove(listener)
                     self.on_failure(f"One who watches the mission has failed and watches no more: {error!r}.")
 
-    def _row(self, kind: str, data: Mapping[str, object]) -> "Row":
+    def _row(self, kind: str, data: Mapping[str, object], at: JournalEntry | None = None) -> "Row":
+        """Return an entry as it is written: of now, or of the moment of another one."""
         from sar_compiler.journal.reserve import Row
 
         self._number += 1
-        return Row(self._number, self._run, time.time(), self.clock.now(), kind, json_text(data))
+        wall, now = self._moment(at)
+        return Row(self._number, self._run, wall, now, kind, json_text(data))
+
+    def _moment(self, at: JournalEntry | None) -> tuple[float, float]:
+        return (time.time(), self.clock.now()) if at is None else (at.wall, at.time)
 
     def _write(self) -> None:
         file = self._file if self._is_written else None

@@ -35,7 +35,7 @@ class JournalEntry(NamedTuple):
         run: The number of the run that has written it, from 1.
         wall: When it was written, in seconds since 1970.
         time: The time of the mission's clock, in seconds.
-        kind: What it is, such as `zone_visited`.
+        kind: What it is, such as `photo_taken`.
         data: What belongs to it, as JSON values.
     """
 

@@ -1,5 +1,6 @@
 """JSON as it is defined: numbers that are not finite are written, and read, as null."""
 
+import functools
 import json
 import math
 import re
@@ -8,18 +9,25 @@ from typing import Any
 
 # A number that may be beyond what a float can be: an exponent, or digits, of such a length.
 _HUGE = re.compile(r"[eE]\+?0*[1-9][0-9]{2}|[0-9]{300}")
+# Made once: `json.loads` with an option makes one for each text, which takes longer than reading a short one.
+_decode = json.JSONDecoder(parse_constant=lambda _: None).decode
 
 
 def json_text(data: object, **options: Any) -> str:
-    """Return a value as JSON; options are those of `json.dumps`.
+    """Return a value as JSON; options are those of `json.JSONEncoder`.
 
     Raises:
         TypeError: If it is no JSON value.
     """
     try:
-        return json.dumps(data, allow_nan=False, **options)
+        return _encoder(**options).encode(data)
     except ValueError:
-        return json.dumps(_finite(data), allow_nan=False, **options)
+        return _encoder(**options).encode(_finite(data))
+
+
+@functools.cache
+def _encoder(**options: Any) -> json.JSONEncoder:
+    return json.JSONEncoder(allow_nan=False, **options)
 
 
 def json_value(text: str) -> Any:
@@ -28,7 +36,7 @@ def json_value(text: str) -> Any:
     Raises:
         ValueError: If it is no JSON.
     """
-    value = json.loads(text, parse_constant=lambda _: None)
+    value = _decode(text)
     return _finite(value) if _HUGE.search(text) else value
 
 

@@ -1,15 +1,15 @@
 """The state of a mission, folded from the entries of its journal: what a page, a report and a terminal show.
 
 The entries come one by one while the mission runs (`Journal.listen`), or all at once from a file (`JournalFile.stream`);
-the state is the same. Entries of other kinds, or without what belongs to their kind, are kept as they are: they are the mission's own.
+the state is the same. Entries of other kinds, or without what belongs to their kind, are facts of the mission.
 """
 
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.situation import CHANGED, FactTime, MissionPhase, Situation, fact_words, position
 
 RUNNING, SUCCESS, FAILURE = "RUNNING", "SUCCESS", "FAILURE"
 _RESTING = ("IDLE", "HALTED")
@@ -28,13 +28,6 @@ class Instant(NamedTuple):
     run: int
     time: float
     wall: float
-
-
-class Position(NamedTuple):
-    """A position in the frame `map`, metres."""
-
-    x: float
-    y: float
 
 
 class RobotPose(NamedTuple):
@@ -69,18 +62,20 @@ class Told(NamedTuple):
     level: int = 0
 
 
-class Noted(NamedTuple):
-    """An entry that means something to the mission alone.
+class KnownFact(NamedTuple):
+    """A fact of the mission.
 
     Attributes:
         at: When it was written.
         kind: What it is, such as `photo_taken`.
         data: What belongs to it, as JSON values.
+        text: The fact as a sentence.
     """
 
     at: Instant
     kind: str
     data: Mapping[str, Any]
+    text: str
 
 
 @dataclass
@@ -124,68 +119,6 @@ class NodeState:
 
 
 @dataclass
-class ZoneState:
-    """A zone.
-
-    Attributes:
-        name: Its name.
-        place: Where it is; None if that is not known.
-        state: `open`, `under way`, `searched`, `visited` or `abandoned`.
-        reason: Why it was given up untried, in words.
-        attempts: How often it was set out for.
-        started: When it was set out for last.
-        searched: When a search of it was finished; None if none was, whatever the state is.
-        left: When it was visited or abandoned.
-        unplaced: Why somebody whom its last search has found cannot be where that says, in words; empty if there is nobody.
-    """
-
-    name: str
-    place: Position | None = None
-    state: str = "open"
-    reason: str = ""
-    attempts: int = 0
-    started: Instant | None = None
-    searched: Instant | None = None
-    left: Instant | None = None
-    unplaced: str = ""
-
-    @property
-    def said(self) -> str:
-        """Whether it was searched, in words: a robot may have been there, and nobody has looked."""
-        searched = "searched" if self.searched is not None else "not searched"
-        if self.state == "abandoned":
-            return f"{searched}, given up"
-        return f"visited, {searched}" if self.state == "visited" and self.searched is None else searched
-
-
-@dataclass
-class SurvivorState:
-    """A survivor.
-
-    Attributes:
-        place: The position.
-        zone: The zone; empty if unknown.
-        name: The name; empty before there is one.
-        standing: What the operator says: `candidate`, `confirmed`, `rejected` or `merged`.
-        possibly: The name of somebody found before, who may be the same, or is it, if merged; else empty.
-        report: `not sent`, `sent`, `kept` or `acknowledged`.
-        found: When it was found.
-        sent: When the report was sent last.
-        acknowledged: When base has acknowledged the report.
-    """
-
-    place: Position
-    zone: str = ""
-    name: str = ""
-    standing: str = "candidate"
-    possibly: str = ""
-    report: str = "not sent"
-    found: Instant | None = None
-    sent: Instant | None = None
-    acknowledged: Instant | None = None
-
-
-@dataclass
 class RunState:
     """A run of the mission.
 
@@ -215,22 +148,18 @@ class MissionState:
         about: What the mission is, as its first run has said.
         runs: Its runs, the latest last.
         nodes: The nodes of the tree, in pre-order.
-        zones: The zones by name, in the order of the plan.
-        zone: The zone that is under way; empty if none is.
-        survivors: The survivors, in the order in which they were found.
-        base: The base station.
-        home: Whether the robot is there.
-        held: Whether the operator has paused the mission.
+        situation: What the mission shows of itself.
+        is_told: Whether the mission itself has said what it shows: journals of earlier versions have facts alone.
+        since: Since when each alarm is there, by what it says.
+        facts: What has happened, in its order; of goals of actions, `goals` tells.
         pose: Where the robot was last; None before anything is known of it.
         trail: Where it has been.
-        plan: The way that it is about to drive, as points in the frame `map`.
+        plan: The way that it is about to drive, as x and y in the frame `map`, metres.
         drive: What is left of the drive that is under way; None if none is.
+        lacks: Why the robot cannot drive, in words; empty if it can.
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
             `height` in cells, and the image `png`; empty if there is none.
-        alarms: Reasons to cut the mission short.
-        orders: What the operator has ordered.
         warnings: Warnings and errors of the log.
-        noted: What the mission has written of its own, in its order.
         goals: The goals that may be active: their actions, by id.
         tick: The number of the last tick in which anything has changed.
         now: The moment of the last entry.
@@ -240,53 +169,21 @@ class MissionState:
         self.about: Mapping[str, Any] = {}
         self.runs: list[RunState] = []
         self.nodes: list[NodeState] = []
-        self.zones: dict[str, ZoneState] = {}
-        self.zone = ""
-        self.survivors: list[SurvivorState] = []
-        self.base: Position | None = None
-        self.home = self.held = False
+        self.situation = Situation()
+        self.is_told = False
+        self.since: dict[str, Instant] = {}
+        self.facts: list[KnownFact] = []
         self.pose: RobotPose | None = None
         self.trail: list[RobotPose] = []
-        self.plan: list[Position] = []
+        self.plan: list[tuple[float, float]] = []
         self.drive: DriveLeft | None = None
+        self.lacks = ""
         self.map: Mapping[str, Any] = {}
-        self.alarms: list[Told] = []
-        self.orders: list[Told] = []
         self.warnings: list[Told] = []
-        self.noted: list[Noted] = []
         self.goals: dict[str, str] = {}
         self.tick = 0
         self.now = Instant(1, 0.0, 0.0)
-        self._start = 0.0
-        self._kinds: Mapping[str, Callable[..., object]] = {
-            RUN_BEGAN: self._run_began,
-            RUN_ENDED: self._run_ended,
-            GOAL_SENT: self._goal_sent,
-            GOAL_ENDED: self._goal_ended,
-            "status": self._status,
-            "pose": self._pose,
-            "plan": self._plan,
-            "progress": self._progress,
-            "map": self._map,
-            "log": self._log,
-            "zone_added": self._zone_added,
-            "zone_started": self._zone_started,
-            "zone_searched": self._zone_searched,
-            "survivor_unplaced": self._survivor_unplaced,
-            "zone_visited": lambda zone: self._zone_left(zone, "visited"),
-            "zone_postponed": lambda zone: self._zone_left(zone, "open"),
-            "zone_abandoned": self._zone_abandoned,
-            "survivor_named": self._survivor_named,
-            "survivor_judged": self._survivor_judged,
-            "report_sent": lambda survivor: self._reported(survivor, "sent", sent=self.now),
-            "report_kept": lambda survivor: self._reported(survivor, "kept"),
-            "report_acknowledged": lambda survivor: self._reported(
-                survivor, "acknowledged", acknowledged=self.now
-            ),
-            "operator_ordered": self._operator_ordered,
-            "alarmed": lambda reason: self.alarms.append(Told(self.now, str(reason))),
-            "base_reached": self._base_reached,
-        }
+        self._starts: dict[int, float] = {}
 
     @classmethod
     def of(cls, stream: Iterable[JournalEntry]) -> "MissionState":
@@ -299,17 +196,21 @@ class MissionState:
     def take(self, entry: JournalEntry) -> None:
         """Let an entry happen."""
         if entry.kind == RUN_BEGAN:
-            self._start = entry.time
-        self.now = Instant(entry.run, entry.time - self._start, entry.wall)
-        happen = self._kinds.get(entry.kind)
+            self._starts[entry.run] = entry.time
+        self.now = self.instant(FactTime(entry.run, entry.time, entry.wall))
+        happen = self._KINDS.get(entry.kind)
         if happen is not None:
             try:
-                happen(**entry.data)
+                happen(self, **entry.data)
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
                 pass  # somebody else's entry of that kind
             else:
                 return
-        self.noted.append(Noted(self.now, entry.kind, entry.data))
+        self.facts.append(KnownFact(self.now, entry.kind, entry.data, fact_words(entry.kind, entry.data)))
+
+    def instant(self, time: FactTime) -> Instant:
+        """Return a moment of the mission's clock as one of its run."""
+        return Instant(time.run, time.time - self._starts.get(time.run, 0.0), time.wall)
 
     @property
     def title(self) -> str:
@@ -317,52 +218,40 @@ class MissionState:
         return str(self.about.get("mission") or (self.nodes[0].name if self.nodes else "mission"))
 
     @property
+    def phase(self) -> MissionPhase:
+        """What it is at: what its last run has come to, else what keeps it, what it says itself, or whether it drives."""
+        run, told = self.runs[-1] if self.runs else None, self.situation.phase
+        if run is not None and run.ending:
+            word = (
+                "complete"
+                if run.status == 0
+                else {"over": "incomplete", "stopped": "stopped", "failed": "failed"}.get(
+                    run.ending, run.ending
+                )
+            )
+            return told._replace(name=word, reason=run.reason)
+        if told.name:
+            return told
+        if self.lacks:
+            return told._replace(name="waiting", reason=self.lacks)
+        return told._replace(name="working" if self.drive is None else "driving")
+
+    @property
     def parameters(self) -> Mapping[str, Any]:
         """The parameters of the last run, by name."""
         given = self.runs[-1].about.get("parameters") if self.runs else None
         return given if isinstance(given, Mapping) else {}
 
-    @property
-    def fence(self) -> list[Position]:
-        """The corners of the geofence; empty for none."""
-        numbers = self.parameters.get("geofence")
-        if not isinstance(numbers, Sequence):
-            return []
-        try:
-            return [_position(x, y) for x, y in zip(numbers[::2], numbers[1::2], strict=False)]
-        except (ArithmeticError, TypeError, ValueError):
-            return []
-
-    def survivor(self, name: str) -> SurvivorState | None:
-        """Return a survivor by the name; None if nobody has it."""
-        return next((each for each in self.survivors if each.name == name), None)
-
     def _run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
-        self.drive, self.plan, self.tick = None, [], 0
-        self._leave_off()
-        if not self.about:
-            self.about = about
-            self._take_identity(about.get("identity") or {})
+        self.drive, self.plan, self.tick, self.lacks = None, [], 0, ""
+        self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
-
-    def _take_identity(self, identity: Mapping[str, Any]) -> None:
-        for zone in identity.get("zones") or []:
-            self.zones[str(zone["id"])] = ZoneState(str(zone["id"]), _position(zone["x"], zone["y"]))
-        base = identity.get("base_station")
-        self.base = _position(base["x"], base["y"]) if base else None
 
     def _run_ended(self, ending: str, status: int | None, reason: str) -> None:
         run = self.runs[-1]
         run.ended, run.ending, run.status, run.reason = self.now, str(ending), status, str(reason)
-        self._leave_off()
-
-    def _leave_off(self) -> None:
-        """Have no zone under way, because the run has ended, or another zone is."""
-        for zone in self.zones.values():
-            if zone.state in ("under way", "searched"):
-                zone.state = "open"
-        self.zone = ""
+        self.drive, self.lacks = None, ""
 
     def _goal_sent(self, action: str, goal: str) -> None:
         self.goals[goal] = action
@@ -379,14 +268,17 @@ class MissionState:
         self.tick = max(self.tick, int(tick))
 
     def _pose(self, x: float, y: float, yaw: float) -> None:
-        self.pose = RobotPose(self.now, *_position(x, y), float(yaw))
+        self.pose = RobotPose(self.now, *position(x, y), float(yaw))
         self.trail.append(self.pose)
 
     def _plan(self, frame: str, points: Any) -> None:
-        self.plan = [_position(*point) for point in points] if frame == "map" else []
+        self.plan = [position(*point) for point in points] if frame == "map" else []
 
     def _progress(self, target: str, distance: float, time_left: float | None) -> None:
         self.drive = DriveLeft(str(target), float(distance), None if time_left is None else float(time_left))
+
+    def _lacks(self, text: str) -> None:
+        self.lacks = str(text)
 
     def _map(self, **data: Any) -> None:
         self.map = data
@@ -395,78 +287,31 @@ class MissionState:
         if level >= _WARN:
             self.warnings.append(Told(self.now, str(text), str(node), int(level)))
 
-    def _zone(self, name: str) -> ZoneState:
-        return self.zones.setdefault(str(name), ZoneState(str(name)))
+    def _changed(self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, **data: Any) -> None:
+        situation = self.situation
+        if kinds is not None:
+            self.situation = situation = Situation()
+            situation.take(kinds)
+            self.is_told = True
+        situation.take(**data)
+        self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
+        if said and self.facts:
+            self.facts[-1] = self.facts[-1]._replace(text=str(said))
 
-    def _zone_added(self, id: str, x: float, y: float, yaw: float) -> None:  # noqa: A002, ARG002 - as a zone has it
-        self.zones[str(id)] = ZoneState(str(id), _position(x, y))
-
-    def _zone_started(self, zone: str) -> None:
-        self._leave_off()
-        state = self._zone(zone)
-        state.state, state.started, state.attempts = "under way", self.now, state.attempts + 1
-        self.zone, self.home = state.name, False
-
-    def _zone_searched(self, zone: str, survivor: Any) -> None:
-        state = self._zone(zone)
-        state.state, state.searched, state.unplaced = "searched", self.now, ""
-        if survivor is None:
-            return
-        found = SurvivorState(_position(*survivor), str(zone), found=self.now)
-        if not any((each.zone, each.place) == (found.zone, found.place) for each in self.survivors):
-            self.survivors.append(found)
-
-    def _survivor_unplaced(self, zone: str, reason: str) -> None:
-        self._zone(zone).unplaced = str(reason)
-
-    def _zone_left(self, zone: str, end: str) -> None:
-        state = self._zone(zone)
-        state.state, state.left = end, self.now
-        self.zone, self.drive = "", None
-        if end == "open":
-            self.zones[state.name] = self.zones.pop(state.name)
-
-    def _zone_abandoned(self, zone: str, attempts: int, reason: str) -> None:
-        state = self._zone(zone)
-        state.reason = str(reason) or f"it was not reached in {attempts} attempts"
-        self._zone_left(zone, "abandoned")
-
-    def _survivor_named(self, survivor: str, x: float, y: float, possibly: str | None = None) -> None:
-        place = _position(x, y)
-        named = next((each for each in reversed(self.survivors) if each.place == place), None)
-        if named is None:
-            named = SurvivorState(place, found=self.now)
-            self.survivors.append(named)
-        named.name, named.possibly = str(survivor), str(possibly or "")
-
-    def _survivor_judged(self, survivor: str, standing: str, same_as: str | None) -> None:
-        judged = self.survivor(survivor)
-        if judged is not None:
-            judged.standing, judged.possibly = str(standing), str(same_as or judged.possibly)
-            self.orders.append(
-                Told(self.now, f"{survivor} is {standing}{f' with {same_as}' if same_as else ''}")
-            )
-
-    def _reported(self, survivor: str, report: str, **instants: Instant) -> None:
-        state = self.survivor(survivor)
-        if state is not None:
-            state.report = report
-            vars(state).update(instants)
-
-    def _operator_ordered(self, order: str) -> None:
-        self.held = {"hold": True, "release": False}.get(order, self.held)
-        self.orders.append(Told(self.now, str(order)))
-
-    def _base_reached(self) -> None:
-        self.home, self.zone, self.drive = True, "", None
-
-
-def _position(x: Any, y: Any) -> Position:
-    place = Position(float(x), float(y))
-    if not (math.isfinite(place.x) and math.isfinite(place.y)):
-        message = f"({x}, {y}) is no position"
-        raise ValueError(message)
-    return place
+    _KINDS: ClassVar[Mapping[str, Callable[..., None]]] = {
+        RUN_BEGAN: _run_began,
+        RUN_ENDED: _run_ended,
+        GOAL_SENT: _goal_sent,
+        GOAL_ENDED: _goal_ended,
+        CHANGED: _changed,
+        "status": _status,
+        "pose": _pose,
+        "plan": _plan,
+        "progress": _progress,
+        "lacks": _lacks,
+        "map": _map,
+        "log": _log,
+    }
 
 
 def tree_nodes(tree: Any) -> Iterator[NodeState]:

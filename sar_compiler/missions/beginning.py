@@ -46,7 +46,7 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     reader.complain()
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in _keys(binding))
-    slips = lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *keys))
+    slips = lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *keys), reader.place_of)
     return Beginning(run, parameters, (*slips, *reader.notes))
 
 

@@ -133,7 +133,7 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
         whose = ", ".join(f"<{bound.spec.tag}> of '{mission.name}'" for mission, bound in first.items())
         message = f"the leaves of this tree are of several missions: {whose}"
         last = list(first.values())[-1]
-        collector.tag(last.element, "several-missions", message, hint="say which one counts: --mission NAME")
+        collector.add("several-missions", message, last.element, hint="say which one counts: --mission NAME")
         raise TreeError(collector.findings)
     return _guarded(next(iter(first))) if first else None
 

@@ -10,7 +10,8 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.ros.landmark import Landmark
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.situation import Display, LandmarkKind
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 if TYPE_CHECKING:
@@ -26,9 +27,11 @@ class MissionRun:
 
     Attributes:
         context: The objects for its leaves, by their type (see `runtime.context.mission_context`).
+        kinds: The kinds of landmarks that it shows on the map.
     """
 
-    context: Mapping[type, object] = {}
+    context: Mapping[type, Any] = {}
+    kinds: Sequence[LandmarkKind] = ()
 
     def greeting(self) -> list[str]:
         """Return the lines to log before the start."""
@@ -48,10 +51,31 @@ class MissionRun:
     def keep_in(self, journal: "Journal") -> None:
         """Keep the mission's facts in a journal from now on; called once, before the tree is compiled.
 
-        Whatever is to outlast the process is written with `journal.note` before anybody is told of it. `journal.facts()`
-        has what earlier runs have written: it is taken over here, and the leaves answer by it what is finished, because
-        the tree starts anew.
+        Whatever is to outlast the process is written with `journal.note` before anybody is told of it, and changes the run's state by `apply`:
+        what earlier runs have written does so here. The leaves answer by that state what is finished, because the tree starts anew.
+        Who keeps the journal, to note in it, says so in a method of this name, and calls this one.
+
+        Raises:
+            JournalError: If the facts of earlier runs are not those of such a mission.
         """
+        journal.attach(self, self.kinds)
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the run's state by a fact: of this run as it is noted, of earlier ones as it is taken over.
+
+        It is told of the beginning and the end of a run as well, `run_began` and `run_ended`. Nothing else changes what is remembered.
+
+        Raises:
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+
+    def display(self) -> Display:
+        """Return what the mission shows of itself, as it is now: asked for after each fact, and what has changed is written behind it."""
+        return Display()
+
+    def sentence(self, fact: JournalEntry) -> str:  # noqa: ARG002 - for subclasses
+        """Return a fact as a sentence, without a full stop; empty for its kind and its values."""
+        return ""
 
     def verbs(self) -> "Sequence[Verb]":
         """Return what the operator can order while it runs, for pages with a button each; the tree's leaves offer the services."""
@@ -67,10 +91,6 @@ class MissionRun:
         x and y in metres, frame `map`; by default its `places`.
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
-
-    def landmarks(self) -> Sequence[Landmark]:
-        """Return what is shown of it on a map, as it is now; asked for when a fact of its journal has been written."""
-        return []
 
     def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses
         """Return whether the robot may be at a position in the frame `map`, metres: whether it is inside its geofence."""
@@ -99,10 +119,6 @@ class MissionRun:
         If the tree is then idle, the run ends, complete or not.
         """
         return ""
-
-    def figures(self) -> Mapping[str, float]:
-        """Return what a table of many runs shows of this one, by name; empty for nothing."""
-        return {}
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:  # noqa: ARG002
         """Return the text to print at the end; empty for none.

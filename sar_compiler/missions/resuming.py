@@ -83,7 +83,7 @@ def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str
     collector = Collector()
     element = tree.origins[behaviour.id].bound.element
     message = f"the mission in {journal.place} has another tree: {words}"
-    collector.tag(element, "other-tree", message, hint=f"go on with that tree, {_ADVICE}")
+    collector.add("other-tree", message, element, hint=f"go on with that tree, {_ADVICE}")
     raise TreeError(collector.findings)
 
 

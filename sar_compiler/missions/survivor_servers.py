@@ -14,25 +14,25 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 
+DETECT = (
+    "sar-detect-survivor-server",
+    "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). The parameters survivors.<zone>.x and .y replace the survivors it knows of.",
+)
+REPORT = (
+    "sar-report-survivor-server",
+    "Serve report_survivor (sar_interfaces/srv/ReportSurvivor): acknowledge survivors reported in map.",
+)
+"""The name and the description of each command."""
+
+
 def detect(argv: Sequence[str] | None = None) -> int:
     """Run `sar-detect-survivor-server` and return its exit status."""
-    return serve(
-        _detector,
-        "sar-detect-survivor-server",
-        "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). "
-        "The parameters survivors.<zone>.x and .y replace the survivors it knows of.",
-        argv,
-    )
+    return serve(_detector, *DETECT, argv)
 
 
 def report(argv: Sequence[str] | None = None) -> int:
     """Run `sar-report-survivor-server` and return its exit status."""
-    return serve(
-        _base,
-        "sar-report-survivor-server",
-        "Serve report_survivor (sar_interfaces/srv/ReportSurvivor): acknowledge survivors reported in map.",
-        argv,
-    )
+    return serve(_base, *REPORT, argv)
 
 
 def _detector(context: "Context", arguments: list[str]) -> "Node":

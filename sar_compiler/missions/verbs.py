@@ -20,14 +20,14 @@ class VerbField(NamedTuple):
     Attributes:
         name: Its name. `x` and `y` together are a place on the map, in metres.
         label: What people read.
-        kind: `text`; `number`; `choice`, of `choices`; `survivor`, the name of one that was found.
+        kind: `text`; `number`; `choice`, of `choices`; `found`, the name of a landmark that was found.
         choices: For `choice`: pairs of a value and what people read.
         optional: Whether it may be left empty: a number is None then, anything else an empty text.
     """
 
     name: str
     label: str
-    kind: Literal["text", "number", "choice", "survivor"] = "text"
+    kind: Literal["text", "number", "choice", "found"] = "text"
     choices: Sequence[tuple[str, str]] = ()
     optional: bool = False
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from sar_compiler.monitoring.numbered_tree import NumberedNode, NumberedTree
-from sar_compiler.nodes.btcpp.notes import Notes
+from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.btcpp.rewrites import Draft
 from sar_compiler.nodes.models.palette import describe, is_built_in
 from sar_compiler.nodes.registry import language_variants
@@ -111,7 +111,7 @@ class _NodeWriter:
         draft = Draft(synthetic_element(tag), tag, attributes, explicit=False)
         for spec in specs:
             if spec.semantics.counterpart.rewrite is not None:
-                spec.semantics.counterpart.rewrite(draft, Notes())
+                spec.semantics.counterpart.rewrite(draft, Collector())
         if not draft.children:
             tag, attributes = draft.tag, draft.attributes
         if tag != specs[0].tag:

@@ -1,7 +1,8 @@
-"""Findings for editors and continuous integration: as JSON, and as commands of GitHub Actions."""
+"""Findings for editors and continuous integration, as JSON and as commands of GitHub Actions; pages about their kinds."""
 
 from collections.abc import Iterable
 
+from sar_compiler.resources import shipped
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.plain import as_json
@@ -56,3 +57,12 @@ def _command(finding: Diagnostic) -> str:
 
 def _escaped(text: str, escapes: dict[str, str]) -> str:
     return "".join(escapes.get(character, character) for character in text)
+
+
+def page_of(code: str) -> str:
+    """Return the page about a kind of finding, in Markdown.
+
+    Raises:
+        ResourceError: If it is not installed.
+    """
+    return shipped("docs/findings", f"{code}.md").read_text("utf-8")

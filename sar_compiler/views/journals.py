@@ -7,27 +7,47 @@ from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
 from sar_compiler.journal.mission_state import tree_nodes
 from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.views.plain import as_json
 
+# How the JSON of an object ends that is in several lines.
+_END = "\n}"
 _RUNNING, _BROKEN_OFF, _EMPTY = "running", "broken off", "empty"
 
 
-def journal_data(file: JournalFile, *, with_watched: bool = False) -> dict[str, Any]:
-    """Return a journal as JSON values.
+def journal_json(file: JournalFile, *, with_watched: bool = False) -> Iterator[str]:
+    """Yield a journal as the lines of a JSON object; each fact has a line, and each entry of what was watched.
 
     Args:
         file: The journal.
         with_watched: Whether what was watched is part of it.
     """
-    runs = file.runs()
-    data = {
-        "file": str(file.path),
-        "version": VERSION,
-        "state": _state(file, runs),
-        **file.about(),
-        "runs": [run._asdict() for run in runs],
-        "facts": [fact._asdict() for fact in file.facts()],
-    }
-    return {**data, "watched": [each._asdict() for each in file.watched()]} if with_watched else data
+    # Before the snapshot: to look at the lock takes away those of whoever reads the file in this process.
+    state = _state(file, file.runs())
+    with file.snapshot():
+        data = {
+            "file": str(file.path),
+            "version": VERSION,
+            "state": state,
+            **file.about(),
+            "runs": [run._asdict() for run in file.runs()],
+        }
+        yield f"{as_json(data).removesuffix(_END)},"
+        yield '  "facts": ['
+        yield from _json_items(file.facts())
+        if with_watched:
+            yield '  ],\n  "watched": ['
+            yield from _json_items(file.watched())
+        yield "  ]\n}"
+
+
+def _json_items(entries: Iterable[JournalEntry]) -> Iterator[str]:
+    before = None
+    for entry in entries:
+        if before is not None:
+            yield f"{before},"
+        before = f"    {as_json(entry._asdict(), indent=None)}"
+    if before is not None:
+        yield before
 
 
 def journal_lines(file: JournalFile, *, with_watched: bool = False) -> Iterator[str]:

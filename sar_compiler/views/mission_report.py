@@ -1,42 +1,23 @@
 """The report of a mission as plain data: what the forms in which it is written have in common."""
 
-from collections.abc import Mapping
 from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.mission_state import (
-    Instant,
-    MissionState,
-    NodeState,
-    Position,
-    SurvivorState,
-    Told,
-    ZoneState,
-)
+from sar_compiler.journal.mission_state import Instant, MissionState, NodeState
+from sar_compiler.journal.situation import FactTime, Landmark, Level
 
 
 class ReportError(SarError):
     """A report cannot be written like this."""
 
 
-class MissionOutcome(NamedTuple):
-    """The outcome of a mission: a word, and the reason."""
-
-    word: str
-    reason: str
-
-
-def outcome(state: MissionState) -> MissionOutcome:
-    """Return the outcome of a mission as of its last run."""
-    run = state.runs[-1] if state.runs else None
-    if run is None or not run.ending:
-        return MissionOutcome("unfinished", "it still runs, or it has broken off")
-    if run.status == 0:
-        return MissionOutcome("complete", run.reason)
-    word = {"over": "incomplete", "stopped": "stopped", "failed": "failed"}.get(run.ending, run.ending)
-    return MissionOutcome(word, run.reason)
+def outcome(state: MissionState) -> tuple[str, str]:
+    """Return what a mission has come to as of its last run: a word, and the reason."""
+    if not state.runs or not state.runs[-1].ending:
+        return "unfinished", "it still runs, or it has broken off"
+    return state.phase.name, state.phase.reason
 
 
 def utc(instant: Instant | None) -> str | None:
@@ -54,9 +35,9 @@ def georeference(state: MissionState) -> Georeference | None:
     return Georeference.among(state.parameters)
 
 
-def to_visit(state: MissionState) -> list[SurvivorState]:
-    """Return the survivors to whom somebody must go: those whom the operator has neither rejected nor merged."""
-    return [each for each in state.survivors if each.standing not in ("rejected", "merged")]
+def to_visit(state: MissionState) -> list[Landmark]:
+    """Return the finds to which somebody must go: those that nobody has given up."""
+    return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
 
 
 def report_data(state: MissionState) -> dict[str, Any]:
@@ -68,7 +49,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
     Raises:
         ImportError: If pyproj is not installed, and the map's place on the earth is known.
     """
-    place = _PlacesInTheWorld(georeference(state))
+    place, situation = _PlacesInTheWorld(georeference(state)), state.situation
     word, reason = outcome(state)
     return {
         "mission": state.about.get("mission"),
@@ -76,7 +57,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
         "outcome": word,
         "reason": reason,
         "as_of": utc(state.now) if state.runs else None,
-        "home": state.home,
+        "phase": state.phase._asdict(),
         "georeference": place.reference and place.reference._asdict(),
         "runs": [
             {
@@ -91,14 +72,19 @@ def report_data(state: MissionState) -> dict[str, Any]:
             }
             for run in state.runs
         ],
-        "survivors": [_survivor(each, place) for each in state.survivors],
-        "zones": [_zone(each, place) for each in state.zones.values()],
-        "base_station": place.of(state.base),
-        "alarms": _told(state.alarms),
-        "orders": _told(state.orders),
-        "noted": [{**_at(each.at), "kind": each.kind, "data": dict(each.data)} for each in state.noted],
+        "landmarks": {
+            kind.plural: [_landmark(state, each, place) for each in situation.of_kind(kind.name)]
+            for kind in situation.kinds.values()
+        },
+        "figures": [each._asdict() for each in situation.figures.values()],
+        "gauges": [each._asdict() for each in situation.gauges.values()],
+        "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
+        "facts": [
+            {**_at(each.at), "kind": each.kind, "data": dict(each.data), "text": each.text}
+            for each in state.facts
+        ],
         "warnings": [{**_at(each.at), "text": each.text, "node": each.by} for each in state.warnings],
-        "path": [{**_at(pose.at), **(place.of(Position(pose.x, pose.y)) or {})} for pose in state.trail],
+        "path": [{**_at(pose.at), **place.of(pose.x, pose.y)} for pose in state.trail],
         "parameters": dict(state.parameters),
         "tree": [_node(each) for each in state.nodes],
     }
@@ -107,12 +93,10 @@ def report_data(state: MissionState) -> dict[str, Any]:
 class _PlacesInTheWorld(NamedTuple):
     reference: Georeference | None
 
-    def of(self, position: Position | None) -> dict[str, float] | None:
-        if position is None:
-            return None
-        place = {"x": position.x, "y": position.y}
+    def of(self, x: float, y: float) -> dict[str, float]:
+        place = {"x": x, "y": y}
         if self.reference is not None:
-            lat, lon = self.reference.located(*position)
+            lat, lon = self.reference.located(x, y)
             place |= {"lat": round(lat, 8), "lon": round(lon, 8)}
         return place
 
@@ -129,36 +113,22 @@ def _at(instant: Instant | None) -> dict[str, Any]:
     )
 
 
-def _survivor(survivor: SurvivorState, place: _PlacesInTheWorld) -> dict[str, Any]:
-    return {
-        "name": survivor.name or None,
-        "zone": survivor.zone or None,
-        "position": place.of(survivor.place),
-        "standing": survivor.standing,
-        "possibly": survivor.possibly or None,
-        "report": survivor.report,
-        "found": _at(survivor.found),
-        "sent": _at(survivor.sent),
-        "acknowledged": _at(survivor.acknowledged),
+def _landmark(state: MissionState, landmark: Landmark, place: _PlacesInTheWorld) -> dict[str, Any]:
+    fixed = {
+        "name": landmark.name,
+        "position": place.of(landmark.x, landmark.y),
+        **({"corners": [place.of(*corner) for corner in landmark.corners]} if landmark.corners else {}),
+        "state": landmark.state,
+        "level": Level(landmark.level).name.lower(),
+        "reason": landmark.reason or None,
+        "within": landmark.within or None,
+        "certain": landmark.is_certain,
     }
-
-
-def _zone(zone: ZoneState, place: _PlacesInTheWorld) -> dict[str, Any]:
-    return {
-        "name": zone.name,
-        "position": place.of(zone.place),
-        "state": zone.state,
-        "reason": zone.reason or None,
-        "attempts": zone.attempts,
-        "started": _at(zone.started),
-        "searched": _at(zone.searched),
-        "left": _at(zone.left),
-        "unplaced": zone.unplaced or None,
+    details = {
+        name: _at(state.instant(each)) if isinstance(each, FactTime) else each
+        for name, each in landmark.details.items()
     }
-
-
-def _told(told: list[Told]) -> list[Mapping[str, Any]]:
-    return [{**_at(each.at), "text": each.text} for each in told]
+    return {**fixed, **details, **fixed}
 
 
 def _node(node: NodeState) -> dict[str, Any]:

@@ -1,22 +1,31 @@
 """A mission that is running, for a terminal: one screen of it, or a line for each change."""
 
 import itertools
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
-from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState, Noted, SurvivorState
+from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
+from sar_compiler.journal.situation import CHANGED, Landmark, fact_words
 from sar_compiler.tree.showing import in_one_line, shortened
-from sar_compiler.views.journals import entry_words
 
-# So much of what a mission has written of its own has room in a line.
-_MOST_NOTED = 10
+# So many facts, and landmarks of a kind, have room in a line.
+_MOST_TOLD = 10
 _SIGNS = {RUNNING: "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]"}
 
-# Facts that say nothing to people.
-_PASSED_OVER = (RUN_BEGAN, RUN_ENDED, GOAL_SENT)
-_WATCHED = ("pose", "plan", "map", "progress", "log", GOAL_ENDED)
+# Entries that say nothing to people in a line.
+_PASSED_OVER = (
+    RUN_BEGAN,
+    RUN_ENDED,
+    GOAL_SENT,
+    GOAL_ENDED,
+    "pose",
+    "plan",
+    "map",
+    "progress",
+    "lacks",
+    "log",
+)
 
 
 class Piece(NamedTuple):
@@ -46,15 +55,6 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
 
 
-def noted_words(noted: Noted) -> tuple[str, str]:
-    """Return what a mission has written of its own in words: what it is, and what belongs to it (`photo: photo_1`)."""
-    values = (
-        f"{name}: {value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)}"
-        for name, value in noted.data.items()
-    )
-    return noted.kind.replace("_", " "), shortened(", ".join(values))
-
-
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
     """Return an entry as a line of a log, once the state has it; empty for what is no change to people.
 
@@ -63,20 +63,22 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
         entry: The entry.
         before: The status before, of the node that the entry is about.
     """
-    if entry.kind in _PASSED_OVER or entry.kind in _WATCHED:
+    if entry.kind in _PASSED_OVER:
         return ""
     if entry.kind == "status":
         status, message = entry.data.get("status"), entry.data.get("message")
         if status in (before, "IDLE"):
             return ""
         words = f"{state.nodes[entry.data['node']].name} {status}{f', {message}' if message else ''}"
+    elif state.is_told:  # behind each fact stands what it says
+        words = str(entry.data.get("said") or "") if entry.kind == CHANGED else ""
     else:
-        words = f"{entry.kind} {', '.join(entry_words(entry.data))}"
-    return in_one_line(f"{state.now.time:9.1f} s  {shortened(words).rstrip()}")
+        words = fact_words(entry.kind, entry.data)
+    return in_one_line(f"{state.now.time:9.1f} s  {shortened(words)}") if words else ""
 
 
 def screen(state: MissionState, now: float, height: int) -> list[Line]:
-    """Return a mission as lines for a terminal: two of the mission, the others of its tree.
+    """Return a mission as lines for a terminal: the mission on the first, the others of its tree.
 
     Args:
         state: The mission.
@@ -89,55 +91,51 @@ def screen(state: MissionState, now: float, height: int) -> list[Line]:
 
 def full_height(state: MissionState) -> int:
     """Return the number of lines of a screen on which nothing is folded."""
-    return 2 + len(state.nodes)
+    found = sum(kind.is_found for kind in state.situation.kinds.values())
+    return 1 + max(1, found) + len(state.nodes)
 
 
 def _headline(state: MissionState, now: float) -> Line:
-    root = state.nodes[0].status if state.nodes else ""
-    words = [state.title, clock_text(now), _going_on(state, root), *_whereabouts(state)]
-    if state.zones:
-        done = sum(zone.state in ("visited", "abandoned") for zone in state.zones.values())
-        words.append(f"{done}/{len(state.zones)} zones done")
+    words = [state.title, clock_text(now), _going_on(state), *_whereabouts(state)]
+    words += [figure.text for figure in state.situation.figures.values()]
     return [Piece("  ".join(map(in_one_line, filter(None, words))), "title")]
 
 
+def _going_on(state: MissionState) -> str:
+    phase = state.phase
+    raised = [alarm.text for alarm in state.situation.alarms.values() if not alarm.is_over]
+    if raised and not (state.runs and state.runs[-1].ending):
+        return f"ALARM: {raised[-1]}"
+    return "" if phase.reason == state.lacks != "" else phase.name
+
+
 def _whereabouts(state: MissionState) -> list[str]:
-    place = state.zone or ("home" if state.home else "")
-    drive = state.drive
+    place, drive = state.situation.phase.place, state.drive
+    if state.lacks:
+        return [place, f"WAITS: {state.lacks}"]
     if drive is None:
         return [place]
     left = "" if drive.time_left is None else f", {clock_text(drive.time_left)} left"
     return [place if drive.target != place else "", f"{drive.target} in {drive.distance:.1f} m{left}"]
 
 
-def _going_on(state: MissionState, root: str) -> str:
-    if state.runs and state.runs[-1].ending:
-        return state.runs[-1].ending
-    if state.alarms:
-        return f"ALARM: {state.alarms[-1].text}"
-    return "held" if state.held else root
-
-
 def _found(state: MissionState) -> Iterator[Line]:
-    """Yield a line with the survivors; of a mission that looks for none, with the latest that it has written of its own."""
-    told = [_survivor(each) for each in reversed(state.survivors)]
-    unplaced = [f"one at no usable position in {each.name}" for each in state.zones.values() if each.unplaced]
-    if told or unplaced:
-        yield [Piece(in_one_line(f"survivors: {len(told)}; {'; '.join([*unplaced, *told])}"))]
-    elif state.zones:
-        yield [Piece("survivors: none", "quiet")]
-    elif state.noted:
-        latest = (", ".join(filter(None, noted_words(each))) for each in state.noted[: -_MOST_NOTED - 1 : -1])
-        yield [Piece(in_one_line(f"noted: {len(state.noted)}; {'; '.join(latest)}"))]
+    """Yield a line for each kind of what is looked for, the latest find first; if nothing is, one with the latest facts."""
+    situation = state.situation
+    kinds = [kind for kind in situation.kinds.values() if kind.is_found]
+    for kind in kinds:
+        finds = situation.of_kind(kind.name)
+        told = "; ".join(map(_find, finds[: -_MOST_TOLD - 1 : -1]))
+        text = f"{kind.plural}: {len(finds)}; {told}" if finds else f"{kind.plural}: none"
+        yield [Piece(in_one_line(text), "" if finds else "quiet")]
+    if state.facts and not kinds:
+        latest = "; ".join(fact.text for fact in state.facts[: -_MOST_TOLD - 1 : -1])
+        yield [Piece(in_one_line(f"noted: {len(state.facts)}; {shortened(latest)}"))]
 
 
-def _survivor(survivor: SurvivorState) -> str:
-    """Return a survivor in few words; the latest ones come first."""
-    x, y = survivor.place
-    standing = (
-        survivor.report if survivor.standing == "candidate" else f"{survivor.standing}, {survivor.report}"
-    )
-    return f"{survivor.name or 'somebody'} ({x:.1f}, {y:.1f}) {standing}"
+def _find(find: Landmark) -> str:
+    words = [find.state, *(each for each in find.details.values() if isinstance(each, str))]
+    return f"{find.name} ({find.x:.1f}, {find.y:.1f}) {', '.join(filter(None, words))}"
 
 
 def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:

@@ -104,7 +104,7 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
     return {
         "tag": spec.tag,
         "kind": spec.kind.value,
-        "class": f"{spec.cls.__module__}.{spec.cls.__qualname__}" if spec.cls else None,
+        "class": spec.class_path.replace(":", ".") or None,
         "doc": spec.doc,
         "outcomes": sorted(spec.outcomes),
         "skipped": list(_skipped(spec)),

@@ -10,12 +10,12 @@ from sar_compiler.tree.showing import UNSEEN
 _UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
-def as_json(data: object) -> str:
+def as_json(data: object, indent: int | None = 2) -> str:
     """Return data as JSON, in which what a terminal would obey is escaped; for whoever reads it, it is the same.
 
-    Numbers that are not finite are null, because JSON has none.
+    It is indented by so many spaces, or in one line. Numbers that are not finite are null, because JSON has none.
     """
-    text = json_text(data, indent=2, ensure_ascii=False)
+    text = json_text(data, indent=indent, ensure_ascii=False)
     return UNSEEN.sub(_escaped, text)
 
 

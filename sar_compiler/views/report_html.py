@@ -5,23 +5,16 @@ from datetime import datetime
 from html import escape
 from typing import Any
 
-from sar_compiler.journal.mission_state import (
-    Instant,
-    MissionState,
-    NodeState,
-    Position,
-    SurvivorState,
-    Told,
-    ZoneState,
-)
+from sar_compiler.journal.mission_state import Instant, MissionState, NodeState
+from sar_compiler.journal.situation import FactTime, Figure, Landmark, Level
 from sar_compiler.tree.showing import visible
-from sar_compiler.views.mission_report import georeference, outcome, to_visit
-from sar_compiler.views.mission_view import clock_text, noted_words, sign
-from sar_compiler.views.report_map import legend_of, report_map
+from sar_compiler.views.mission_report import georeference, outcome
+from sar_compiler.views.mission_view import clock_text, sign
+from sar_compiler.views.report_map import legend, report_map
 
 _NONE = "-"
-# Of the log's warnings so many are told, of what the mission has written of its own so much.
-_MOST_WARNINGS, _MOST_NOTED = 200, 1000
+# Of the log's warnings so many are told, and of the facts.
+_MOST_WARNINGS, _MOST_FACTS = 200, 1000
 # As in rcl_interfaces/msg/Log.
 _ERROR = 40
 
@@ -44,17 +37,18 @@ dt { color: var(--quiet) } dd { margin: 0; overflow-wrap: anywhere }
 .wide { overflow-x: auto } table { border-collapse: collapse; width: 100% }
 th, td { text-align: left; vertical-align: top; padding: .25rem .7rem .25rem 0; border-bottom: 1px solid var(--rule) }
 th { color: var(--quiet); font-weight: 600 } td.number { font-variant-numeric: tabular-nums; white-space: nowrap }
-td.text { overflow-wrap: anywhere; min-width: 6.5rem }
-.confirmed td:first-child { font-weight: 700 } .rejected td, .merged td { color: var(--quiet) }
+td.text { overflow-wrap: anywhere; min-width: 7.5rem }
+.certain td:first-child { font-weight: 700 } .found.given-up td { color: var(--quiet) }
+tr.found.to-come td, tr.found.in-hand td { color: var(--alarm) }
 .map { width: 100%; max-height: 42rem; background: #fff; border: 1px solid var(--rule) }
 .map text { fill: #000; stroke: #fff; stroke-width: .25em; paint-order: stroke; font-family: system-ui, sans-serif }
 .map .name { font-weight: 700 } .map .said { font-size: .7em } .map .scale { fill: #444 } .map image { image-rendering: pixelated; opacity: .75 }
-.grid { stroke: #0002; stroke-width: .02 } .fence { fill: none; stroke: #000; stroke-dasharray: .4em .25em }
-.path { fill: none; stroke: #0072b2; stroke-linejoin: round } .base { fill: #fff; stroke: #000 }
-.zone { fill: #fff; stroke: #0072b2 } .zone.searched { fill: #0072b2 } .zone.visited { fill: #56b4e9 }
-.zone.abandoned { fill: #000; stroke: #000 } .zone.open { stroke-dasharray: .35em .2em }
-.survivor { fill: #e69f00; stroke: #000 } .survivor.confirmed { fill: #d55e00 }
-.survivor.rejected, .survivor.merged { fill: #fff; stroke: #777 }
+.map g { stroke-width: .25 } .grid { stroke: #0002; stroke-width: .02 }
+.path { fill: none; stroke: #0072b2; stroke-linejoin: round }
+.landmark { fill: #fff; stroke: #0072b2 } .landmark.done { fill: #0072b2 } .landmark.in-hand { fill: #56b4e9 }
+.landmark.given-up { fill: #000; stroke: #000 } .landmark.to-come { stroke-dasharray: .35em .2em }
+.landmark.found { fill: #e69f00; stroke: #000; stroke-dasharray: none } .landmark.found.certain { fill: #d55e00 }
+.landmark.found.given-up { fill: #fff; stroke: #777 } .landmark.area { fill: none; stroke: #000; stroke-dasharray: .4em .25em }
 ul.legend { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; margin: .4rem 0 }
 .key { width: 1.1em; height: 1.1em; margin-right: .4em; vertical-align: -.2em; background: #fff; stroke-width: .3 }
 .key * { font-size: 2px }
@@ -84,12 +78,11 @@ def html_report(state: MissionState) -> str:
     body = "".join(
         (
             *_head(state),
-            *_survivors(state),
+            *_landmarks(state, is_found=True),
             *_map(state),
-            *_zones(state),
-            *_events(state, "Alarms of the failsafes", state.alarms),
-            *_events(state, "Orders of the operator", state.orders),
-            *_noted(state),
+            *_landmarks(state, is_found=False),
+            *_alarms(state),
+            *_facts(state),
             *_faults(state),
             *_annex(state),
         )
@@ -106,29 +99,26 @@ def _head(state: MissionState) -> Iterator[str]:
     word, reason = outcome(state)
     yield f"<header><h1>{_text(state.title)}</h1>"
     if state.about.get("simulated"):
-        nobody = ": nobody was searched for, nobody was found" if state.zones or state.survivors else ""
-        yield f'<p class="simulated">Simulated{nobody}</p>'
+        seeks = any(kind.is_found for kind in state.situation.kinds.values())
+        yield f'<p class="simulated">Simulated{": nobody was searched for, nobody was found" if seeks else ""}</p>'
     yield f'<p class="outcome{"" if word == "complete" else " bad"}">{_text(word.capitalize())}'
     yield f"{_text(f': {reason}') if reason and word != 'complete' else ''}</p>"
-    listed = to_visit(state)
-    unsearched = [zone.name for zone in state.zones.values() if zone.searched is None]
     facts: list[tuple[str, str]] = [
         (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
         for run in state.runs
     ]
     if state.runs and not state.runs[-1].ending:
         facts.append(("as of", _day(state.now)))
-    if state.zones:
-        known = sum(each.report == "acknowledged" for each in listed)
-        facts += [
-            (
-                "survivors",
-                f"{len(listed)}, of whom base has acknowledged {known}" if listed else "none found",
-            ),
-            ("zones", f"{len(state.zones) - len(unsearched)} of {len(state.zones)} searched"),
-            *([("not searched", ", ".join(unsearched))] if unsearched else []),
-            ("robot", _robot(state)),
-        ]
+    facts += [(figure.name, _figure(figure)) for figure in state.situation.figures.values()]
+    lacking = [
+        f"{each.name} ({each.state})"
+        for each in state.situation.landmarks.values()
+        if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found
+    ]
+    if lacking:
+        facts.append(("not done", ", ".join(lacking)))
+    if state.is_told:
+        facts.append(("robot", _robot(state)))
     place = georeference(state)
     if place is not None:
         where = f"origin of the map at {place.lat:.7f}, {place.lon:.7f} (WGS 84), its x axis {place.heading:g}° from north"
@@ -137,89 +127,85 @@ def _head(state: MissionState) -> Iterator[str]:
     yield f"<dl>{items}</dl></header>"
 
 
+def _figure(figure: Figure) -> str:
+    return figure.text.removeprefix(figure.name).strip()
+
+
 def _robot(state: MissionState) -> str:
-    if state.home:
-        return "at the base station"
+    place = state.situation.phase.place
+    if any(each.name == place and each.level == Level.DONE for each in state.situation.landmarks.values()):
+        return f"at {place}"
     return f"last seen at ({state.pose.x:.2f}, {state.pose.y:.2f})" if state.pose is not None else "not known"
 
 
-def _survivors(state: MissionState) -> Iterator[str]:
-    if state.zones or state.survivors:
-        yield "<h2>Survivors</h2>"
-        heads = ("who", "state", "zone", *_position_heads(state), "found", "base has acknowledged")
-        rows = ((each.standing, _survivor(state, each)) for each in state.survivors)
-        unplaced = [zone for zone in state.zones.values() if zone.unplaced]
-        yield _table(heads, rows, "" if unplaced else "Nobody was found.")
-        for zone in unplaced:
-            said = f"There is a survivor at no usable position in {zone.name}: {zone.unplaced}."
-            yield f'<p class="bad">{_text(said)}</p>'
+def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[str]:
+    """Yield a table for each kind of landmarks of which there is more to say than where they are."""
+    situation = state.situation
+    for kind in situation.kinds.values():
+        listed = situation.of_kind(kind.name)
+        if kind.is_found != is_found or not (is_found or any(each.state for each in listed)):
+            continue
+        yield f"<h2>{_text(kind.plural.capitalize())}</h2>"
+        names = [*dict.fromkeys(name for each in listed for name in each.details)]
+        within = ["in"] if any(each.within for each in listed) else []
+        heads = ("name", "state", *within, *_position_heads(state), *names)
+        rows = ((_level(state, each), _landmark(state, each, within, names)) for each in listed)
+        yield _table(heads, rows, "None is known." if situation.alarms else "None was found.")
 
 
-def _survivor(state: MissionState, survivor: SurvivorState) -> list[str]:
-    standing = {"candidate": "not yet judged"}.get(survivor.standing, survivor.standing)
-    if survivor.possibly:
-        standing += (
-            f" with {survivor.possibly}"
-            if survivor.standing == "merged"
-            else f", possibly {survivor.possibly}"
-        )
-    told = _when(state, survivor.acknowledged) if survivor.acknowledged else f"NO ({survivor.report})"
+def _level(state: MissionState, landmark: Landmark) -> str:
+    found = "found " if state.situation.kind_of(landmark).is_found else ""
+    level = Level(landmark.level).name.lower().replace("_", "-")
+    return f"{found}{level}{' certain' if landmark.is_certain else ''}"
+
+
+def _landmark(
+    state: MissionState, landmark: Landmark, within: Sequence[str], names: Sequence[str]
+) -> list[str]:
     return [
-        survivor.name or "without a name",
-        standing,
-        survivor.zone or _NONE,
-        *_position(state, survivor.place),
-        _when(state, survivor.found),
-        told,
+        landmark.name,
+        f"{landmark.state}{f': {landmark.reason}' if landmark.reason else ''}" or _NONE,
+        *([landmark.within or _NONE] if within else []),
+        *_position(state, landmark.x, landmark.y),
+        *(_detail(state, landmark.details.get(name)) for name in names),
     ]
+
+
+def _detail(state: MissionState, value: Any) -> str:
+    if value is None:
+        return _NONE
+    return _when(state, state.instant(value)) if isinstance(value, FactTime) else _value(value)
 
 
 def _map(state: MissionState) -> Iterator[str]:
     drawing = report_map(state)
     if drawing:
-        legend = "".join(
+        items = "".join(
             f'<li><svg class="key" viewBox="-2 -2 4 4" aria-hidden="true">{drawn}</svg>{_text(text)}</li>'
-            for drawn, text in legend_of(drawing)
+            for drawn, text in legend(state)
         )
-        yield f'<h2>Map</h2>{drawing}<ul class="legend">{legend}</ul>'
+        yield f'<h2>Map</h2>{drawing}<ul class="legend">{items}</ul>'
 
 
-def _zones(state: MissionState) -> Iterator[str]:
-    if state.zones:
-        yield "<h2>Zones</h2>"
-        heads = ("zone", "state", *_position_heads(state), "attempts", "last set out", "searched", "left")
-        yield _table(heads, (("", _zone(state, each)) for each in state.zones.values()), "")
-
-
-def _zone(state: MissionState, zone: ZoneState) -> list[str]:
-    said = f"{zone.said}{f': {zone.reason}' if zone.reason else ''}"
-    return [
-        zone.name,
-        said,
-        *_position(state, zone.place),
-        str(zone.attempts),
-        _when(state, zone.started),
-        _when(state, zone.searched),
-        _when(state, zone.left),
-    ]
-
-
-def _events(state: MissionState, title: str, told: Sequence[Told]) -> Iterator[str]:
-    if told:
-        yield f"<h2>{_text(title)}</h2>"
-        rows = (("", [_when(state, each.at), each.text]) for each in told)
-        yield _table(("when", "what"), rows, "")
-
-
-def _noted(state: MissionState) -> Iterator[str]:
-    if state.noted:
-        yield "<h2>Noted by the mission</h2>"
+def _alarms(state: MissionState) -> Iterator[str]:
+    if state.situation.alarms:
+        yield "<h2>Alarms</h2>"
         rows = (
-            ("", [_when(state, each.at), *(words or _NONE for words in noted_words(each))])
-            for each in state.noted[:_MOST_NOTED]
+            (
+                "" if alarm.is_over else "alarm",
+                [_when(state, state.since[text]), text, "over" if alarm.is_over else _NONE],
+            )
+            for text, alarm in state.situation.alarms.items()
         )
-        yield _table(("when", "what", "values"), rows, "")
-        yield _more(len(state.noted) - _MOST_NOTED)
+        yield _table(("since", "what", "now"), rows, "")
+
+
+def _facts(state: MissionState) -> Iterator[str]:
+    if state.facts:
+        yield "<h2>What has happened</h2>"
+        rows = (("", [_when(state, each.at), each.text]) for each in state.facts[:_MOST_FACTS])
+        yield _table(("when", "what"), rows, "")
+        yield _more(len(state.facts) - _MOST_FACTS)
 
 
 def _faults(state: MissionState) -> Iterator[str]:
@@ -273,13 +259,10 @@ def _position_heads(state: MissionState) -> tuple[str, ...]:
     return ("x, y in map (m)",) if georeference(state) is None else ("x, y in map (m)", "latitude, longitude")
 
 
-def _position(state: MissionState, place: Position | None) -> list[str]:
-    reference = georeference(state)
-    if place is None:
-        return [_NONE] * (1 if reference is None else 2)
-    cells = [f"{place.x:.2f}, {place.y:.2f}"]
+def _position(state: MissionState, x: float, y: float) -> list[str]:
+    reference, cells = georeference(state), [f"{x:.2f}, {y:.2f}"]
     if reference is not None:
-        lat, lon = reference.located(*place)
+        lat, lon = reference.located(x, y)
         cells.append(f"{lat:.7f}, {lon:.7f}")
     return cells
 
@@ -295,7 +278,7 @@ def _when(state: MissionState, instant: Instant | None) -> str:
 
 
 def _day(instant: Instant, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
-    """Return the local time, and its zone; the mission's clock if there is no such day."""
+    """Return the local time, and its offset from UTC; the mission's clock if there is no such day."""
     try:
         return datetime.fromtimestamp(instant.wall).astimezone().strftime(form)
     except (OSError, OverflowError, ValueError):

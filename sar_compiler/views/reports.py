@@ -12,40 +12,26 @@ from sar_compiler.views.mission_report import ReportError, report_data
 from sar_compiler.views.plain import as_json
 
 
-def _html(state: MissionState) -> str:
-    from sar_compiler.views.report_html import html_report
-
-    return html_report(state)
-
-
 def _json(state: MissionState) -> str:
     return as_json(report_data(state)) + "\n"
 
 
-def _geojson(state: MissionState) -> str:
-    from sar_compiler.views.report_exchange import geojson_report
+def _writer(module: str, function: str) -> Callable[[MissionState], str]:
+    """Return a function of a module of this folder, which is imported when it is called."""
 
-    return geojson_report(state)
+    def write(state: MissionState) -> str:
+        text: str = getattr(import_module(f"sar_compiler.views.{module}"), function)(state)
+        return text
 
-
-def _cot(state: MissionState) -> str:
-    from sar_compiler.views.report_exchange import cot_report
-
-    return cot_report(state)
-
-
-def _cap(state: MissionState) -> str:
-    from sar_compiler.views.report_exchange import cap_report
-
-    return cap_report(state)
+    return write
 
 
 FORMS: Mapping[str, Callable[[MissionState], str]] = {
-    ".html": _html,
+    ".html": _writer("report_html", "html_report"),
     ".json": _json,
-    ".geojson": _geojson,
-    ".cot": _cot,
-    ".cap": _cap,
+    ".geojson": _writer("report_exchange", "geojson_report"),
+    ".cot": _writer("report_exchange", "cot_report"),
+    ".cap": _writer("report_exchange", "cap_report"),
 }
 """What writes a report, by the ending of the file."""
 

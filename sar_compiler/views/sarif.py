@@ -2,20 +2,27 @@
 
 import importlib.metadata
 import urllib.parse
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from sar_compiler.checks.kinds import KINDS, page_of
+from sar_compiler.checks.fixing import Fix
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
-from sar_compiler.tree.source import Source
+from sar_compiler.tree.kinds import KINDS, SEVERITIES
+from sar_compiler.tree.source import Source, Span
+from sar_compiler.views.findings import page_of
 from sar_compiler.views.plain import as_json
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
 
 
-def findings_as_sarif(findings: Sequence[Diagnostic]) -> str:
-    """Return findings as a SARIF log with one run; columns count units of UTF-16, the standard's default."""
+def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, Fix]) -> str:
+    """Return findings as a SARIF log with one run; columns count units of UTF-16, the standard's default.
+
+    Args:
+        findings: The findings.
+        fixes: How some of them are mended without asking, by their `identity`.
+    """
     codes = sorted({finding.code for finding in findings})
     driver = {
         "name": "sar-compile",
@@ -26,31 +33,31 @@ def findings_as_sarif(findings: Sequence[Diagnostic]) -> str:
         "tool": {"driver": driver},
         "columnKind": "utf16CodeUnits",
         "newlineSequences": ["\r\n", "\r", "\n"],
-        "results": list(_results(findings, codes)),
+        "results": list(_results(findings, codes, fixes)),
     }
     return as_json({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]})
 
 
 def _rule(code: str) -> dict[str, object]:
-    kind, page = KINDS[code], page_of(code)
+    page = page_of(code)
     return {
         "id": code,
-        "shortDescription": {"text": kind.summary},
+        "shortDescription": {"text": KINDS[code]},
         "help": {"text": page, "markdown": page},
-        "defaultConfiguration": {"level": _LEVELS[kind.severity]},
+        "defaultConfiguration": {"level": _LEVELS[SEVERITIES[code]]},
     }
 
 
-def _results(findings: Iterable[Diagnostic], codes: Sequence[str]) -> Iterable[dict[str, object]]:
+def _results(
+    findings: Iterable[Diagnostic], codes: Sequence[str], fixes: Mapping[object, Fix]
+) -> Iterable[dict[str, object]]:
     for finding in findings:
-        span, source = finding.span, finding.source
-        region = {
-            "startLine": span.line,
-            "startColumn": _column(source, span.line, span.column),
-            "endLine": span.end_line,
-            "endColumn": _column(source, span.end_line, span.end_column),
+        source = finding.source
+        location = {
+            "artifactLocation": _artifact(source.path),
+            "region": _region(source, finding.span),
         }
-        location = {"artifactLocation": _artifact(source.path), "region": region}
+        fix = fixes.get(finding.identity)
         yield {
             "ruleId": finding.code,
             "ruleIndex": codes.index(finding.code),
@@ -58,7 +65,27 @@ def _results(findings: Iterable[Diagnostic], codes: Sequence[str]) -> Iterable[d
             "message": {"text": f"{finding.message}\n{finding.advice}".rstrip()},
             "locations": [{"physicalLocation": location}],
             "properties": {"cause": finding.cause},
+            **({"fixes": [_fix(fix)]} if fix is not None else {}),
         }
+
+
+def _fix(fix: Fix) -> dict[str, object]:
+    source = fix.finding.source
+    replacement = {
+        "deletedRegion": _region(source, source.span(fix.start, fix.end)),
+        "insertedContent": {"text": fix.text},
+    }
+    change = {"artifactLocation": _artifact(source.path), "replacements": [replacement]}
+    return {"description": {"text": fix.finding.advice}, "artifactChanges": [change]}
+
+
+def _region(source: Source, span: Span) -> dict[str, int]:
+    return {
+        "startLine": span.line,
+        "startColumn": _column(source, span.line, span.column),
+        "endLine": span.end_line,
+        "endColumn": _column(source, span.end_line, span.end_column),
+    }
 
 
 def _column(source: Source, line: int, column: int) -> int:

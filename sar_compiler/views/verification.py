@@ -102,8 +102,7 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
         changed = answer.change != SAME
         yield f"{line}; before: {_answer_or_none(answer.before)}" if changed else line
     for name, side in zip(names, sides, strict=True):
-        if not side.complete:
-            yield from (f"{name}: {line}" for line in _bound(side))
+        yield from (f"{name}: {line}" for line in _limits(side))
 
 
 def _answer_or_none(verdict: Verdict | None) -> str:
@@ -152,8 +151,7 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
         yield f"  {verdict.question + ':':{width}}{_answer(verdict)}"
     for left in verification.left_out:
         yield f"  {left.name + ':':{width}}left out: this tree has no {', no '.join(left.missing)}"
-    if not verification.complete:
-        yield from _bound(verification)
+    yield from _limits(verification)
 
 
 def _tally(verification: Verification) -> str:
@@ -180,7 +178,12 @@ def _counted(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
-def _bound(verification: Verification) -> Iterator[str]:
+def _limits(verification: Verification) -> Iterator[str]:
+    """Yield of what there is no proof."""
+    for tag, cls in verification.by_semantics:
+        yield f"<{tag}> ({cls}) was taken to do what its semantics say; of its own methods nothing is proved."
+    if verification.complete:
+        return
     how = "it was stopped there" if verification.stopped else "--max-states says how many are looked at"
     yield f"Not proved beyond {_counted(verification.states, 'state')}: there are more; {how}."
     if verification.growing:
@@ -195,6 +198,7 @@ def _numbers(verification: Verification) -> dict[str, object]:
         "depth": verification.depth,
         "complete": verification.complete,
         "stopped": verification.stopped,
+        "by_semantics": [{"tag": tag, "class": cls} for tag, cls in verification.by_semantics],
     }
 
 

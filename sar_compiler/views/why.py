@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from sar_compiler.checks.verify.counterfactual import Counterfactual, LeafAnswer, RecordedTick
-from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import FAILURE, SUCCESS, Instant, MissionState, NodeState
+from sar_compiler.journal.situation import CHANGED, Level
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.drawing import Shape
 from sar_compiler.views.mission_report import outcome, utc
@@ -45,14 +46,14 @@ class FormerFailure(NamedTuple):
 
     Attributes:
         first: The first of them.
-        zone: The zone that was under way at the last of them, or had been before; empty if none had been yet.
+        in_hand: The place that the mission was at work at when the last of them came, or had been before; empty for none yet.
         has_recovered: Whether the leaf has succeeded since.
         times: How many there were, those left out that followed each other without anything else between.
         last: When the last one was.
     """
 
     first: NodeStatus
-    zone: str
+    in_hand: str
     has_recovered: bool
     times: int
     last: Instant
@@ -85,59 +86,117 @@ class Why(NamedTuple):
         return self.answers[0] if self.answers else None
 
 
-def why(stream: Sequence[JournalEntry]) -> Why:
-    """Return why the last run of a mission has failed.
+class Inquiry:
+    """Finds out why the last run of a mission has failed, from entries that come one by one; it keeps none of them.
 
     Of each node those children have caused its status that have the same; under one that turns it, the other one. Where
     nothing below explains a status, it is an answer. A condition only tells what is so: if nothing else is to be blamed, what
     has failed before comes first.
 
-    Args:
-        stream: The entries, in their order.
+    Attributes:
+        state: The state of the mission after the last run's entries, without what the robot's topics have said.
     """
-    entries = _last_run(stream)
-    looks = _conditions(entries)
-    ended = MissionState.of(entries)
-    explained = _Explained(entries)
-    chain = explained.chain
-    history = _History(entries[: explained.count])
 
-    def is_look(answer: NodeStatus) -> bool:
-        return answer.node in looks
+    def __init__(self) -> None:
+        self._begin()
 
-    def blame(answer: NodeStatus) -> tuple[object, ...]:
-        # Where there were several ways, those before were passed over, and the last one was what was left.
-        since = answer.since.time if answer.since else 0.0
-        tolerated, worked = history.was_tolerated(answer.node), history.has_worked(answer.node)
-        return is_look(answer), tolerated, not worked, -since, -answer.node
+    def _begin(self) -> None:
+        self.state = MissionState()
+        self._count = self._taken = 0
+        self._looks: set[int] = set()
+        self._history = self._history_then = _History()
+        self._explained = _Explained(self.state)
 
-    answers = sorted(explained.answers, key=blame)
-    before = [each for each in history.former() if each.first.node not in {answer.node for answer in answers}]
-    word, reason = outcome(ended)
-    if all(map(is_look, answers)) and word != "complete":
-        acted = [each for each in before if not is_look(each.first) and (not chain or _cost(ended, each))]
-        acted.sort(key=lambda each: (not _cost(ended, each), each.has_recovered, -each.times))
-        answers = [*(each.first for each in acted), *answers]
-    since = chain[0].since if chain else None
-    return Why(chain, tuple(answers), tuple(before), word, reason, since, explained.went_on)
+    @classmethod
+    def of(cls, stream: Iterable[JournalEntry]) -> "Inquiry":
+        """Return what is found out from entries."""
+        inquiry = cls()
+        for entry in stream:
+            inquiry.take(entry)
+        return inquiry
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry; with each run it begins anew."""
+        if entry.kind == RUN_BEGAN:
+            self._begin()
+            self._looks = _conditions(entry)
+        elif not self._taken or not _is_of_tree(entry, len(self.state.nodes)):
+            return
+        is_status = entry.kind == "status"
+        if is_status and self._explained.is_next(entry):
+            self._end_tick()
+        self._taken += 1
+        self.state.take(entry)
+        if is_status:
+            self._explained.take(entry)
+        self._history.take(entry, self.state)
+
+    def _end_tick(self) -> None:
+        if self._explained.end_tick():
+            self._count, self._history_then = self._taken, self._history.copy()
+
+    @property
+    def count(self) -> int:
+        """How many entries there are up to the last failure of the root, once all was taken; 0 if it has never failed."""
+        self._end_tick()
+        return self._count
+
+    def why(self) -> Why:
+        """Return why the run has failed, once all of it was taken."""
+        self._end_tick()
+        chain, looks = self._explained.chain, self._looks
+        history = self._history_then if chain else self._history
+
+        def is_look(answer: NodeStatus) -> bool:
+            return answer.node in looks
+
+        def blame(answer: NodeStatus) -> tuple[object, ...]:
+            # Where there were several ways, those before were passed over, and the last one was what was left.
+            since = answer.since.time if answer.since else 0.0
+            tolerated, worked = history.was_tolerated(answer.node), history.has_worked(answer.node)
+            return is_look(answer), tolerated, not worked, -since, -answer.node
+
+        answers = sorted(self._explained.answers, key=blame)
+        before = [
+            each for each in history.former() if each.first.node not in {answer.node for answer in answers}
+        ]
+        word, reason = outcome(self.state)
+        if all(map(is_look, answers)) and word != "complete":
+            acted = [
+                each for each in before if not is_look(each.first) and (not chain or _cost(self.state, each))
+            ]
+            acted.sort(key=lambda each: (not _cost(self.state, each), each.has_recovered, -each.times))
+            answers = [*(each.first for each in acted), *answers]
+        since = chain[0].since if chain else None
+        return Why(chain, tuple(answers), tuple(before), word, reason, since, self._explained.went_on)
 
 
-def _last_run(stream: Sequence[JournalEntry]) -> list[JournalEntry]:
-    begun = [index for index, entry in enumerate(stream) if entry.kind == RUN_BEGAN]
-    entries = stream[begun[-1] :] if begun else []
-    count = len(MissionState.of(entries[:1]).nodes)
-    return [entry for entry in entries if entry.kind != "status" or _is_sound(entry.data, count)]
+def why(stream: Iterable[JournalEntry]) -> Why:
+    """Return why the last run of a mission has failed, by its entries in their order."""
+    return Inquiry.of(stream).why()
 
 
-def _is_sound(data: Mapping[str, Any], count: int) -> bool:
-    """Return whether an entry of a status is like those of this project."""
-    node, tick = data.get("node"), data.get("tick")
-    return isinstance(node, int) and 0 <= node < count and isinstance(tick, int) and "status" in data
+def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
+    """Yield those entries of a run that tell of its tree and its mission, and can be understood."""
+    count = 0
+    for entry in stream:
+        if entry.kind == RUN_BEGAN:
+            count = len(MissionState.of([entry]).nodes)
+        if _is_of_tree(entry, count):
+            yield entry
 
 
-def _conditions(entries: Sequence[JournalEntry]) -> set[int]:
-    """Return the numbers of the leaves that are conditions, as a run says."""
-    about = entries[0].data.get("run") if entries else None
+def _is_of_tree(entry: JournalEntry, count: int) -> bool:
+    """Return whether an entry tells of the tree, which has so many nodes, or the mission, as those of this project do."""
+    if entry.kind != "status":
+        return entry.kind not in OF_ROBOT
+    node, tick = entry.data.get("node"), entry.data.get("tick")
+    return isinstance(node, int) and 0 <= node < count and isinstance(tick, int) and "status" in entry.data
+
+
+def _conditions(began: JournalEntry) -> set[int]:
+    """Return the numbers of the leaves that are conditions, as the beginning of a run says."""
+    about = began.data.get("run")
     looks = about.get("looks") if isinstance(about, Mapping) else None
     condition = [Shape.CONDITION.value, ""]
     return (
@@ -153,57 +212,63 @@ class _Explained:
     What has explained a node's end is found out in the tick in which it ended: afterwards what is below it may be reset.
 
     Args:
-        entries: The entries of a run.
+        state: The state of the mission, which has taken each entry before this does.
 
     Attributes:
         chain: The nodes from the root down; empty if it has never failed.
         answers: Those of them that nothing below explains.
-        count: The number of entries up to then; of all, if it has never failed.
-        went_on: Whether the root has come to something else since.
     """
 
-    def __init__(self, entries: Sequence[JournalEntry]) -> None:
+    def __init__(self, state: MissionState) -> None:
         self.chain: tuple[NodeStatus, ...] = ()
         self.answers: tuple[NodeStatus, ...] = ()
-        self.count = len(entries)
-        self._state = MissionState()
+        self._state = state
         self._ends: dict[int, NodeStatus] = {}
         self._causes: dict[int, list[int]] = {}
         self._came: dict[int, str] = {}
         self._began: dict[int, int] = {}
         self._gone: dict[int, int] = {}
-        taken = 0
-        for tick, group in itertools.groupby(entries, _tick()):
-            several = list(group)
-            taken += len(several)
-            self._take(tick, several)
-            if self._came.get(0) == FAILURE and 0 not in self._gone:
-                self._explain()
-                self.count = taken
-        self.went_on = bool(self.chain) and self._came.get(0) != FAILURE
+        # Of the tick that is being taken: the nodes that were ticked, those above them, those stopped or reset at its end.
+        self._tick = 0
+        self._visited: dict[int, None] = {}
+        self._above: dict[int, None] = {}
+        self._going: dict[int, int] = {}
 
-    def _take(self, tick: int, entries: Sequence[JournalEntry]) -> None:
-        """Take what came in a tick: first what was ticked, then what was stopped or reset at its end."""
-        gone = {
-            entry.data["node"]: int(entry.data.get("last", tick))
-            for entry in entries
-            if entry.kind == "status" and entry.data["status"] in _GONE
-        }
-        visited: dict[int, None] = {}
-        above: dict[int, None] = {}
-        for entry in entries:
-            self._state.take(entry)
-            if entry.kind == "status" and entry.data["status"] not in _GONE:
-                node = self._state.nodes[entry.data["node"]]
-                self._visit(tick, node)
-                visited[node.number] = None
-                above[node.number if node.parent is None else node.parent] = None
-        self._gone.update(gone)
-        ended = [number for number in (*visited, *above) if self._came.get(number) in _OTHER]
-        for number in ended:
-            if number not in visited:  # it has come to the same as before, in an activation of its own
-                self._began[number] = tick
-            self._causes[number] = list(self._found(self._state.nodes[number]))
+    @property
+    def went_on(self) -> bool:
+        """Whether the root has come to something else since."""
+        return bool(self.chain) and self._came.get(0) != FAILURE
+
+    def is_next(self, entry: JournalEntry) -> bool:
+        """Return whether the status of a node is one of another tick than those before."""
+        return int(entry.data["tick"]) != self._tick
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take the status of a node."""
+        self._tick = int(entry.data["tick"])
+        node = self._state.nodes[entry.data["node"]]
+        if entry.data["status"] in _GONE:
+            self._going[node.number] = int(entry.data.get("last", self._tick))
+            return
+        self._visit(self._tick, node)
+        self._visited[node.number] = None
+        self._above[node.number if node.parent is None else node.parent] = None
+
+    def end_tick(self) -> bool:
+        """End a tick, all of which was taken; return whether the root has failed in it, or had failed and was not reset."""
+        self._gone.update(self._going)
+        for number in (*self._visited, *self._above):
+            if self._came.get(number) in _OTHER:
+                if (
+                    number not in self._visited
+                ):  # it has come to the same as before, in an activation of its own
+                    self._began[number] = self._tick
+                self._causes[number] = list(self._found(self._state.nodes[number]))
+        self._visited, self._above, self._going = {}, {}, {}
+        has_failed = self._came.get(0) == FAILURE and 0 not in self._gone
+        if has_failed:
+            self._explain()
+        return has_failed
 
     def _visit(self, tick: int, node: NodeState) -> None:
         """Note what a node has come to."""
@@ -256,39 +321,54 @@ def _answer(node: NodeState) -> NodeStatus:
 
 
 class _History:
-    """What leaves have come to in the course of a run.
+    """What leaves have come to in the course of a run."""
 
-    Args:
-        entries: The entries of the run.
-    """
-
-    def __init__(self, entries: Iterable[JournalEntry]) -> None:
-        self._failures: dict[int, list[NodeStatus]] = {}
-        self._zones: dict[int, str] = {}
+    def __init__(self) -> None:
+        self._failures: dict[int, FormerFailure] = {}
         self._recovered: set[int] = set()
         self._worked: set[int] = set()
         self._tolerated: set[int] = set()
-        state, pending = MissionState(), set[int]()
-        zone = ""
-        for entry in entries:
-            state.take(entry)
-            # What a tick has come to is told after the facts of it, by which the zone may be left already.
-            zone = state.zone or zone
-            if entry.kind != "status":
-                continue
-            node = state.nodes[entry.data["node"]]
-            if node.status == FAILURE:
-                pending.add(node.number)
-                if not node.children:
-                    self._failures.setdefault(node.number, []).append(_answer(node))
-                    self._zones[node.number] = zone
-                    self._recovered.discard(node.number)
-            elif node.status in (SUCCESS, "RUNNING"):
-                self._tolerated |= pending.intersection(node.children)
-                pending.discard(node.number)
-                if node.status == SUCCESS:
-                    self._recovered.add(node.number)
-                    self._worked.add(node.number)
+        self._pending: set[int] = set()
+        self._in_hand = ""
+
+    def copy(self) -> "_History":
+        """Return what is known by now, whatever comes next."""
+        copied = _History()
+        copied._failures = self._failures.copy()
+        copied._recovered, copied._worked = self._recovered.copy(), self._worked.copy()
+        copied._tolerated = self._tolerated.copy()
+        return copied
+
+    def take(self, entry: JournalEntry, state: MissionState) -> None:
+        """Take an entry of the run, after which the mission has a state."""
+        # What a tick has come to is told after the facts of it, by which the place may be left already.
+        if entry.kind == CHANGED:
+            landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
+            if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
+                self._in_hand = place
+        if entry.kind != "status":
+            return
+        node = state.nodes[entry.data["node"]]
+        number = node.number
+        if node.status == FAILURE:
+            self._pending.add(number)
+            if not node.children:
+                answer = _answer(node)
+                known = self._failures.get(number) or FormerFailure(
+                    answer, in_hand="", has_recovered=False, times=0, last=_START
+                )
+                last = answer.since or _START
+                self._failures[number] = known._replace(
+                    in_hand=self._in_hand, times=known.times + 1, last=last
+                )
+                self._recovered.discard(number)
+        elif node.status in (SUCCESS, "RUNNING"):
+            if self._pending:
+                self._tolerated |= self._pending.intersection(node.children)
+                self._pending.discard(number)
+            if node.status == SUCCESS:
+                self._recovered.add(number)
+                self._worked.add(number)
 
     def was_tolerated(self, node: int) -> bool:
         """Return whether a failure of a node was, at some time, of no consequence to its parent."""
@@ -301,21 +381,26 @@ class _History:
     def former(self) -> list[FormerFailure]:
         """Return the failures of leaves, by the time of the first."""
         former = [
-            FormerFailure(
-                each[0], self._zones[node], node in self._recovered, len(each), each[-1].since or _START
-            )
-            for node, each in self._failures.items()
+            each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
         ]
         return sorted(former, key=lambda each: each.first.since or each.last)
 
 
 def _cost(state: MissionState, failure: FormerFailure) -> bool:
-    """Return whether a mission lacks something that has to do with a failure: a zone, a report, the way home."""
-    zone = state.zones.get(failure.zone)
-    if zone is None:
+    """Return whether a mission lacks something that has to do with a failure: the place in hand, a find there, or what was to come."""
+    landmarks = state.situation.landmarks.values()
+    place = [each for each in landmarks if each.name == failure.in_hand]
+    if not place:
         return False
-    unknown = any(each.zone == zone.name and each.report != "acknowledged" for each in state.survivors)
-    return zone.state != "visited" or unknown or not (state.home or failure.has_recovered)
+    is_open = any(
+        each.within == failure.in_hand and each.level in (Level.TO_COME, Level.IN_HAND) for each in landmarks
+    )
+    is_to_come = any(each.level == Level.TO_COME and (each.state or not each.corners) for each in landmarks)
+    return (
+        is_open
+        or any(each.level != Level.DONE for each in place)
+        or (is_to_come and not failure.has_recovered)
+    )
 
 
 class RunDifference(NamedTuple):
@@ -332,8 +417,8 @@ class RunDifference(NamedTuple):
     there: NodeStatus | None
 
 
-def first_difference(stream: Sequence[JournalEntry], other: Sequence[JournalEntry]) -> RunDifference | None:
-    """Return the first difference of the last runs of two missions; None if there is none.
+def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntry]) -> RunDifference | None:
+    """Return the first difference of two runs; None if there is none.
 
     What nodes come to is compared, change by change, whatever the time; messages do not count.
     """
@@ -347,41 +432,41 @@ def first_difference(stream: Sequence[JournalEntry], other: Sequence[JournalEntr
     return None
 
 
-def _changes(stream: Sequence[JournalEntry]) -> Iterator[NodeStatus]:
+def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
     state = MissionState()
-    for entry in _last_run(stream):
-        number = entry.data.get("node") if entry.kind == "status" else None
-        before = state.nodes[number].status if isinstance(number, int) and number < len(state.nodes) else ""
+    for entry in _of_tree(stream):
+        node = state.nodes[entry.data["node"]] if entry.kind == "status" else None
+        before = node.status if node is not None else ""
         state.take(entry)
-        if isinstance(number, int) and number < len(state.nodes) and state.nodes[number].status != before:
-            yield _answer(state.nodes[number])
+        if node is not None and node.status != before:
+            yield _answer(node)
 
 
-def recorded(stream: Sequence[JournalEntry]) -> list[RecordedTick]:
-    """Return the last run of a mission up to the last failure of its root, tick by tick; empty if that has not failed."""
-    entries = _last_run(stream)
-    explained = _Explained(entries)
-    if not explained.chain:
-        return []
-    ticks, state = [], MissionState()
-    for number, group in itertools.groupby(entries[: explained.count], _tick()):
+def recorded(stream: Iterable[JournalEntry], count: int) -> Iterator[RecordedTick]:
+    """Yield a run, tick by tick.
+
+    Args:
+        stream: The entries of the run.
+        count: How many of them count, as `Inquiry.count` has it.
+    """
+    start = 0.0
+    for number, group in itertools.groupby(itertools.islice(_of_tree(stream), count), _tick()):
         came: dict[int, str] = {}
         gone: set[int] = set()
         for entry in group:
-            state.take(entry)
+            start = entry.time if entry.kind == RUN_BEGAN else start
+            now = entry.time - start
             if entry.kind == "status":
                 if entry.data["status"] in _GONE:
                     gone.add(entry.data["node"])
                 else:
                     came[entry.data["node"]] = entry.data["status"]
         if number:
-            ticks.append(RecordedTick(number, state.now.time, came, frozenset(gone)))
-    return ticks
+            yield RecordedTick(number, now, came, frozenset(gone))
 
 
-def counterfactual_text(change: Counterfactual, stream: Sequence[JournalEntry]) -> str:
-    """Return how a mission would have succeeded, in words."""
-    nodes = MissionState.of(_last_run(stream)).nodes
+def counterfactual_text(change: Counterfactual, nodes: Sequence[NodeState]) -> str:
+    """Return how a mission whose tree has these nodes would have succeeded, in words."""
     leaf = nodes[change.instead.node]
     said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
     place = f"  ({leaf.file}:{leaf.line})" if leaf.file else ""
@@ -399,9 +484,8 @@ def _meaning(answer: LeafAnswer) -> str:
     return f" ({answer.label})" if answer.label else ""
 
 
-def counterfactual_data(change: Counterfactual, stream: Sequence[JournalEntry]) -> dict[str, Any]:
-    """Return how a mission would have succeeded as JSON values."""
-    nodes = MissionState.of(_last_run(stream)).nodes
+def counterfactual_data(change: Counterfactual, nodes: Sequence[NodeState]) -> dict[str, Any]:
+    """Return how a mission whose tree has these nodes would have succeeded as JSON values."""
 
     def data(answer: LeafAnswer) -> dict[str, object]:
         return {**answer._asdict(), "name": nodes[answer.node].name}

@@ -1,53 +1,71 @@
-"""What browsers are told of a run: its entries, from whoever has them to all who listen."""
+"""What browsers are told of runs: their folded state, and what changes of it."""
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
-from itertools import islice
+from collections.abc import AsyncIterator, Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.web.kept_entries import KeptEntries, as_json, entry_text
+from sar_compiler.journal.json_values import json_text, json_value
+from sar_compiler.web.page_state import PageChange, PageState
+from sar_compiler.web.recording import Recording
 
 # How often news are sent, and how often a page hears that the run lives, in seconds.
 _NEWS_SEC, _BEAT_SEC = 0.1, 1.0
-# So many entries are put into one message: whoever makes it holds Python's lock for a millisecond.
-_MESSAGE = 200
+# So many entries are taken at once: whoever takes them holds Python's lock for some milliseconds.
+_AT_ONCE = 100
 # A browser that does not read is let go when so many characters wait for it; it comes again.
 _WAITING = 8_000_000
 
 
-def message(event: str, data: str) -> str:
-    """Return a server-sent event; *data* is in one line, as JSON is."""
-    return f"event: {event}\ndata: {data}\n\n"
+def as_json(data: object) -> str:
+    """Return a value as JSON that every reader takes, in short: numbers that are not finite as null."""
+    return json_text(data, separators=(",", ":"))
 
 
-def _messages(texts: Iterable[str]) -> Iterator[str]:
-    rest = iter(texts)
-    while part := list(islice(rest, _MESSAGE)):
-        yield message("entries", f"[{','.join(part)}]")
+def message(event: str, data: object) -> str:
+    """Return a server-sent event."""
+    return f"event: {event}\ndata: {as_json(data)}\n\n"
 
 
 class RecordedFeed:
-    """What journals have, all of it at once, for a page that scrubs through time.
+    """What journals have, for a page that goes back and forth through time: it asks for each moment.
 
     Args:
-        robots: The entries of each robot, in their order.
-        hello: What the page is told first, as JSON values; `robots` are their names.
+        recording: What they have.
+        hello: What the page is told first, as JSON values; `robots` are the names of the robots.
     """
 
-    def __init__(self, robots: Sequence[Iterable[JournalEntry]], hello: dict[str, object]) -> None:
-        self._texts = [entry_text(entry, robot) for robot, entries in enumerate(robots) for entry in entries]
-        self._hello = {**hello, "entries": len(self._texts)}
+    def __init__(self, recording: Recording, hello: dict[str, object]) -> None:
+        self._recording = recording
+        self._hello = {**hello, "mode": "replay", "end": recording.end}
+        # One moment after the other, beside whoever else is answered.
+        self._reader = ThreadPoolExecutor(1, "recording")
+        self._pages = 0
         self._ended = False
 
+    async def moment(self, time: float, since: int) -> str:
+        """Return what is so at a time, as `Recording.moment` does, as JSON.
+
+        Raises:
+            JournalError: If a journal cannot be read any more.
+        """
+        told = asyncio.get_running_loop().run_in_executor(
+            self._reader, lambda: as_json(self._recording.moment(time, since))
+        )
+        return await told
+
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the server-sent events for a browser: all there is, and then beats, so that it sees when the server goes."""
-        yield message("hello", as_json(self._hello))
-        for text in _messages(self._texts):
-            yield text
-        while not self._ended:
-            yield message("beat", "{}")
-            await asyncio.sleep(_BEAT_SEC)
+        """Yield the server-sent events for a browser: how long it is, and then beats, so that it sees when the server goes."""
+        self._pages += 1
+        try:
+            yield message("hello", self._hello)
+            while not self._ended:
+                yield message("beat", {"pages": self._pages})
+                await asyncio.sleep(_BEAT_SEC)
+        finally:
+            self._pages -= 1
 
     async def run(self) -> None:
         """Do nothing: nothing happens in it any more."""
@@ -86,7 +104,7 @@ class _Browser:
 
 
 class LiveFeed:
-    """What happens in runs, as it happens; who comes late is told first what the others know.
+    """Live events of the runs; a late client first receives the current state.
 
     Args:
         hello: What the page is told first, as JSON values; `robots` are the names of the robots.
@@ -97,26 +115,29 @@ class LiveFeed:
     def __init__(
         self, hello: dict[str, object], beat: Callable[[], dict[str, object]], robots: int = 1
     ) -> None:
-        self._hello, self._beat = hello, beat
-        self._news: deque[tuple[int, JournalEntry]] = deque()
-        self._kept = [KeptEntries(robot) for robot in range(robots)]
+        self._hello, self._beat = {**hello, "mode": "live"}, beat
+        self._news: deque[Callable[[], None]] = deque()
+        self._states = [PageState(robot) for robot in range(robots)]
         self._listeners: set[_Browser] = set()
         self._ended = self._has_told_all = False
 
     def take(self, entry: JournalEntry, robot: int = 0) -> None:
         """Take an entry of a robot: from any thread, at once."""
-        self._news.append((robot, entry))
+        self._news.append(lambda: _take(self._states[robot], entry))
+
+    def tell_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
+        """Take why a robot's mission has failed, as JSON values: from any thread, at once."""
+        self._news.append(lambda: self._states[robot].tell_why(why))
 
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""
         listener = _Browser()
-        # Between these lines nobody else has a turn: what is kept, and what comes next, are all there is.
+        # Between these lines nobody else has a turn: what is so, and what comes next, are all there is.
         self._listeners.add(listener)
-        texts = [text for kept in self._kept for text in kept.texts()]
+        known = message("changes", [state.whole() for state in self._states])
         try:
-            yield message("hello", as_json({**self._hello, "entries": len(texts)}))
-            for text in _messages(texts):
-                yield text
+            yield message("hello", self._hello)
+            yield known
             while not (self._has_told_all and listener.is_told):
                 yield await listener.get()
         finally:
@@ -129,10 +150,10 @@ class LiveFeed:
             await self._tell_news()
             if loop.time() >= due:
                 due = loop.time() + _BEAT_SEC
-                self._tell(message("beat", as_json({**self._beat(), "pages": len(self._listeners)})))
+                self._tell(message("beat", {**self._beat(), "pages": len(self._listeners)}))
             await asyncio.sleep(_NEWS_SEC)
         await self._tell_news()
-        self._tell(message("bye", "{}"))
+        self._tell(message("bye", {}))
         self._has_told_all = True
 
     def end(self) -> None:
@@ -140,18 +161,27 @@ class LiveFeed:
         self._ended = True
 
     async def _tell_news(self) -> None:
-        for text in _messages(self._taken()):
-            self._tell(text)
-            # Whoever comes here is told what is kept by now, and then the next message.
-            await asyncio.sleep(0.0)
-
-    def _taken(self) -> Iterator[str]:
-        for _ in range(len(self._news)):
-            robot, entry = self._news.popleft()
-            yield self._kept[robot].add(entry)
+        for left in range(len(self._news), 0, -1):
+            self._news.popleft()()
+            if left % _AT_ONCE == 0:
+                await asyncio.sleep(0.0)
+        changes: list[PageChange] = [
+            change for state in self._states if (change := state.change()) is not None
+        ]
+        if changes:
+            self._tell(message("changes", changes))
 
     def _tell(self, text: str) -> None:
         self._listeners = {listener for listener in self._listeners if listener.put(text)}
+
+
+def _take(state: PageState, entry: JournalEntry) -> None:
+    """Let an entry happen as a file would have it; one that is no JSON, or is being changed, as a fact that says so."""
+    try:
+        data = json_value(json_text(entry.data))
+    except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page
+        entry, data = entry._replace(kind="unreadable"), {"kind": entry.kind, "reason": str(error)}
+    state.take(entry._replace(data=data))
 
 
 Feed = RecordedFeed | LiveFeed

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import math
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
 from hmac import compare_digest
@@ -16,7 +17,8 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response, Strea
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from sar_compiler.web.feed import Feed
+from sar_compiler.errors import SarError
+from sar_compiler.web.feed import Feed, RecordedFeed
 
 # Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
@@ -74,6 +76,9 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
     async def events(_: Request) -> Response:
         return StreamingResponse(feed.stream(), media_type="text/event-stream")
 
+    async def moment(request: Request) -> Response:
+        return await _moment(feed, request)
+
     async def order(request: Request) -> Response:
         if orders is None:
             raise HTTPException(404)
@@ -87,9 +92,30 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
         Route("/", page),
         Route("/static/{name}", file),
         Route("/events", events),
+        Route("/moment", moment),
         Route("/orders/{verb}", order, methods=["POST"]),
     ]
     return _Guard(Starlette(routes=routes, exception_handlers={HTTPException: _refused}))
+
+
+async def _moment(feed: Feed, request: Request) -> Response:
+    """Return what a recording shows at a time.
+
+    Raises:
+        HTTPException: If there is none, or the time is no number.
+    """
+    if not isinstance(feed, RecordedFeed):
+        raise HTTPException(404)
+    try:
+        time, since = float(request.query_params["time"]), int(request.query_params.get("since", 0))
+    except (KeyError, ValueError):
+        raise HTTPException(400) from None
+    if not math.isfinite(time):
+        raise HTTPException(400)
+    try:
+        return Response(await feed.moment(time, since), media_type="application/json")
+    except SarError as error:
+        return PlainTextResponse(f"{error}\n", 500)
 
 
 def _static(name: str, content: bytes) -> Response:
@@ -128,8 +154,6 @@ async def _values(request: Request) -> Mapping[str, Any]:
 
 
 async def _carried_out(orders: Orders, verb: str, values: Mapping[str, Any]) -> Response:
-    from sar_compiler.errors import SarError
-
     try:
         given = orders.give(verb, values)
         accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)

@@ -2,6 +2,7 @@
 
 import fcntl
 import itertools
+import json
 import os
 import sqlite3
 import subprocess
@@ -17,7 +18,7 @@ from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.reserve import Row, RunEnd
-from sar_compiler.views.journals import journal_data, journal_lines
+from sar_compiler.views.journals import journal_json, journal_lines
 
 NUMBERS = itertools.count(1)
 
@@ -45,7 +46,7 @@ def written(place):
 def read(place):
     file = JournalFile.read(place)
     try:
-        return journal_data(file, with_watched=True)
+        return json.loads("\n".join(journal_json(file, with_watched=True)))
     finally:
         file.close()
 
@@ -231,6 +232,6 @@ def test_a_damaged_journal_is_told_or_refused_in_words(tmp_path_factory, data):
         reader = JournalFile.read(place)
         try:
             [*journal_lines(reader, with_watched=True)]
-            journal_data(reader, with_watched=True)
+            [*journal_json(reader, with_watched=True)]
         finally:
             reader.close()

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.mission_state import MissionState, Position
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.situation import Level
 
 TREE = {
     "class": "Sequence",
@@ -25,14 +26,12 @@ TREE = {
         {"class": "Look", "name": "Look", "attributes": {}, "children": [], "file": "m.xml", "line": 4},
     ],
 }
-ZONES = [{"id": "zone_a", "x": 1.0, "y": 2.0, "yaw": 0.0}, {"id": "zone_b", "x": 3.0, "y": 4.0, "yaw": 0.0}]
 BEGAN = (
     "run_began",
     {
-        "mission": "search_and_rescue",
-        "identity": {"zones": ZONES, "base_station": {"x": 0.0, "y": 0.5, "yaw": 0.0}},
+        "mission": "patrol",
         "tree": TREE,
-        "run": {"time": 100.0, "parameters": {"geofence": [0, 0, 4, 0, 4, 4]}},
+        "run": {"time": 100.0, "parameters": {"speed": 1.0}},
     },
 )
 
@@ -46,18 +45,17 @@ def after(*told, began=BEGAN):
     return MissionState.of(entries)
 
 
+POINT = {"kind": "point", "name": "a", "x": 1.0, "y": 2.0, "state": "open"}
+SEEN = {**POINT, "state": "seen", "level": 2}
+
+
 def status(node, status, message="", tick=1):
     return "status", {"node": node, "tick": tick, "status": status, "message": message}
 
 
-def test_a_mission_that_has_begun_has_its_plan_and_its_tree():
+def test_a_mission_that_has_begun_has_its_parameters_and_its_tree():
     state = after()
-    assert {name: zone.place for name, zone in state.zones.items()} == {
-        "zone_a": (1.0, 2.0),
-        "zone_b": (3.0, 4.0),
-    }
-    assert state.base == (0.0, 0.5)
-    assert state.fence == [(0, 0), (4, 0), (4, 4)]
+    assert (state.title, state.parameters) == ("patrol", {"speed": 1.0})
     assert [(node.name, node.depth, node.parent, node.line) for node in state.nodes] == [
         ("Main", 0, None, 2),
         ("Drive", 1, 0, 3),
@@ -82,86 +80,66 @@ def test_a_node_that_has_no_part_any_more_says_nothing(end):
     assert (state.nodes[1].has_part, state.nodes[1].message) == (False, "")
 
 
-def test_a_zone_goes_from_open_to_visited():
-    told = [("zone_started", {"zone": "zone_a"}), ("zone_searched", {"zone": "zone_a", "survivor": None})]
-    assert after(told[0]).zones["zone_a"].state == "under way"
-    assert after(told[0]).zone == "zone_a"
-    state = after(*told, ("zone_visited", {"zone": "zone_a"}))
-    zone = state.zones["zone_a"]
-    assert (state.zone, zone.state, zone.started.time, zone.left.time) == ("", "visited", 1.0, 3.0)
+def changed(**data):
+    return "changed", data
 
 
-STARTED = ("zone_started", {"zone": "zone_a"})
-SEARCHED = ("zone_searched", {"zone": "zone_a", "survivor": None})
-ABANDONED = ("zone_abandoned", {"zone": "zone_a", "attempts": 3, "reason": ""})
-STOPPED = ("run_ended", {"ending": "stopped", "status": 130, "reason": ""})
+def test_what_a_mission_shows_is_what_it_has_said_last():
+    state = after(
+        changed(kinds=[{"name": "point", "plural": "points"}], landmarks=[POINT]), changed(landmarks=[SEEN])
+    )
+    (landmark,) = state.situation.of_kind("point")
+    assert (landmark.state, landmark.level, state.is_told) == ("seen", Level.DONE, True)
+
+
+def test_a_run_that_says_what_it_shows_begins_anew():
+    state = after(
+        changed(kinds=[], landmarks=[POINT]), BEGAN, changed(kinds=[], landmarks=[{**POINT, "name": "b"}])
+    )
+    assert [each.name for each in state.situation.landmarks.values()] == ["b"]
+
+
+def test_an_alarm_is_there_since_it_was_raised_first():
+    low = {"text": "low"}
+    state = after(changed(alarms=[low]), changed(alarms=[{**low, "is_over": True}]))
+    assert (state.since["low"].time, state.situation.alarms["low"].is_over) == (1.0, True)
+    assert after(changed(alarms=[low]), changed(kinds=[])).since == {}
+
+
+def test_a_fact_is_told_in_the_words_of_its_mission():
+    photo = ("photo_taken", {"photo": "photo_1"})
+    assert [fact.text for fact in after(photo).facts] == ["photo taken: photo: photo_1"]
+    assert [fact.text for fact in after(photo, photo, changed(said="saw 1")).facts] == [
+        "photo taken: photo: photo_1",
+        "saw 1",
+    ]
+
+
+DRIVES = ("progress", {"target": "a", "distance": 3.2, "time_left": 8.0})
+LOST = ("lacks", {"text": "no localisation"})
+HELD = changed(phase={"name": "held", "reason": "by the operator", "place": "a"})
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("told", "name", "reason"),
     [
-        ([], "not searched"),
-        ([STARTED], "not searched"),
-        ([STARTED, SEARCHED], "searched"),
-        ([STARTED, SEARCHED, ("zone_visited", {"zone": "zone_a"})], "searched"),
-        ([STARTED, ("zone_visited", {"zone": "zone_a"})], "visited, not searched"),
-        ([STARTED, SEARCHED, ("zone_postponed", {"zone": "zone_a"})], "searched"),
-        ([STARTED, ABANDONED], "not searched, given up"),
-        ([STARTED, SEARCHED, ABANDONED], "searched, given up"),
+        ([], "working", ""),
+        ([DRIVES], "driving", ""),
+        ([DRIVES, LOST], "waiting", "no localisation"),
+        ([DRIVES, LOST, HELD], "held", "by the operator"),
+        ([HELD, ("run_ended", {"ending": "over", "status": 0, "reason": "done"})], "complete", "done"),
+        ([("run_ended", {"ending": "over", "status": 1, "reason": "no"})], "incomplete", "no"),
+        ([("run_ended", {"ending": "stopped", "status": 130, "reason": ""})], "stopped", ""),
+        ([("run_ended", {"ending": "failed", "status": 1, "reason": "no"})], "failed", "no"),
+        ([("run_ended", {"ending": "failed", "status": 1, "reason": "no"}), BEGAN], "working", ""),
     ],
 )
-def test_of_a_zone_it_is_said_whether_it_was_searched_wherever_the_robot_was(told, words):
-    assert after(*told).zones["zone_a"].said == words
+def test_what_a_mission_is_at_is_one_word_with_its_reason(told, name, reason):
+    assert after(*told).phase[:2] == (name, reason)
 
 
-@pytest.mark.parametrize("end", [STOPPED, BEGAN, ("zone_started", {"zone": "zone_b"})])
-@pytest.mark.parametrize("told", [[STARTED], [STARTED, SEARCHED]])
-def test_a_zone_is_under_way_no_longer_than_the_run_or_until_another_one_is(told, end):
-    state = after(*told, end)
-    assert state.zones["zone_a"].state == "open"
-    assert state.zone == ("zone_b" if end[0] == "zone_started" else "")
-
-
-def test_a_zone_that_is_postponed_comes_last():
-    state = after(("zone_started", {"zone": "zone_a"}), ("zone_postponed", {"zone": "zone_a"}))
-    assert list(state.zones) == ["zone_b", "zone_a"]
-    assert state.zones["zone_a"].state == "open"
-
-
-def test_a_zone_that_is_given_up_has_the_reason():
-    state = after(("zone_abandoned", {"zone": "zone_a", "attempts": 3, "reason": ""}))
-    assert state.zones["zone_a"].reason == "it was not reached in 3 attempts"
-
-
-def test_a_zone_that_the_operator_adds_is_in_the_plan():
-    state = after(("zone_added", {"id": "zone_x", "x": 5.0, "y": 6.0, "yaw": 0.0}))
-    assert state.zones["zone_x"].place == (5.0, 6.0)
-
-
-FOUND = ("zone_searched", {"zone": "zone_a", "survivor": [1.5, 2.5]})
-NAMED = ("survivor_named", {"survivor": "survivor_1", "x": 1.5, "y": 2.5, "possibly": None})
-
-
-def test_a_survivor_is_found_named_reported_and_acknowledged():
-    sent, done = (
-        ("report_sent", {"survivor": "survivor_1"}),
-        ("report_acknowledged", {"survivor": "survivor_1"}),
-    )
-    (survivor,) = after(FOUND, NAMED, sent, done).survivors
-    assert (survivor.name, survivor.zone, survivor.place) == ("survivor_1", "zone_a", (1.5, 2.5))
-    assert (survivor.found.time, survivor.sent.time, survivor.acknowledged.time) == (1.0, 3.0, 4.0)
-    assert (survivor.report, survivor.standing) == ("acknowledged", "candidate")
-
-
-def test_somebody_found_again_at_the_same_place_is_no_other():
-    assert len(after(FOUND, FOUND).survivors) == 1
-
-
-def test_the_operator_s_word_counts():
-    judged = ("survivor_judged", {"survivor": "survivor_1", "standing": "merged", "same_as": "survivor_0"})
-    state = after(FOUND, NAMED, judged)
-    assert (state.survivors[0].standing, state.survivors[0].possibly) == ("merged", "survivor_0")
-    assert [order.text for order in state.orders] == ["survivor_1 is merged with survivor_0"]
+def test_where_a_mission_is_at_work_is_known_whatever_keeps_it():
+    assert after(HELD, LOST).phase.place == "a"
 
 
 def test_a_drive_has_what_is_left_until_its_goal_ends():
@@ -173,6 +151,12 @@ def test_a_drive_has_what_is_left_until_its_goal_ends():
     assert (state.drive, state.goals) == (None, {})
 
 
+def test_what_the_robot_lacks_is_known_until_it_can_drive_again():
+    lost = ("lacks", {"text": "Nav2 is not active: node amcl: not there"})
+    assert after(lost).lacks == "Nav2 is not active: node amcl: not there"
+    assert after(lost, ("lacks", {"text": ""})).lacks == ""
+
+
 def test_the_trail_has_every_pose():
     state = after(("pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}), ("pose", {"x": 2.0, "y": 2.0, "yaw": 0.5}))
     assert [(pose.at.time, pose.x) for pose in state.trail] == [(1.0, 1.0), (2.0, 2.0)]
@@ -180,15 +164,15 @@ def test_the_trail_has_every_pose():
 
 
 def test_a_plan_in_another_frame_is_not_shown_on_the_map():
-    assert after(("plan", {"frame": "map", "points": [[1, 2]]})).plan == [Position(1.0, 2.0)]
+    assert after(("plan", {"frame": "map", "points": [[1, 2]]})).plan == [(1.0, 2.0)]
     assert after(("plan", {"frame": "odom", "points": [[1, 2]]})).plan == []
 
 
 def test_a_second_run_begins_with_the_tree_anew_and_with_what_the_first_has_done():
-    state = after(status(0, "RUNNING"), ("zone_visited", {"zone": "zone_a"}), BEGAN)
+    state = after(status(0, "RUNNING"), changed(landmarks=[SEEN]), BEGAN)
     assert len(state.runs) == 2
     assert state.nodes[0].status == ""
-    assert state.zones["zone_a"].state == "visited"
+    assert state.situation.landmarks
 
 
 def test_a_run_that_has_ended_says_how():
@@ -203,16 +187,17 @@ def test_a_run_that_has_ended_says_how():
         ("status", {"node": "Drive"}),
         ("pose", {"x": math.nan, "y": 0.0, "yaw": 0.0}),
         ("pose", {}),
-        ("zone_started", {"place": "elsewhere"}),
-        ("zone_searched", {"zone": "zone_a", "survivor": "nobody"}),
+        ("changed", {"landmarks": [{"kind": "point"}]}),
+        ("changed", {"landmarks": [{**POINT, "x": math.nan}]}),
+        ("changed", {"alarms": "all"}),
         ("written", {"by": "me"}),
         ("run_ended", {"ending": "over", "status": 0, "reason": "", "more": 1}),
     ],
 )
 def test_what_is_not_of_this_form_is_kept_as_it_is_and_changes_nothing(entry):
     state, before = after(entry), after()
-    assert [(each.kind, each.data) for each in state.noted] == [entry]
-    assert (state.pose, state.trail, state.survivors) == (None, [], [])
+    assert [(each.kind, each.data) for each in state.facts] == [entry]
+    assert (state.pose, state.trail, state.situation.landmarks) == (None, [], {})
     assert [node.status for node in state.nodes] == ["", "", ""]
     assert state.runs[-1].ending == before.runs[-1].ending
 
@@ -220,12 +205,12 @@ def test_what_is_not_of_this_form_is_kept_as_it_is_and_changes_nothing(entry):
 def test_what_a_mission_has_written_of_its_own_is_kept_in_its_order():
     photo = ("photo_taken", {"photo": "photo_1"})
     state = after(photo, status(1, "RUNNING"), ("pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}), ("point_left", {}))
-    assert [(each.at.time, each.kind, each.data) for each in state.noted] == [
+    assert [(each.at.time, each.kind, each.data) for each in state.facts] == [
         (1.0, *photo),
         (4.0, "point_left", {}),
     ]
 
 
-def test_a_journal_without_a_mission_has_a_tree_and_no_zones():
+def test_a_journal_without_a_mission_has_a_tree():
     state = after(began=("run_began", {"mission": None, "identity": {}, "tree": TREE, "run": {}}))
-    assert (len(state.nodes), state.zones, state.base) == (3, {}, None)
+    assert (len(state.nodes), state.title, state.is_told) == (3, "Main", False)

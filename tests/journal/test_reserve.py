@@ -20,7 +20,7 @@ from sar_compiler.journal.following import JournalFollower
 from sar_compiler.journal.journal_entries import FACTS_LOST, Ending
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.reserve import Kept, Reserve, Row, read_reserve
-from sar_compiler.views.journals import journal_data
+from sar_compiler.views.journals import journal_json
 from tests.full_disk import full_disk
 
 
@@ -61,7 +61,7 @@ class Mission:
 
 def read(place):
     with closing(JournalFile.read(place)) as file:
-        return journal_data(file, with_watched=True)
+        return json.loads("\n".join(journal_json(file, with_watched=True)))
 
 
 def kinds(place, which="facts"):

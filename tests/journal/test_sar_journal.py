@@ -108,6 +108,6 @@ def test_a_report_is_written_of_a_journal_in_each_form_that_is_asked_for(tmp_pat
     out = tmp_path / "r.html", tmp_path / "r.json"
     assert main(["report", str(tmp_path / "m.journal"), "--to", *map(str, out)]) == 0
     assert "zone_a" in out[0].read_text(encoding="utf-8")
-    assert json.loads(out[1].read_text(encoding="utf-8"))["zones"][0]["state"] == "visited"
+    assert json.loads(out[1].read_text(encoding="utf-8"))["facts"][0]["data"] == {"zone": "zone_a"}
     assert main(["report", str(tmp_path / "m.journal"), "--to", str(tmp_path / "r.cot")]) == 2
     assert "takes georeference" in capsys.readouterr().err

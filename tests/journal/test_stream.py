@@ -1,18 +1,22 @@
 """Who listens to a journal is told what can be read from its file afterwards, with or without a file."""
 
+import itertools
 import time
 import tracemalloc
+from collections import deque
 from contextlib import closing
 
 import pytest
 
+from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.reserve import Row
-from sar_compiler.views.journals import journal_lines
+from sar_compiler.views.journals import journal_json, journal_lines
+from sar_compiler.views.why import Inquiry, recorded
 
 
 def live(journal):
@@ -118,20 +122,26 @@ def held_at_most(read):
         tracemalloc.stop()
 
 
-def test_a_long_journal_is_shown_and_reported_without_holding_it(tmp_path):
+def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_path):
     def long(count):
         place = tmp_path / f"{count}.journal"
         file = JournalFile.create(place)
         file.begin_run({"mission": "patrol", "tree": {"name": "Root", "children": []}}, {"time": 0.0}, 9.0)
-        data = '{"node": 0, "tick": 1, "status": "RUNNING", "message": ""}'
-        file.write([Row(number, 1, 9.0, 1.0, "status", data) for number in range(1, count + 1)])
+        said = (
+            f'{{"node": 0, "tick": {number}, "status": "{status}", "message": ""}}'
+            for number, status in zip(range(1, count + 1), itertools.cycle(["RUNNING", "FAILURE"]))
+        )
+        file.write([Row(number, 1, 9.0, 1.0, "status", data) for number, data in enumerate(said, 1)])
         file.close()
         return JournalFile.read(place)
 
     with closing(long(1_000)) as short, closing(long(20_000)) as file:
         for read in (
             lambda file: MissionState.of(file.stream()),
-            lambda file: [None for _ in journal_lines(file, with_watched=True) if not _],
+            lambda file: deque(journal_lines(file, with_watched=True), 0),
+            lambda file: deque(journal_json(file, with_watched=True), 0),
+            lambda file: Explanation.of(file).data(),
+            lambda file: deque(recorded(file.last_run(), Inquiry.of(file.last_run()).count), 0),
         ):
             read(short)  # what is imported and cached is no part of it
             # An entry takes more than 500 bytes.

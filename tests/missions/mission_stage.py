@@ -20,7 +20,8 @@ from sar_interfaces.srv import DetectSurvivor as DetectService
 from sar_interfaces.srv import ReportSurvivor as ReportService
 from tf2_msgs.msg import TFMessage
 
-from sar_compiler.missions.search_and_rescue import MissionRecord, ZoneManager
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from tests.waiting import SILENCE_SEC
 
 L = TypeVar("L", bound=Behaviour)
@@ -319,8 +320,8 @@ class Stage:
         self._server_context = server_context or context
         self.namespace = f"/stage_{next(_numbers)}"
         self.node = self._mission_node()
-        self.zones = ZoneManager(ZONES, BASE)
-        self.record = MissionRecord()
+        search = SearchState(ZoneManager(ZONES, BASE))
+        self.zones, self.record, self.kept = search.zones, search.record, search.kept
         self.wakes = 0
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)

@@ -40,6 +40,20 @@ def test_the_resilient_tree_is_proved_for_two_zones() -> None:
     assert (status, broken(output)) == (0, set())
 
 
+def test_the_shipped_trees_that_give_zones_up_are_proved_to_give_none_up_while_nav2_is_away() -> None:
+    said = {}
+    for tree in sorted(Path("trees").glob("*.xml")):
+        table = re.findall(
+            r"^  no zone .* while Nav2 is away: +(.*)$",
+            verify(tree, "--set", "zones_left=1")[1],
+            re.MULTILINE,
+        )
+        said[tree.stem.removeprefix("search_and_rescue")] = "".join(table)
+    left_out = "left out: this tree has no PostponeZone, no AbandonZone"
+    # Failsafes alone have nothing of a mission, so that nothing of one is asked about them.
+    assert said == {"_resilient": HOLDS, "_guarded": HOLDS, "": left_out, "failsafes": ""}
+
+
 @pytest.mark.slow
 def test_the_resilient_tree_is_proved_in_as_many_states_as_the_page_says() -> None:
     status, output = verify(RESILIENT)
@@ -87,6 +101,10 @@ NEEDED = {
     ),
     "the last attempt on a zone": (without('num_attempts="2"', 'num_attempts="-1"'), "every run ends"),
     "the last attempt on the way home": (without('num_attempts="5"', 'num_attempts="-1"'), "every run ends"),
+    "the end where nobody could judge a drive": (
+        without('<SubTree ID="EndIfUnavailable"/>'),
+        "no zone is postponed or abandoned while Nav2 is away",
+    ),
     "an end of postponing": (
         without('<PostponeZone attempts="3"/>', "<AlwaysSuccess/>"),
         "every run ends",

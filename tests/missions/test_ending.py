@@ -41,7 +41,7 @@ def test_a_mission_is_over_as_soon_as_it_is_complete(mission, zones, record):
 
 def test_a_mission_that_can_no_longer_become_complete_is_over(mission, zones, record):
     ending = EndCondition(Until.COMPLETE, mission)
-    record.survivor_found("a", 1.0, 2.0)
+    record.zone_searched("a", (1.0, 2.0))
     record.base_reached()
     zones.advance()
     assert ending.after_tick(SUCCESS, 1.0) is None

@@ -1,41 +1,69 @@
 """Reports that are kept."""
 
-from sar_compiler.missions.search_and_rescue import KeptReports
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+import pytest
+
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import is_mission_context, preview_of
 
 FIRST, SECOND = SurvivorReport("survivor_1", 1.0, 2.0), SurvivorReport("survivor_2", 3.0, 4.0)
 
 
-def test_reports_come_in_the_order_in_which_they_were_kept() -> None:
-    kept = KeptReports()
-    kept.keep(SECOND)
-    kept.keep(FIRST)
+@pytest.fixture
+def search() -> SearchState:
+    return SearchState(ZoneManager([], {"x": 0, "y": 0, "yaw": 0}))
+
+
+@pytest.fixture
+def record(search: SearchState) -> MissionRecord:
+    return search.record
+
+
+@pytest.fixture
+def kept(search: SearchState) -> KeptReports:
+    return search.kept
+
+
+def test_reports_come_in_the_order_in_which_they_were_kept(record: MissionRecord, kept: KeptReports) -> None:
+    record.report_kept(SECOND)
+    record.report_kept(FIRST)
     assert list(kept) == [SECOND, FIRST]
 
 
-def test_there_is_one_report_for_each_survivor() -> None:
-    kept = KeptReports()
-    kept.keep(FIRST)
-    kept.keep(FIRST)
+def test_there_is_one_report_for_each_survivor(record: MissionRecord, kept: KeptReports) -> None:
+    record.report_kept(FIRST)
+    record.report_kept(FIRST)
     assert len(kept) == 1
 
 
-def test_a_report_that_is_delivered_is_kept_no_more() -> None:
-    kept = KeptReports()
-    kept.keep(FIRST)
-    kept.keep(SECOND)
-    kept.delivered("survivor_1")
-    kept.delivered("survivor_9")
+def test_a_report_that_is_acknowledged_is_kept_no_more(record: MissionRecord, kept: KeptReports) -> None:
+    record.report_kept(FIRST)
+    record.report_kept(SECOND)
+    record.survivor_acknowledged("survivor_1")
+    record.survivor_acknowledged("survivor_9")
     assert list(kept) == [SECOND]
 
 
-def test_reports_can_be_delivered_while_they_are_gone_through() -> None:
-    kept = KeptReports()
-    kept.keep(FIRST)
-    kept.keep(SECOND)
+@pytest.mark.parametrize(
+    ("standing", "left"), [(Standing.CONFIRMED, [FIRST]), (Standing.REJECTED, []), (Standing.MERGED, [])]
+)
+def test_the_report_of_who_is_nobody_new_is_kept_no_more(
+    record: MissionRecord, kept: KeptReports, standing: Standing, left: list[SurvivorReport]
+) -> None:
+    record.report_kept(FIRST)
+    record.survivor_judged("survivor_1", standing)
+    assert list(kept) == left
+
+
+def test_reports_can_be_acknowledged_while_they_are_gone_through(
+    record: MissionRecord, kept: KeptReports
+) -> None:
+    record.report_kept(FIRST)
+    record.report_kept(SECOND)
     for report in kept:
-        kept.delivered(report.survivor_id)
+        record.survivor_acknowledged(report.survivor_id)
     assert not kept
 
 

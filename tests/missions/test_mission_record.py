@@ -2,35 +2,39 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue import MissionRecord, ZoneManager
-from sar_compiler.missions.search_and_rescue.record import FoundSurvivor
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import FoundSurvivor, MissionRecord
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import preview_of
 
 
 @pytest.fixture
-def zones() -> ZoneManager:
-    return ZoneManager(
-        [{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}, {"id": "zone_b", "x": 1, "y": 0, "yaw": 0}],
-        {"x": 0, "y": 0, "yaw": 0},
-    )
+def search() -> SearchState:
+    plan = [{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}, {"id": "zone_b", "x": 1, "y": 0, "yaw": 0}]
+    return SearchState(ZoneManager(plan, {"x": 0, "y": 0, "yaw": 0}))
 
 
 @pytest.fixture
-def record() -> MissionRecord:
-    return MissionRecord()
+def zones(search: SearchState) -> ZoneManager:
+    return search.zones
+
+
+@pytest.fixture
+def record(search: SearchState) -> MissionRecord:
+    return search.record
 
 
 def visit_everything(record: MissionRecord, zones: ZoneManager) -> None:
     while zones.has_remaining():
         zone_id = zones.current_zone()["id"]
         record.zone_started(zone_id)
-        record.zone_visited(zone_id)
         zones.advance()
 
 
 def test_a_mission_with_everything_done_is_complete(record: MissionRecord, zones: ZoneManager) -> None:
     visit_everything(record, zones)
-    record.survivor_found("zone_b", 1.0, 2.0)
+    record.zone_searched("zone_b", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
     record.survivor_acknowledged("survivor_1")
     record.base_reached()
@@ -42,9 +46,9 @@ def test_a_mission_with_everything_done_is_complete(record: MissionRecord, zones
 
 def test_what_is_missing_is_said_in_sentences(record: MissionRecord, zones: ZoneManager) -> None:
     zones.advance()
-    record.survivor_found("zone_a", -2.5, 3.2)
+    record.zone_searched("zone_a", (-2.5, 3.2))
     record.survivor_named("survivor_1", -2.5, 3.2)
-    record.survivor_found("zone_a", 0.0, 0.0)
+    record.zone_searched("zone_a", (0.0, 0.0))
     assert record.shortfalls(zones) == [
         "zone_b was not visited.",
         "The base station did not acknowledge survivor_1 in zone_a at (-2.50, 3.20).",
@@ -57,17 +61,16 @@ def test_an_abandoned_zone_is_missing_whatever_else_is_done(
     record: MissionRecord, zones: ZoneManager
 ) -> None:
     zones.abandon()
-    record.zone_abandoned("zone_a", 3)
     visit_everything(record, zones)
     record.base_reached()
     assert record.zones_abandoned == ("zone_a",)
-    assert record.shortfalls(zones) == ["zone_a was abandoned after attempt 3."]
+    assert record.shortfalls(zones) == ["zone_a was abandoned after attempt 1."]
 
 
 def test_a_report_is_kept_until_it_is_acknowledged(record: MissionRecord) -> None:
-    record.survivor_found("zone_a", 1.0, 2.0)
+    record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
-    record.report_kept("survivor_1")
+    record.report_kept(SurvivorReport("survivor_1", 1.0, 2.0))
     assert [known.kept for known in record.survivors] == [True]
     record.survivor_acknowledged("survivor_1")
     assert [known.kept for known in record.survivors] == [False]
@@ -81,17 +84,17 @@ def test_leaving_for_a_zone_is_leaving_home(record: MissionRecord) -> None:
 
 
 def test_a_survivor_found_again_at_the_same_place_is_the_same(record: MissionRecord) -> None:
-    record.survivor_found("zone_a", 1.0, 2.0)
+    record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
-    record.survivor_found("zone_a", 1.0, 2.0)
+    record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_named("survivor_2", 1.0, 2.0)
     record.survivor_acknowledged("survivor_2")
     assert record.survivors == (FoundSurvivor("zone_a", 1.0, 2.0, "survivor_2", acknowledged=True),)
 
 
 def test_a_name_goes_to_the_survivor_at_its_place(record: MissionRecord) -> None:
-    record.survivor_found("zone_a", 1.0, 2.0)
-    record.survivor_found("zone_b", 3.0, 4.0)
+    record.zone_searched("zone_a", (1.0, 2.0))
+    record.zone_searched("zone_b", (3.0, 4.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
     assert [survivor.survivor_id for survivor in record.survivors] == ["survivor_1", None]
 
@@ -102,7 +105,7 @@ def test_a_survivor_who_is_named_but_was_not_seen_found_counts(record: MissionRe
 
 
 def test_an_acknowledgement_of_somebody_unknown_changes_nothing(record: MissionRecord) -> None:
-    record.survivor_found("zone_a", 1.0, 2.0)
+    record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_acknowledged("survivor_9")
     assert not record.survivors[0].acknowledged
 

@@ -9,23 +9,18 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.missions.search_and_rescue import (
-    AbandonZone,
-    AdvanceZone,
+from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from sar_compiler.missions.search_and_rescue.actions.report_queue import DeliverReports, KeepReport
+from sar_compiler.missions.search_and_rescue.actions.survivors import (
     BroadcastSurvivorTF,
-    DeliverReports,
     DetectSurvivor,
-    KeepReport,
-    KeptReports,
     LogNoDetection,
-    MissionRecord,
-    NavigateToBase,
-    NavigateToZone,
     NotifyBase,
-    PostponeZone,
-    ZoneManager,
 )
+from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.ros.leaves.errors import MissingNodeError
 from sar_compiler.runtime.leaf_protocol import Settling
 
@@ -42,8 +37,9 @@ def one_zone() -> ZoneManager:
 def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
     zones = one_zone()
     detect = DetectSurvivor("DetectSurvivor", zones)
-    kept = KeptReports()
-    kept.keep(SurvivorReport("survivor_1", 1.0, 2.0))
+    search = SearchState(zones)
+    search.record.report_kept(SurvivorReport("survivor_1", 1.0, 2.0))
+    kept = search.kept
     return [
         NavigateToZone("NavigateToZone", zones),
         NavigateToBase("NavigateToBase", zones),
@@ -51,7 +47,7 @@ def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
         BroadcastSurvivorTF("BroadcastSurvivorTF", detect, zones),
         NotifyBase("NotifyBase", detect),
         LogNoDetection("LogNoDetection"),
-        KeepReport("KeepReport", detect, kept),
+        KeepReport("KeepReport", detect),
         DeliverReports("DeliverReports", kept),
         PostponeZone("PostponeZone", zones),
         AbandonZone("AbandonZone", zones),
@@ -61,7 +57,8 @@ def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
 def test_the_leaves_can_be_imported_and_built_without_ros() -> None:
     program = (
         "import sys; sys.modules['rclpy'] = None\n"
-        "from sar_compiler.missions.search_and_rescue import NavigateToZone, ZoneManager\n"
+        "from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToZone\n"
+        "from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager\n"
         "NavigateToZone('NavigateToZone', ZoneManager([], {'x': 0, 'y': 0, 'yaw': 0}))\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
@@ -95,8 +92,9 @@ def test_the_drives_can_be_waited_for() -> None:
 
 class TestAdvanceZone:
     def test_it_moves_on_notes_the_visit_and_wakes_the_tree(self) -> None:
-        zones, record, wakes = one_zone(), MissionRecord(), []
-        leaf = AdvanceZone("AdvanceZone", zones, record=record)
+        search, wakes = SearchState(one_zone()), []
+        zones, record = search.zones, search.record
+        leaf = AdvanceZone("AdvanceZone", zones)
         leaf.setup(node=object(), wake=lambda: wakes.append("wake"))
         leaf.tick_once()
         assert leaf.status is Status.SUCCESS

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue import NavigateToBase, NavigateToZone, NavigationAvailable
+from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from sar_compiler.missions.search_and_rescue.failsafes import NavigationAvailable
 from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
@@ -155,19 +156,18 @@ class TestTheLog:
     ) -> None:
         stage.nav_server().script = ["succeed"]
         stage.zones.abandon()
-        stage.record.zone_abandoned("zone_a", 3)
         visit_every_zone(stage)
         assert stage.run(drive_home(stage)) is Status.SUCCESS
         assert "No zone is left; abandoned: zone_a. Returning to base." in stage.lines
         assert stage.lines[-1] == (
-            "Back at base with the mission incomplete: zone_a was abandoned after attempt 3."
+            "Back at base with the mission incomplete: zone_a was abandoned after attempt 1."
         )
 
     def test_coming_home_with_a_survivor_not_acknowledged_says_so_once_and_complete_once_it_is(
         self, stage: "Stage"
     ) -> None:
         stage.nav_server().script = ["succeed"]
-        stage.record.survivor_found("zone_a", 1.0, 2.0)
+        stage.record.zone_searched("zone_a", (1.0, 2.0))
         stage.record.survivor_named("survivor_1", 1.0, 2.0)
         visit_every_zone(stage)
         leaf = drive_home(stage)

@@ -5,8 +5,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue import DeliverReports, DetectSurvivor, KeepReport, KeptReports
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.missions.search_and_rescue.actions.report_queue import DeliverReports, KeepReport
+from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
+from sar_compiler.missions.search_and_rescue.done_before import DoneBefore
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
 from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
@@ -18,8 +21,8 @@ FIRST, SECOND = SurvivorReport("survivor_1", -2.5, 3.2), SurvivorReport("survivo
 
 
 @pytest.fixture
-def kept() -> KeptReports:
-    return KeptReports()
+def kept(stage: "Stage") -> KeptReports:
+    return stage.kept
 
 
 def keep(
@@ -27,14 +30,13 @@ def keep(
 ) -> KeepReport:
     detect = DetectSurvivor("DetectSurvivor", stage.zones)
     detect._pose, detect._survivor_id = pose, survivor_id
-    return stage.take(KeepReport("KeepReport", detect, kept, record=stage.record))
+    return stage.take(KeepReport("KeepReport", detect, record=stage.record))
 
 
 def deliver(stage: "Stage", kept: KeptReports, *reports: SurvivorReport, **options: Any) -> DeliverReports:
     for report in reports:
         stage.record.survivor_named(report.survivor_id, report.x, report.y)
-        stage.record.report_kept(report.survivor_id)
-        kept.keep(report)
+        stage.record.report_kept(report)
     return stage.take(DeliverReports("DeliverReports", kept, record=stage.record, **options))
 
 
@@ -59,7 +61,8 @@ class TestKeepReport:
         stage.record.survivor_named("survivor_1", -2.5, 3.2)
         stage.record.survivor_acknowledged("survivor_1")
         leaf = keep(stage, kept, (-2.5, 3.2), "survivor_1")
-        stage.record.before.named("survivor_1", -2.5, 3.2)
+        named = {"survivor": "survivor_1", "x": -2.5, "y": 3.2}
+        stage.record.before = DoneBefore.of([JournalEntry(1, 1, 0.0, 0.0, "survivor_named", named)])
         assert stage.run(leaf) is Status.SUCCESS
         assert list(kept) == []
         assert [found.acknowledged for found in stage.record.survivors] == [True]
@@ -156,7 +159,7 @@ class TestDeliverReports:
         service = stage.report_service(acknowledged=False)
         leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=ManualClock())
         stage.run(leaf)
-        kept.keep(SECOND)
+        stage.record.report_kept(SECOND)
         stage.run(leaf)
         assert ids(service) == ["survivor_1", "survivor_1", "survivor_2"]
 

@@ -1,20 +1,19 @@
 """The summary of a mission."""
 
+from sar_compiler.missions.search_and_rescue.plugin import Search
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.summary import mission_summary
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 
 def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
-    zones = ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE)
-    record = MissionRecord()
-    record.zone_visited("a")
+    search = Search([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE)
+    zones, record = search.context[ZoneManager], search.context[MissionRecord]
     zones.advance()
-    record.survivor_found("a", 1.0, 2.0)
+    record.zone_searched("a", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
-    assert mission_summary(record, zones, 12.34, 7) == (
+    assert search.summary(12.34, 7) == (
         "Summary: the mission is incomplete.\n"
         "  zones visited:   1 of 2 (a)\n"
         "  survivors found: survivor_1 in a at (1.00, 2.00), NOT acknowledged\n"
@@ -27,10 +26,10 @@ def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
 
 
 def test_a_mission_without_survivors_says_so():
-    zones = ZoneManager([], POSE)
-    record = MissionRecord()
+    search = Search([], POSE)
+    record = search.context[MissionRecord]
     record.base_reached()
-    assert mission_summary(record, zones, 0.0, 1).splitlines()[:3] == [
+    assert search.summary(0.0, 1).splitlines()[:3] == [
         "Summary: the mission is complete.",
         "  zones visited:   0 of 0",
         "  survivors found: none",

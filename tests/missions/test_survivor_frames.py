@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue import BroadcastSurvivorTF, DetectSurvivor
+from sar_compiler.missions.search_and_rescue.actions.survivors import BroadcastSurvivorTF, DetectSurvivor
 from sar_compiler.missions.search_and_rescue.static_transforms import static_transforms_of
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class TestBroadcastSurvivorTF:
         assert 0 <= now - (survivor.header.stamp.sec * 10**9 + survivor.header.stamp.nanosec) < 10**10
 
     def test_it_says_so_once_and_the_name_is_recorded(self, stage: "Stage") -> None:
-        stage.record.survivor_found("zone_a", -2.5, 3.2)
+        stage.record.zone_searched("zone_a", (-2.5, 3.2))
         stage.run(broadcast(stage, search_that_found(stage, -2.5, 3.2)))
         assert stage.lines == ["Broadcasting TF frame: survivor_1 at (-2.50, 3.20) in map frame."]
         assert [survivor.survivor_id for survivor in stage.record.survivors] == ["survivor_1"]

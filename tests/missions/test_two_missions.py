@@ -7,17 +7,15 @@ import py_trees
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue import (
-    AdvanceZone,
+from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from sar_compiler.missions.search_and_rescue.actions.survivors import (
     BroadcastSurvivorTF,
     DetectSurvivor,
-    IsSurvivorDetected,
     LogNoDetection,
-    NavigateToBase,
-    NavigateToZone,
     NotifyBase,
-    ZonesRemaining,
 )
+from sar_compiler.missions.search_and_rescue.actions.zones import AdvanceZone
+from sar_compiler.missions.search_and_rescue.conditions import IsSurvivorDetected, ZonesRemaining
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import ScriptedService, Stage
@@ -49,7 +47,7 @@ def search_and_rescue(stage: "Stage") -> py_trees.behaviour.Behaviour:
             Selector(
                 "HandleDetection", memory=False, children=[found, LogNoDetection("LogNoDetection", zones)]
             ),
-            AdvanceZone("AdvanceZone", zones, record=record),
+            AdvanceZone("AdvanceZone", zones),
         ],
     )
     home = py_trees.decorators.OneShot(

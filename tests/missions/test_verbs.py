@@ -13,7 +13,7 @@ GO = Verb(
         VerbField("name", "Name"),
         VerbField("x", "x", "number"),
         VerbField("how", "How", "choice", (("FAST", "fast"), ("SLOW", "slow"))),
-        VerbField("whom", "Whom", "survivor", optional=True),
+        VerbField("whom", "Whom", "found", optional=True),
     ),
 )
 RIGHT = {"name": "there", "x": 1, "how": "FAST", "whom": ""}
@@ -49,7 +49,7 @@ def test_what_is_wrong_with_an_order_is_said(values, words):
     assert words in str(error.value)
 
 
-@pytest.mark.parametrize("kind", ["text", "number", "choice", "survivor"])
+@pytest.mark.parametrize("kind", ["text", "number", "choice", "found"])
 @pytest.mark.parametrize("values", [{}, {"how": ""}, {"how": None}])
 def test_what_is_optional_may_be_left_empty(kind, values):
     field = VerbField("how", "How", kind, (("FAST", "fast"),), optional=True)

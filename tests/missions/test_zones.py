@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue import AbandonZone, PostponeZone, ZoneManager
+from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, PostponeZone
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage
@@ -16,7 +17,7 @@ def postpone(stage: "Stage", attempts: int) -> PostponeZone:
 
 
 def abandon(stage: "Stage") -> AbandonZone:
-    return stage.take(AbandonZone("AbandonZone", stage.zones, record=stage.record))
+    return stage.take(AbandonZone("AbandonZone", stage.zones))
 
 
 def order(zones: ZoneManager) -> list[str]:

@@ -9,13 +9,10 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
-from sar_compiler.missions.search_and_rescue import (
-    AbandonZone,
-    AdvanceZone,
-    MissionRecord,
-    PostponeZone,
-    ZoneManager,
-)
+from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from tests.trees import forest
 
@@ -35,9 +32,9 @@ def simulated_with(zones: int, attempts: int) -> SimulatedTree:
 
 def flying(stage: "Stage", zones: ZoneManager, record: MissionRecord, attempts: int) -> dict[str, Behaviour]:
     leaves = [
-        AdvanceZone("AdvanceZone", zones, record=record),
+        AdvanceZone("AdvanceZone", zones),
         PostponeZone("PostponeZone", zones, attempts=attempts),
-        AbandonZone("AbandonZone", zones, record=record),
+        AbandonZone("AbandonZone", zones),
     ]
     return {leaf.name: stage.take(leaf) for leaf in leaves}
 
@@ -51,7 +48,8 @@ def test_postponing_in_rounds_is_postponing_each_zone_so_often(
     stage: "Stage", count: int, attempts: int, steps: list[str]
 ) -> None:
     plan = [{"id": f"zone_{index}", "x": 0.0, "y": 0.0, "yaw": 0.0} for index in range(count)]
-    zones, record = ZoneManager(plan, BASE), MissionRecord()
+    search = SearchState(ZoneManager(plan, BASE))
+    zones, record = search.zones, search.record
     real, simulated_tree = flying(stage, zones, record, attempts), simulated_with(count, attempts)
     stand_ins = {leaf.name: leaf for leaf in simulated_tree.leaves}
     for step in steps:

@@ -10,6 +10,8 @@ import msgpack
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
+from tests.waiting import News
+
 PATIENCE_MSEC = 20_000
 
 
@@ -74,6 +76,12 @@ class Client:
         (packed,) = self.ask("S")
         assert len(packed) % 3 == 0
         return dict(struct.iter_unpack("<HB", packed))
+
+    def see(self, wanted):
+        """Ask until these are the statuses: those of one tick are told one after the other."""
+        news = News()
+        with news:
+            news.wait_until(lambda: self.statuses() == wanted, lambda: f"never {wanted}: {self.statuses()}")
 
     def blackboards(self, names):
         """Return what blackboards hold."""

@@ -212,6 +212,8 @@ def test_blackboards_go_by_the_trees_id_and_the_paths_of_subtrees(stage):
     assert client.blackboards("Main") == {"Main": of_main}
     assert client.blackboards("one;nothing") == {"one": {"b": 3, "x": 2}, "ROOT": of_main}
     assert client.blackboards("nothing") is None
+    # A viewer that names none gets what BehaviorTree.CPP answers: null.
+    assert client.blackboards("") is None
 
 
 def test_a_value_that_cannot_be_told_is_told_as_nothing(stage):

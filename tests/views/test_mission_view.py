@@ -18,9 +18,9 @@ def node(name, *children):
     }
 
 
-def mission(tree, *statuses, more=(), zones=()):
+def mission(tree, *statuses, more=()):
     """Return a mission after the statuses of some nodes by number, one a second."""
-    about = {"mission": "patrol", "identity": {"zones": list(zones)}, "tree": tree, "run": {}}
+    about = {"mission": "patrol", "tree": tree, "run": {}}
     told = [("run_began", about)]
     told += [
         ("status", {"node": number, "tick": 1, "status": status, "message": message})
@@ -42,7 +42,7 @@ def test_durations_are_told_as_on_a_clock(seconds, text):
 def test_a_small_tree_is_shown_as_a_whole():
     state = mission(node("Main", node("Drive"), node("Look")), (1, "RUNNING", "3 m left"), (0, "RUNNING", ""))
     assert lines(state) == [
-        "patrol  0:10  RUNNING",
+        "patrol  0:10  working",
         "[*] Main  0:08",
         "  [*] Drive  0:09  3 m left",
         "  [-] Look",
@@ -54,35 +54,94 @@ def test_what_a_node_said_in_a_former_activation_is_not_shown():
     assert lines(state)[2] == "  [-] Drive"
 
 
-def test_the_headline_has_the_zone_what_is_left_of_the_drive_and_the_plan():
-    zones = [{"id": "zone_a", "x": 0, "y": 0}, {"id": "zone_b", "x": 0, "y": 0}]
+KINDS = [
+    {"name": "zone", "plural": "zones"},
+    {"name": "survivor", "plural": "survivors", "is_found": True},
+]
+
+
+def changed(**data):
+    return "changed", data
+
+
+def find(number, **more):
+    return {
+        "kind": "survivor",
+        "name": f"survivor_{number}",
+        "x": number,
+        "y": 0,
+        "state": "candidate",
+        **more,
+    }
+
+
+def test_the_headline_has_the_place_what_is_left_of_the_drive_and_the_figures():
     drive = ("progress", {"target": "zone_b", "distance": 3.21, "time_left": 8.0})
-    told = [("zone_visited", {"zone": "zone_a"}), ("zone_started", {"zone": "zone_b"}), drive]
-    assert lines(mission(node("Main"), more=told, zones=zones))[0] == (
-        "patrol  0:10  zone_b in 3.2 m, 0:08 left  1/2 zones done"
+    told = [
+        changed(phase={"place": "zone_b"}, figures=[{"name": "zones visited", "value": 1, "of": 2}]),
+        drive,
+    ]
+    assert lines(mission(node("Main"), more=told))[0] == (
+        "patrol  0:10  driving  zone_b in 3.2 m, 0:08 left  zones visited 1 of 2"
     )
 
 
-def test_the_latest_survivor_comes_first():
-    found = [("survivor_named", {"survivor": f"survivor_{each}", "x": each, "y": 0}) for each in (1, 2)]
-    told = [*found, ("report_acknowledged", {"survivor": "survivor_1"})]
-    assert lines(mission(node("Main"), more=told))[1] == (
-        "survivors: 2; survivor_2 (2.0, 0.0) not sent; survivor_1 (1.0, 0.0) acknowledged"
+def test_of_a_robot_that_cannot_drive_the_headline_says_why_and_not_what_is_left_of_the_drive():
+    drive = ("progress", {"target": "zone_b", "distance": 5.6, "time_left": 8.0})
+    lost = ("lacks", {"text": "Nav2 is not active: node amcl: not there"})
+    head = lines(mission(node("Main"), more=[drive, lost]))[0]
+    assert head == "patrol  0:10  WAITS: Nav2 is not active: node amcl: not there"
+
+
+@pytest.mark.parametrize(
+    "last",
+    [
+        ("lacks", {"text": "Nav2 is not active"}),
+        ("progress", {"target": "a", "distance": 5.6, "time_left": 8.0}),
+    ],
+)
+def test_after_the_end_of_a_run_nobody_waits_or_drives(last):
+    ended = ("run_ended", {"ending": "failed", "status": 1, "reason": ""})
+    head = lines(mission(node("Main"), more=[last, ended]))[0]
+    assert head == "patrol  0:10  failed"
+
+
+def test_what_keeps_a_mission_stands_in_the_headline():
+    held = changed(phase={"name": "held", "reason": "by the operator", "place": "zone_b"})
+    assert lines(mission(node("Main"), more=[held]))[0] == "patrol  0:10  held  zone_b"
+
+
+def test_the_latest_find_comes_first():
+    told = changed(
+        kinds=KINDS,
+        landmarks=[
+            find(1, details={"report": "acknowledged", "found": {"run": 1, "time": 1, "wall": 1}}),
+            find(2),
+        ],
     )
+    assert lines(mission(node("Main"), more=[told]))[1] == (
+        "survivors: 2; survivor_2 (2.0, 0.0) candidate; survivor_1 (1.0, 0.0) candidate, acknowledged"
+    )
+
+
+def test_of_what_is_looked_for_and_not_found_that_is_said():
+    assert lines(mission(node("Main"), more=[changed(kinds=KINDS)]))[1] == "survivors: none"
 
 
 def test_a_mission_that_looks_for_nobody_shows_the_latest_that_it_has_noted():
     told = [("photo_taken", {"photo": f"photo_{each}"}) for each in range(20)]
     shown = lines(mission(node("Main"), more=[*told, ("point_left", {}), ("\x1b[2J", {"a\n": 1.5})]))
     assert len(shown) == 3
-    assert shown[1].startswith("noted: 22; \\x1b[2J, a\\n: 1.5; point left; photo taken, photo: photo_19; ")
+    assert shown[1].startswith("noted: 22; \\x1b[2J: a\\n: 1.5; point left; photo taken: photo: photo_19; ")
     assert shown[1].endswith("photo: photo_12")
 
 
-def test_an_alarm_is_in_the_headline():
-    assert (
-        "ALARM: battery low" in lines(mission(node("Main"), more=[("alarmed", {"reason": "battery low"})]))[0]
-    )
+def test_an_alarm_is_in_the_headline_until_it_is_over():
+    low = {"text": "battery low"}
+    head = lines(mission(node("Main"), more=[changed(alarms=[low])]))[0]
+    assert head == "patrol  0:10  ALARM: battery low"
+    over = changed(alarms=[{**low, "is_over": True}])
+    assert lines(mission(node("Main"), more=[changed(alarms=[low]), over]))[0] == "patrol  0:10  working"
 
 
 def wide(count=100):
@@ -131,8 +190,8 @@ def test_what_is_told_of_strangers_cannot_move_the_cursor():
     assert lines(state)[1] == r"[*] Main\x1b[2J  0:09  a\nb\x1b]0;title\x07"
 
 
-def change(kind, data, before=""):
-    state = mission(node("Main", node("Drive")))
+def change(kind, data, before="", more=()):
+    state = mission(node("Main", node("Drive")), more=more)
     entry = JournalEntry(9, 1, 9.0, 2.5, kind, data)
     state.take(entry)
     return change_text(state, entry, before)
@@ -141,7 +200,14 @@ def change(kind, data, before=""):
 def test_a_change_is_a_line_with_the_time():
     told = {"node": 1, "tick": 2, "status": "FAILURE", "message": "no way"}
     assert change("status", told) == "      2.5 s  Drive FAILURE, no way"
-    assert change("zone_visited", {"zone": "zone_a"}) == "      2.5 s  zone_visited zone zone_a"
+    assert change("zone_visited", {"zone": "zone_a"}) == "      2.5 s  zone visited: zone: zone_a"
+
+
+def test_of_a_mission_that_says_itself_what_has_happened_that_is_the_line():
+    fact, said, told = {"zone": "zone_a"}, {"said": "zone_a was visited"}, [changed(kinds=[])]
+    assert change("zone_visited", fact, more=told) == ""
+    assert change("changed", said, more=[*told, ("zone_visited", fact)]) == "      2.5 s  zone_a was visited"
+    assert change("changed", {"figures": []}, more=told) == ""
 
 
 @pytest.mark.parametrize(

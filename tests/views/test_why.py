@@ -15,6 +15,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.missions.search_and_rescue.plugin import Search
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.views.why import difference_text, first_difference, why, why_text
 
@@ -133,7 +134,7 @@ def test_a_root_that_succeeds_has_no_chain():
     assert why_text(reasons) == "The mission is complete: The root has failed."
 
 
-ZONE = {"identity": {"zones": [{"id": "zone_a", "x": 0.0, "y": 0.0}]}, "mission": "search_and_rescue"}
+AT_HOME = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 
 def mission(update, told):
@@ -145,9 +146,10 @@ def mission(update, told):
             return F
 
     journal = Journal()
+    Search([{"id": "zone_a", **AT_HOME}], AT_HOME).keep_in(journal)
     act = Selector("try", memory=False, children=[Act("act", [F], F), leaf("go on", S)])
     root = Sequence("root", memory=True, children=[act, leaf("complete?", F)])
-    return why(flown(root, 1, journal, told, **ZONE))
+    return why(flown(root, 1, journal, told))
 
 
 def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():

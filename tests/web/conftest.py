@@ -10,6 +10,17 @@ from typing import Any
 import pytest
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.situation import (
+    Alarm,
+    Display,
+    FactTime,
+    Figure,
+    Gauge,
+    Landmark,
+    LandmarkKind,
+    Level,
+    MissionPhase,
+)
 from sar_compiler.web.feed import LiveFeed
 from sar_compiler.web.page_server import PageServer
 from tests.waiting import SILENCE_SEC
@@ -34,12 +45,64 @@ TREE: dict[str, Any] = {
         for line, name in ((4, "Drive"), (5, "Search"))
     ],
 }
-ZONES = [{"id": "zone_a", "x": -3.0, "y": 3.0, "yaw": 0.0}, {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 1.57}]
-ABOUT: dict[str, Any] = {
-    "mission": "patrol",
-    "tree": TREE,
-    "identity": {"zones": ZONES, "base_station": {"x": 0.0, "y": 0.0}},
-}
+ABOUT: dict[str, Any] = {"mission": "patrol", "tree": TREE}
+KINDS = (
+    LandmarkKind("point", "points"),
+    LandmarkKind("find", "finds", "triangle", is_found=True),
+    LandmarkKind("dock", "dock", "house"),
+    LandmarkKind("fence", "fences"),
+)
+POINTS = {"north": (-3.0, 3.0), "east": (3.5, 3.0)}
+
+
+class Patrol:
+    """A mission that nobody has heard of: points to go to, what is found there, a dock and a fence."""
+
+    def __init__(self):
+        self.points = {name: Landmark("point", name, *place, "open") for name, place in POINTS.items()}
+        self.finds = {}
+        self.alarms = {}
+        self.phase = MissionPhase()
+
+    def apply(self, fact):
+        data = fact.data
+        if fact.kind == "point_reached":
+            level = Level[data.get("level", "DONE")]
+            known = self.points[data["point"]]
+            self.points[data["point"]] = known._replace(
+                state=data.get("state", "visited"), level=level, reason=data.get("reason", "")
+            )
+        elif fact.kind == "point_added":
+            self.points[data["point"]] = Landmark("point", data["point"], data["x"], data["y"], "open")
+        elif fact.kind == "found":
+            at = FactTime(fact.run, fact.time, fact.wall)
+            self.finds[data["name"]] = Landmark(
+                "find", data["name"], data["x"], data["y"], "seen", within="north", details={"found": at}
+            )
+        elif fact.kind == "lost":
+            self.finds.pop(data["name"], None)
+        elif fact.kind == "held":
+            self.phase = MissionPhase("held", "by the operator") if data["is_held"] else MissionPhase()
+        elif fact.kind == "alarmed":
+            self.alarms[data["text"]] = Alarm(data["text"], is_over=data.get("is_over", False))
+
+    def display(self):
+        visited = sum(each.level == Level.DONE for each in self.points.values())
+        return Display(
+            [
+                *self.points.values(),
+                *self.finds.values(),
+                Landmark("dock", "dock", 0.0, 0.0),
+                Landmark("fence", "fence", -5.0, -5.0, corners=((-5.0, -5.0), (5.0, -5.0), (0.0, 5.0))),
+            ],
+            [Figure("points visited", visited, len(self.points)), Figure("finds", len(self.finds))],
+            [Gauge("battery", 90.0 - visited, "%")],
+            list(self.alarms.values()),
+            self.phase,
+        )
+
+    def sentence(self, fact):
+        return f"reached {fact.data['point']}" if fact.kind == "point_reached" else ""
 
 
 def quiet_port():
@@ -56,8 +119,9 @@ class Live:
 
     def __init__(self, orders=None, verbs=(), port=0):
         self.journal = Journal()
+        self.journal.attach(Patrol(), KINDS)
         self.verbs = list(verbs)
-        hello: dict[str, object] = {"mode": "live", "verbs": self.verbs}
+        hello: dict[str, object] = {"verbs": self.verbs}
         self.feed = LiveFeed(hello, lambda: {"verbs": [verb["name"] for verb in self.verbs]})
         self.journal.listen(self.feed.take)
         self.server = PageServer(self.feed, port, orders)
@@ -88,6 +152,12 @@ class Live:
 
     def close(self):
         self.server.close()
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    """Keep the checkpoints of a test's replays by themselves."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 @pytest.fixture

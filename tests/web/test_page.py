@@ -1,6 +1,7 @@
 """The page in a browser: what it shows of a run, live and again, by mouse and by keyboard."""
 
 import json
+import random
 from contextlib import closing
 from typing import Any
 
@@ -8,21 +9,22 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.cli.run_page import _form, _TellsWhy
-from sar_compiler.journal.database import JournalFile
-from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions.search_and_rescue.operator_verbs import VERBS
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.web.feed import RecordedFeed
+from sar_compiler.web.feed import RecordedFeed, as_json
 from sar_compiler.web.page_server import PageServer
-from tests.web.conftest import ABOUT, quiet_port
+from sar_compiler.web.page_state import PageState
+from sar_compiler.web.recording import Recording
+from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol, quiet_port
+from tests.web.folding import history
 from tests.web.test_page_server import Operator
 
 pytestmark = pytest.mark.unmeasured
 
 PAUSE = {"name": "pause", "label": "Pause", "help": "Stops it.", "confirm": "", "fields": []}
-SKIP = {**PAUSE, "name": "pause", "label": "Skip", "confirm": "It is not searched."}
+SKIP = {**PAUSE, "name": "pause", "label": "Skip", "confirm": "Nobody goes there."}
 
 
 def order_button(browser):
@@ -36,7 +38,7 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     run = live().begin()
     run.status(0, "RUNNING")
     run.status(1, "RUNNING", "3 m left")
-    run.journal.note("zone_visited", zone="zone_a")
+    run.journal.note("point_reached", point="north")
     browser.open(run.server.url)
     assert browser.rows() == [
         "Mission, Sequence, RUNNING",
@@ -44,14 +46,18 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
         "Search, Search, not ticked",
     ]
     assert "Drive" in browser.text("#now")
-    assert browser.text("#progress") == "zones 1 of 2"
-    run.journal.note("survivor_unplaced", zone="zone_b", reason="(nan, 0.0) is no position")
-    browser.wait_for("#progress", "zones 1 of 2 · a survivor at no usable position in zone_b")
+    assert browser.text("#progress") == "points visited 1 of 2 · finds 0 · battery 89 %"
+    run.journal.note("alarmed", text="a find at no usable position")
+    browser.wait_for("#state", "live: a find at no usable position")
+    run.journal.note("alarmed", text="the link is lost")
+    browser.wait_for("#state", "live: a find at no usable position; the link is lost")
+    run.journal.note("alarmed", text="the link is lost", is_over=True)
+    browser.wait(lambda: "lost" not in browser.text("#state"), "the link's return")
     label = browser.driver.find_element("id", "map").get_attribute("aria-label")
     assert label is not None
-    assert "zone_a visited, zone_b open" in label
-    run.journal.note("zone_started", zone="zone_b")
-    browser.wait_for("#map .zone.under-way title", "zone_b: under way")
+    assert "north visited; east open" in label
+    run.journal.note("point_reached", point="east", level="IN_HAND", state="under way")
+    browser.wait_for("#map .mark.in-hand title", "east: under way")
     run.status(1, "RUNNING", "2 m left")
     browser.wait_for("#now", "2 m left")
 
@@ -59,11 +65,22 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
 def test_what_is_left_of_a_drive_is_shown_until_it_ends(live, browser):
     run = live().begin()
     run.status(1, "RUNNING")
-    run.journal.watch("progress", target="zone_b", distance=3.14159, time_left=14.0)
+    run.journal.watch("progress", target="east", distance=3.14159, time_left=14.0)
     browser.open(run.server.url)
-    assert browser.text("#drive") == "zone_b in 3.1 m, 14 s left"
-    run.journal.watch("goal_ended", goal="a")
+    assert browser.text("#drive") == "east in 3.1 m, 14 s left"
+    run.journal.watch("goal_ended", goal="a", status=4)
     browser.wait(lambda: browser.text("#drive") == "", "the end of the drive")
+
+
+def test_of_a_robot_that_cannot_drive_the_page_says_why_and_not_what_is_left_of_the_drive(live, browser):
+    run = live().begin()
+    run.journal.watch("progress", target="east", distance=5.6, time_left=14.0)
+    run.journal.watch("lacks", text="Nav2 is not active: node amcl: not there")
+    browser.open(run.server.url)
+    browser.wait_for("#state", "live: Nav2 is not active: node amcl: not there")
+    assert browser.text("#drive") == ""
+    run.journal.watch("lacks", text="")
+    browser.wait(lambda: browser.text("#state") == "live", "its return")
 
 
 def test_a_reload_shows_the_same_again(live, browser):
@@ -97,10 +114,12 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
     run.status(0, "FAILURE", "")
     browser.open(run.server.url)
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
-    run.journal.end(Ending.OVER, 1, "No zone is left. zone_a was not visited.")
+    run.journal.note("alarmed", text="a find at no usable position")
+    run.journal.end(Ending.OVER, 1, "No point is left. north was not visited.")
     run.close()
-    browser.wait_for("#state", "ended, status 1: No zone is left.")
-    assert "zone_a was not visited" in browser.text("#log")
+    browser.wait_for("#state", "ended, status 1: No point is left.")
+    assert "north was not visited" in browser.text("#log")
+    assert "a find at no usable position" in browser.text("#progress")
 
 
 def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
@@ -143,11 +162,12 @@ def test_texts_from_outside_are_texts(live, browser):
     run.status(0, "RUNNING", evil)
     run.status(1, "RUNNING", evil)
     run.journal.watch("log", node="patrol", level=40, text=evil)
-    run.journal.note("survivor_named", survivor=evil, x=0.0, y=0.0)
+    run.journal.note("found", name=evil, x=0.0, y=0.0)
     browser.open(run.server.url)
     assert evil in browser.text("#log")
     assert evil in browser.text("#tree")
     assert evil in browser.text("#map")
+    assert evil in browser.text("#places")
     assert browser.js("return document.querySelectorAll('img, body script').length") == 0
 
 
@@ -168,12 +188,12 @@ def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
     for _ in range(7):
         browser.driver.switch_to.new_window("tab")
         browser.open(run.server.url)
-    run.journal.note("base_reached")
+    run.journal.note("came_back")
     for tab in [each for each in browser.driver.window_handles if each != first][1:]:
         browser.driver.switch_to.window(tab)
         browser.driver.close()
     browser.driver.switch_to.window(first)
-    browser.wait_for("#log", "base reached")
+    browser.wait_for("#log", "came back")
     order_button(browser).click()
     browser.wait_for("#answer", "Pause: done")
     assert operator.given == [("pause", {})]
@@ -189,7 +209,7 @@ def test_a_grave_order_asks_first_and_can_be_left(live, browser):
     browser.open(run.server.url)
     button = order_button(browser)
     button.click()
-    assert "It is not searched." in browser.text("#ask")
+    assert "Nobody goes there." in browser.text("#ask")
     browser.type("#ask .yes", Keys.ESCAPE)
     browser.wait(
         lambda: not browser.js("return document.getElementById('ask').open"), "the end of the question"
@@ -203,21 +223,28 @@ def test_a_grave_order_asks_first_and_can_be_left(live, browser):
 
 def test_enter_in_a_field_gives_the_order(live, browser):
     operator = Operator()
-    name = {"name": "zone", "label": "Name", "kind": "text", "choices": [], "optional": False, "longest": 200}
+    name = {
+        "name": "point",
+        "label": "Name",
+        "kind": "text",
+        "choices": [],
+        "optional": False,
+        "longest": 200,
+    }
     run = live(orders=operator, verbs=[{**PAUSE, "fields": [name]}]).begin()
     browser.open(run.server.url)
     button = order_button(browser)
     button.click()
     browser.click("#ask .no")
     button.click()
-    browser.type("#ask input", "zone_e", Keys.ENTER)
+    browser.type("#ask input", "west", Keys.ENTER)
     browser.wait_for("#answer", "Pause: done")
-    assert operator.given == [("pause", {"zone": "zone_e"})]
+    assert operator.given == [("pause", {"point": "west"})]
 
 
 ADD: dict[str, Any] = {
     **PAUSE,
-    "label": "Add zone",
+    "label": "Add point",
     "fields": [
         {"name": name, "label": name, "kind": "number", "choices": [], "optional": False, "longest": 200}
         for name in "xy"
@@ -239,16 +266,16 @@ def test_a_place_is_shown_on_the_map_or_not(live, browser):
     assert not browser.js("return document.getElementById('ask').open")
     button.click()
     browser.click("#ask label ~ button")
-    browser.click("#map .base")
+    browser.click("#map [data-kind=dock]")
     browser.click("#ask .yes")
     browser.wait_for("#answer", "done")
     ((_, place),) = operator.given
     assert (round(place["x"]), round(place["y"])) == (0, 0)
 
 
-def base(browser):
-    """Return where the base station is drawn on the map."""
-    return browser.js("return document.querySelector('#map .base').getAttribute('transform')")
+def dock(browser):
+    """Return where the dock is drawn on the map."""
+    return browser.js("return document.querySelector('#map [data-kind=dock]').getAttribute('transform')")
 
 
 def test_the_map_is_moved_by_the_mouse_and_by_nothing_else(live, browser):
@@ -260,21 +287,21 @@ def test_the_map_is_moved_by_the_mouse_and_by_nothing_else(live, browser):
     for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchCancel", [])):
         browser.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
     browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
-    at_first = base(browser)
+    at_first = dock(browser)
     mouse(browser, "mouseMoved", x + 40, y + 40, button="none")
     mouse(browser, "mousePressed", x, y, button="right")
     mouse(browser, "mouseMoved", x + 40, y + 40, button="right")
     mouse(browser, "mouseReleased", x + 40, y + 40, button="right")
     mouse(browser, "mouseWheel", x, y, deltaX=50, deltaY=0)
     mouse(browser, "mouseMoved", x, y, button="none")
-    assert base(browser) == at_first
+    assert dock(browser) == at_first
     mouse(browser, "mousePressed", x, y)
     mouse(browser, "mouseMoved", x + 40, y + 40)
     mouse(browser, "mouseReleased", x + 40, y + 40)
-    moved = base(browser)
+    moved = dock(browser)
     assert moved != at_first
     mouse(browser, "mouseMoved", x, y, button="none")
-    assert base(browser) == moved
+    assert dock(browser) == moved
 
 
 def test_who_has_no_token_can_only_look(live, browser):
@@ -434,23 +461,22 @@ def test_who_listens_to_the_tree_is_told_where_in_it_a_node_is(live, browser):
 
 @pytest.fixture
 def replay(tmp_path):
-    """Serve the page of a journal: two runs of ten seconds each, in which a zone each is visited."""
+    """Serve the page of a journal: two runs of ten seconds each, in which a point each is reached."""
     place = tmp_path / "mission.journal"
-    for number, zone in enumerate(("zone_a", "zone_b")):
+    for number, point in enumerate(POINTS):
         clock = ManualClock()
         journal = open_journal(place, resume=bool(number))
         journal.clock = clock
+        journal.attach(Patrol(), KINDS)
         journal.begin(ABOUT, {"node": "/patrol"})
         for tick in range(1, 11):
             clock.advance(1.0)
             journal.watch("status", node=1, tick=tick, status="RUNNING", message=f"{10 - tick} m left")
             journal.watch("pose", x=float(tick), y=0.0, yaw=0.0)
-        journal.note("zone_visited", zone=zone)
+        journal.note("point_reached", point=point)
         journal.end(Ending.STOPPED, 130, "Stopped.")
         journal.close()
-    with closing(JournalFile.read(place)) as file:
-        server = PageServer(RecordedFeed([[*file.stream()]], {"mode": "replay"}), quiet_port())
-    with closing(server):
+    with closing(PageServer(RecordedFeed(Recording([place]), {}), quiet_port())) as server:
         server.start()
         yield server
 
@@ -466,7 +492,7 @@ def go(browser, seconds):
 def test_a_replay_goes_back_and_forth_through_time(replay, browser):
     browser.open(replay.url)
     assert browser.text("#at").endswith("of 20 s")
-    for seconds, left, zones in (
+    for seconds, left, points in (
         (3.5, "7 m left", 0),
         (19.0, "1 m left", 1),
         (20.0, "nobody", 2),
@@ -474,18 +500,18 @@ def test_a_replay_goes_back_and_forth_through_time(replay, browser):
     ):
         go(browser, seconds)
         browser.wait_for("#now", left)
-        browser.wait_for("#progress", f"zones {zones} of 2")
+        browser.wait_for("#progress", f"points visited {points} of 2")
 
 
 def test_the_end_of_a_replay_can_be_reached_by_its_slider(tmp_path, browser):
-    entries: list[JournalEntry] = []
-    journal = Journal()
-    journal.listen(entries.append)
+    place = tmp_path / "mission.journal"
+    journal = open_journal(place)
     journal.clock = clock = ManualClock()
     journal.begin(ABOUT, {})
     clock.advance(10.1237)
     journal.end(Ending.OVER, 0, "Complete.")
-    with closing(PageServer(RecordedFeed([entries], {"mode": "replay"}), 0)) as server:
+    journal.close()
+    with closing(PageServer(RecordedFeed(Recording([place]), {}), 0)) as server:
         server.start()
         browser.open(server.url)
         browser.type("#time", Keys.END)
@@ -512,6 +538,9 @@ def test_a_replay_whose_connection_came_again_is_where_it_was(replay, browser):
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     feed, port = replay._feed, replay.port
     replay.close()
+    browser.wait_for("#state", "not connected")
+    go(browser, 14.0)
+    go(browser, 13.0)
     feed._ended = False
     with closing(PageServer(feed, port)) as again:
         browser.js("document.body.dataset.mode = ''")
@@ -521,6 +550,23 @@ def test_a_replay_whose_connection_came_again_is_where_it_was(replay, browser):
         assert browser.text("#at") == "13 s of 20 s"
 
 
+def test_replays_that_are_out_of_sight_keep_no_moment_back(replay, browser):
+    browser.open(replay.url)
+    first = browser.driver.current_window_handle
+    for _ in range(7):
+        browser.driver.switch_to.new_window("tab")
+        browser.open(replay.url)
+    browser.wait_for("#at", "of 20 s")
+    go(browser, 13.0)
+    browser.wait_for("#at", "13 s of")
+    for tab in [each for each in browser.driver.window_handles if each != first]:
+        browser.driver.switch_to.window(tab)
+        browser.driver.close()
+    browser.driver.switch_to.window(first)
+    go(browser, 15.0)
+    browser.wait_for("#at", "15 s of")
+
+
 def lines(browser):
     return browser.js("return [...document.querySelectorAll('#log li span')].map((line) => line.textContent)")
 
@@ -528,14 +574,14 @@ def lines(browser):
 def test_the_facts_are_shown_that_many_lines_have_pushed_out(live, browser):
     run = live().begin()
     browser.open(run.server.url)
-    run.journal.note("base_reached")
+    run.journal.note("came_back")
     for number in range(450):
         run.journal.watch("log", node="patrol", level=20, text=f"line {number}")
     browser.wait_for("#log", "line 449")
     assert lines(browser)[0] == "line 50"
     browser.click("#facts")
     browser.wait(lambda: len(lines(browser)) == 2, "the facts")
-    assert lines(browser) == ["The run began on /patrol.", "base reached"]
+    assert lines(browser) == ["The run began on /patrol.", "came back"]
 
 
 def test_the_log_has_no_lines_of_the_mission_before(live, browser):
@@ -543,7 +589,8 @@ def test_the_log_has_no_lines_of_the_mission_before(live, browser):
     for number in range(2):
         run.journal.watch("log", node="patrol", level=20, text=f"first {number}")
     browser.open(run.server.url)
-    for entry in (("run_began", {**ABOUT, "run": {}}), *(("log", {"text": f"second {n}"}) for n in range(9))):
+    told = [{"node": "patrol", "level": 20, "text": f"second {number}"} for number in range(9)]
+    for entry in (("run_began", {**ABOUT, "run": {}}), *(("log", each) for each in told)):
         run.feed.take(JournalEntry(9, 1, 0.0, 0.0, *entry))
     browser.wait_for("#log", "second 8")
     assert lines(browser) == ["The run began.", *(f"second {n}" for n in range(9))]
@@ -595,21 +642,19 @@ def test_who_went_back_sees_what_was_seen_on_the_way_there(replay, browser):
 @pytest.fixture
 def two(tmp_path):
     """Serve the page of two robots, the second of which begins four seconds later."""
-    robots = []
+    places = []
     for number, name in enumerate(("robot1", "robot2")):
-        journal = Journal()
-        entries: list[JournalEntry] = []
+        places.append(tmp_path / f"{name}.journal")
+        journal = open_journal(places[-1])
         journal.clock = clock = ManualClock(100.0 + 4.0 * number)
-        journal.listen(entries.append)
         journal.begin({**ABOUT, "mission": name}, {"node": f"/{name}/patrol"})
         for second in range(1, 9):
             clock.advance(1.0)
             journal.watch("status", node=1, tick=second, status="RUNNING", message=f"{name} {second}")
             journal.watch("pose", x=float(second), y=float(number), yaw=0.0)
-        robots.append(entries)
-    with closing(
-        PageServer(RecordedFeed(robots, {"mode": "replay", "robots": ["robot1", "robot2"]}), 0)
-    ) as server:
+        journal.close()
+    feed = RecordedFeed(Recording(places), {"robots": ["robot1", "robot2"]})
+    with closing(PageServer(feed, 0)) as server:
         server.start()
         yield server
 
@@ -625,63 +670,38 @@ def test_two_robots_are_on_one_map_each_with_its_tree(two, browser):
     assert browser.text("#at") == "7.0 s of 12 s"
 
 
-def told(count):
-    """Return entries of two runs as random as nobody flies."""
-    import random
-
-    chance, journal = random.Random(7), Journal()  # noqa: S311
-    entries: list[JournalEntry] = []
-    journal.listen(entries.append)
-    kinds = ("zone_started", "zone_visited", "zone_postponed", "zone_abandoned")
-    for run in (1, 2):
-        journal.begin(ABOUT, {})
-        for tick in range(count):
-            status = chance.choice(["RUNNING", "SUCCESS", "FAILURE", "HALTED", "SKIPPED", "IDLE"])
-            message = chance.choice(["", "a", "b"])
-            journal.watch("status", node=chance.randrange(3), tick=tick, status=status, message=message)
-            x, name = float(tick), f"survivor_{tick % 5}"
-            happened: list[tuple[str, dict[str, Any]]] = [
-                ("pose", {"x": x, "y": -x, "yaw": 0.1}),
-                ("map", {"png": f"{run}.{tick}"}),
-                ("plan", {"frame": chance.choice(["map", "odom"]), "points": [[x, x]]}),
-                ("progress", {"target": "zone_a", "distance": x, "time_left": None}),
-                ("goal_ended", {"goal": name}),
-                ("zone_added", {"id": f"zone_{tick % 7}", "x": x, "y": 0.0}),
-                (chance.choice(kinds), {"zone": f"zone_{chance.choice('ab12')}"}),
-                ("zone_searched", {"zone": "zone_a", "survivor": [x, 0.0]}),
-                ("survivor_unplaced", {"zone": "zone_a", "reason": name}),
-                ("survivor_named", {"survivor": name, "x": x, "y": 0.0}),
-                ("survivor_judged", {"survivor": name, "standing": message}),
-                ("report_kept", {"survivor": name}),
-            ]
-            for kind, data in chance.sample(happened, 2):
-                journal.watch(kind, **data)
-    return [entry._replace(run=1 + (at >= len(entries) // 2)) for at, entry in enumerate(entries)]
-
-
 FOLD = """
 const done = arguments[1];
-import('./static/run.js').then(({ Run }) => done(arguments[0].map((texts) => {
+import('./static/run.js').then(({ Run }) => done(arguments[0].map((changes) => {
   const run = new Run();
-  texts.forEach((text) => run.apply(JSON.parse(text)));
-  const { states, map, plan, drive, pose, zones, survivors, number, ended } = run;
+  changes.forEach((change) => run.take(JSON.parse(change)));
+  const { landmarks, ...parts } = run;
   const current = run.nodes.map(({ id }) => run.isCurrent(id));
-  return { states, current, map, plan, drive, pose, zones: [...zones], survivors: [...survivors], number, ended, end: run.trail.at(-1) };
+  return JSON.stringify({ ...parts, landmarks: Object.fromEntries(landmarks), current });
 })));
 """
 
 
 def test_a_late_browser_knows_what_the_others_know(live, browser):
-    from sar_compiler.web.kept_entries import KeptEntries
-
     browser.open(live().server.url)
-    entries = told(100)
-    pairs = []
-    for end in range(2, len(entries), 7):
-        keeping = KeptEntries()
-        pairs += [[keeping.add(entry) for entry in entries[:end]], keeping.texts()]
-    folded = browser.driver.execute_async_script(FOLD, pairs)
-    assert [json.dumps(each) for each in folded[::2]] == [json.dumps(each) for each in folded[1::2]]
+    early, late = [], []
+    for seed in range(6):
+        chance, state = random.Random(seed), PageState()  # noqa: S311
+        changes: list[str] = []
+        for entry in history(seed, 120):
+            state.take(entry)
+            if chance.random() < 0.2:
+                changes.append(as_json(state.change()))
+                early.append(changes[:])
+                late.append([as_json(state.whole())])
+    for known, whole in zip(told(browser, early), told(browser, late), strict=True):
+        assert known == whole
+
+
+def told(browser, runs):
+    """Return what a page knows of runs, each by its changes; the order of parts says nothing, but that of landmarks does."""
+    folded = browser.driver.execute_async_script(FOLD, runs)
+    return [(each := json.loads(text), [*each["landmarks"]]) for text in folded]
 
 
 @pytest.mark.parametrize("size", [(400, 640), (400, 800), (1600, 800)])
@@ -689,10 +709,10 @@ def test_nothing_sticks_out_of_the_window(live, browser, size):
     width, height = size
     run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS]).begin()
     run.status(
-        1, "RUNNING", "navigating to a zone with a long name, 3.14 m left, and more than there is room for"
+        1, "RUNNING", "navigating to a point with a long name, 3.14 m left, and more than there is room for"
     )
     run.journal.watch("log", node="patrol", level=30, text="long" * 100)
-    run.journal.watch("progress", target="a_zone_with_a_long_name", distance=3.14, time_left=100.0)
+    run.journal.watch("progress", target="a_point_with_a_long_name", distance=3.14, time_left=100.0)
     browser.size(width, height)
     browser.open(run.server.url)
     browser.wait(

@@ -4,6 +4,7 @@ import itertools
 import json
 import selectors
 import socket
+import urllib.error
 import urllib.request
 from concurrent.futures import Future
 from contextlib import ExitStack, closing
@@ -16,9 +17,10 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.web import feed as feed_module
 from sar_compiler.web import page_app, page_server
 from sar_compiler.web.feed import RecordedFeed
-from sar_compiler.web.kept_entries import KeptEntries
 from sar_compiler.web.page_server import PORT, PageError, PageServer
+from sar_compiler.web.recording import Recording
 from tests.waiting import SILENCE_SEC, News
+from tests.web.folding import folded
 
 
 class Operator:
@@ -52,13 +54,18 @@ def events(run, enough):
     return found
 
 
-def shows(entry, number):
-    """Return whether an entry is a plan that begins with a number."""
-    return entry["kind"] == "plan" and entry["data"]["points"][0] == number
+def known(found):
+    """Return what a page knows after events."""
+    state: dict[str, Any] = {}
+    for name, changes in found:
+        for change in changes if name == "changes" else ():
+            state = folded(state, change)
+    return state
 
 
-def entries(found):
-    return [entry for name, data in found if name == "entries" for entry in data]
+def lines(found):
+    """Return what the log says after events."""
+    return [line[-1] for line in known(found).get("log", ())]
 
 
 def test_the_page_is_served_with_a_policy_that_lets_nothing_else_in(live):
@@ -196,15 +203,15 @@ def test_a_page_without_orders_takes_none(live):
 
 def test_a_late_browser_is_told_what_has_happened_and_then_the_news(live):
     run = live().begin()
-    run.journal.note("zone_visited", zone="zone_a")
+    run.journal.note("point_reached", point="north")
     run.status(1, "RUNNING", "3 m left")
-    early = events(run, lambda found: len(entries(found)) == 3)
+    early = events(run, lambda found: known(found).get("states"))
     run.status(1, "RUNNING", "2 m left")
-    late = events(run, lambda found: len(entries(found)) == 4)
-    assert [name for name, _ in early][:2] == ["hello", "entries"]
+    late = events(run, lambda found: "2 m left" in known(found).get("states", {}).get("1", ()))
+    assert [name for name, _ in early][:2] == ["hello", "changes"]
     assert early[0][1]["mode"] == "live"
-    assert [entry["kind"] for entry in entries(late)] == ["run_began", "zone_visited", "status", "status"]
-    assert entries(late)[-1]["data"]["message"] == "2 m left"
+    assert lines(late) == ["The run began on /patrol.", "reached north"]
+    assert known(late)["landmarks"]["point/north"]["state"] == "visited"
 
 
 def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatch):
@@ -212,14 +219,23 @@ def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatc
     run = live().begin()
     with socket.create_connection(("127.0.0.1", run.server.port)) as mute:
         mute.sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-        assert mute.recv(8).startswith(b"HTTP/1.1")
-        for number in range(400):
-            run.journal.watch("plan", frame="map", points=[number] * 30_000)
-        news = News()
+        with closing(mute.makefile("rb")) as read:
+            # By its first event it is listened to; its headers come before.
+            assert any(line.startswith(b"event: hello") for line in read)
+        news, numbers = News(), iter(range(400))
+
+        def is_let_go():
+            # One plan after the other: of those that come between two tellings only the last is told.
+            if not run.feed._news and (number := next(numbers, None)) is not None:
+                run.journal.watch("plan", frame="map", points=[[number, 0.0]] * 20_000)
+                news.tell()
+            return not run.feed._listeners
+
         with news:
-            news.wait_until(lambda: not run.feed._listeners, lambda: "nobody was let go")
-        told = events(run, lambda found: any(shows(entry, 399) for entry in entries(found)))
-    assert entries(told)[0]["kind"] == "run_began"
+            news.wait_until(is_let_go, lambda: "nobody was let go")
+        run.journal.watch("plan", frame="map", points=[[399, 0.0]])
+        told = events(run, lambda found: [399.0, 0.0] in known(found).get("plan", ()))
+    assert lines(told) == ["The run began on /patrol."]
 
 
 def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):
@@ -251,8 +267,8 @@ def test_who_does_not_come_to_the_end_of_a_request_is_let_go_and_who_listens_is_
         assert any(has_ended(dripping) for _ in range(int(SILENCE_SEC * 100)))
         assert all(has_ended(each) for each in slow[:-1])
     assert run.ask("/")[0] == 200
-    run.journal.note("zone_visited", zone="zone_a")
-    assert any(b"zone_visited" in line for line in itertools.islice(listener, 300))
+    run.journal.note("point_reached", point="north")
+    assert any(b"reached north" in line for line in itertools.islice(listener, 300))
     listener.close()
 
 
@@ -280,13 +296,9 @@ def test_the_end_of_a_run_is_told_before_the_server_goes(live):
 
 def test_numbers_that_are_none_are_told_as_null(live):
     run = live().begin()
-    run.journal.watch("pose", x=float("nan"), y=float("inf"), yaw=[1.0, float("-inf")])
-    (pose,) = [
-        each
-        for each in entries(events(run, lambda found: len(entries(found)) == 2))
-        if each["kind"] == "pose"
-    ]
-    assert pose["data"] == {"x": None, "y": None, "yaw": [1.0, None]}
+    run.journal.watch("map", png="", x=float("nan"), y=float("inf"), yaw=[1.0, float("-inf")])
+    told = events(run, lambda found: known(found).get("map"))
+    assert known(told)["map"] == {"png": "", "x": None, "y": None, "yaw": [1.0, None]}
 
 
 def circle():
@@ -299,45 +311,22 @@ def circle():
 def test_an_entry_that_is_no_json_is_not_the_end_of_the_page(live, value):
     run = live().begin()
     run.feed.take(JournalEntry(9, 1, 0.0, 0.0, "odd", {"value": value}))
-    run.journal.note("base_reached")
-    found = entries(events(run, lambda found: len(entries(found)) == 3))
-    assert [entry["kind"] for entry in found] == ["run_began", "unreadable", "base_reached"]
-    assert found[1]["data"]["kind"] == "odd"
+    run.journal.note("docked")
+    began, odd, docked = lines(events(run, lambda found: "docked" in lines(found)))
+    assert (began, docked) == ("The run began on /patrol.", "docked")
+    assert odd.startswith("unreadable: kind: odd, reason: ")
 
 
-def kept(*told):
-    """Return what is kept of entries, as pairs of a kind and values."""
-    keeping = KeptEntries()
-    for number, (kind, data) in enumerate(told, 1):
-        keeping.add(JournalEntry(number, 1, 0.0, float(number), kind, data))
-    return [(each["kind"], each["data"]) for each in map(json.loads, keeping.texts())]
+@pytest.mark.parametrize("query", ["", "?time=", "?time=x", "?time=nan", "?time=1&since=x", "?since=1"])
+def test_a_moment_has_a_time(query):
+    with closing(PageServer(RecordedFeed(Recording([]), {}), 0)) as server:
+        server.start()
+        with pytest.raises(urllib.error.HTTPError, match="400"):
+            urllib.request.urlopen(f"http://127.0.0.1:{server.port}/moment{query}", timeout=SILENCE_SEC)
 
 
-def test_of_a_long_run_little_is_kept():
-    told = [
-        ("status", {"node": 1, "status": "RUNNING", "message": f"{number} m"}) for number in range(20_000)
-    ]
-    told += [("pose", {"x": number, "y": 0}) for number in range(20_000)]
-    told += [("log", {"text": str(number)}) for number in range(20_000)]
-    told += [("map", {"png": str(number)}) for number in range(9)]
-    counts: dict[str, int] = {}
-    left = kept(*told)
-    for kind, _ in left:
-        counts[kind] = counts.get(kind, 0) + 1
-    assert counts["status"] == 2
-    assert counts["map"] == 1
-    assert counts["pose"] <= 1000
-    assert counts["log"] == 300
-    assert ("pose", {"x": 19_999, "y": 0}) in left
-
-
-def test_every_fact_is_kept_over_the_beginning_of_another_run():
-    told = [
-        ("zone_visited", {"zone": "zone_a"}),
-        ("status", {"node": 0, "status": "RUNNING"}),
-        ("run_began", {}),
-    ]
-    assert kept(*told) == [("zone_visited", {"zone": "zone_a"}), ("run_began", {})]
+def test_a_live_run_has_no_other_moment_than_now(live):
+    assert live().ask("/moment?time=1")[0] == 404
 
 
 def test_a_port_that_is_taken_is_named():
@@ -349,13 +338,13 @@ def test_a_port_that_is_taken_is_named():
             PageError,
             match=rf"port {port} cannot be had for the page \(Address already in use\): .*--web-port",
         ):
-            PageServer(RecordedFeed([[]], {}), port)
+            PageServer(RecordedFeed(Recording([]), {}), port)
 
 
 def test_beside_the_usual_port_another_one_is_taken():
     with (
-        closing(PageServer(RecordedFeed([[]], {}))) as first,
-        closing(PageServer(RecordedFeed([[]], {}))) as second,
+        closing(PageServer(RecordedFeed(Recording([]), {}))) as first,
+        closing(PageServer(RecordedFeed(Recording([]), {}))) as second,
     ):
         assert first.port != second.port
         assert second.port != PORT

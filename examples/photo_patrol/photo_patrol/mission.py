@@ -1,9 +1,21 @@
 """The patrol as a mission for `sar-run`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler import Journal, Mission, MissionRun, ParameterReader
+from sar_compiler import (
+    Display,
+    Figure,
+    Journal,
+    JournalEntry,
+    Landmark,
+    LandmarkKind,
+    Level,
+    Mission,
+    MissionRun,
+    ParameterReader,
+)
 
 from .patrol import Patrol
 
@@ -41,6 +53,8 @@ class PatrolRun(MissionRun):
         patrol: Its points, and the photos as they are taken.
     """
 
+    kinds = (LandmarkKind("point", "points", "square"),)
+
     def __init__(self, patrol: Patrol) -> None:
         self._patrol = patrol
         self.context = {Patrol: patrol}
@@ -55,12 +69,25 @@ class PatrolRun(MissionRun):
 
     def keep_in(self, journal: Journal) -> None:
         """Take over what an earlier run has done, and write down what this one does."""
-        for fact in journal.facts():
-            if fact.kind == "photo_taken":
-                self._patrol.photographed(fact.data["photo"])
-            elif fact.kind == "point_left":
-                self._patrol.leave()
+        super().keep_in(journal)
         self._patrol.journal = journal
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the patrol by a fact."""
+        self._patrol.apply(fact)
+
+    def display(self) -> Display:
+        """Return the points with their states, and how many photos there are."""
+        photos, current = self._patrol.photos, self._patrol.point
+        points = [
+            Landmark("point", point["id"], point["x"], point["y"], *_state(point, current, photos))
+            for point in self._patrol.points
+        ]
+        return Display(points, [Figure("photos", len(photos), len(points))])
+
+    def sentence(self, fact: JournalEntry) -> str:
+        """Return a fact as a sentence."""
+        return f"took {fact.data['photo']}" if fact.kind == "photo_taken" else ""
 
     def places(self) -> dict[str, tuple[float, float]]:
         """Return the positions of the points, for faults such as `navigate_to_pose:abort=yard`."""
@@ -86,6 +113,14 @@ class PatrolRun(MissionRun):
         lines = [f"  {point['id']}: {photos.get(point['id'], 'no photo')}" for point in self._patrol.points]
         title = f"Patrol: {len(photos)} of {len(lines)} photos"
         return "\n".join([title, *lines, f"  {elapsed_sec:.1f} s, {ticks} ticks"])
+
+
+def _state(
+    point: Mapping[str, Any], current: Mapping[str, Any] | None, photos: Mapping[str, str]
+) -> tuple[str, Level]:
+    if point["id"] in photos:
+        return photos[point["id"]], Level.DONE
+    return ("next", Level.IN_HAND) if point is current else ("to come", Level.TO_COME)
 
 
 MISSION = PhotoPatrol()

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sar_compiler import Journal, mission_context
+from sar_compiler import Journal, JournalEntry, mission_context
 
 
 def _preview() -> "Patrol":
@@ -26,7 +26,7 @@ class Patrol:
     def __init__(self, points: Sequence[Mapping[str, Any]]) -> None:
         self.points = tuple(points)
         self.photos: dict[str, str] = {}
-        self.journal = Journal()
+        self.journal = Journal(apply=self.apply)
         self._left = list(points)
 
     @property
@@ -38,12 +38,17 @@ class Patrol:
         """Note the photo of the current point."""
         if self.point is not None:
             self.journal.note("photo_taken", photo=photo)
-            self.photos[self.point["id"]] = photo
 
     def leave(self) -> None:
         """Advance to the next point, with or without a photo of this one."""
         self.journal.note("point_left")
-        self._left = self._left[1:]
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the patrol by a fact: as it is noted, and again when a later run goes on with it."""
+        if fact.kind == "photo_taken" and self.point is not None:
+            self.photos[self.point["id"]] = fact.data["photo"]
+        elif fact.kind == "point_left":
+            self._left = self._left[1:]
 
     def without_photo(self) -> list[str]:
         """Return the ids of the points without a photo."""

@@ -1,5 +1,10 @@
 """What need not be done again when a mission is resumed."""
 
+from collections.abc import Iterable
+
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.situation import position
+
 
 class DoneBefore:
     """What an earlier run has done of what a resumed one begins with: the tree starts anew, and this is not done again.
@@ -14,23 +19,31 @@ class DoneBefore:
         self._survivors: set[str] = set()
         self._home = False
 
-    def searched(self, zone_id: str, survivor: tuple[float, float] | None) -> None:
-        """Take over a search."""
-        self._searches.append((zone_id, survivor))
+    @classmethod
+    def of(cls, facts: Iterable[JournalEntry]) -> "DoneBefore":
+        """Return what the facts of earlier runs say, which fit their mission."""
+        before = cls()
+        for fact in facts:
+            before._take(fact)
+        return before
 
-    def named(self, survivor_id: str, x: float, y: float) -> None:
-        """Take over a survivor's name."""
-        self._names.append((survivor_id, (x, y)))
-        self._survivors.add(survivor_id)
+    def _take(self, fact: JournalEntry) -> None:
+        data = fact.data
+        if fact.kind == "zone_searched":
+            place = None if data["survivor"] is None else position(*data["survivor"])
+            self._searches.append((data["zone"], place))
+        elif fact.kind == "survivor_named":
+            self._names.append((data["survivor"], position(data["x"], data["y"])))
+            self._survivors.add(data["survivor"])
+        elif fact.kind in ("zone_visited", "zone_postponed", "zone_abandoned"):
+            self._searches.clear()
+            self._names.clear()
+        elif fact.kind in ("zone_started", "base_reached"):
+            self._home = fact.kind == "base_reached"
 
     def at_home(self, *, home: bool) -> None:
-        """Take over whether the robot is home."""
+        """Note whether the robot is home."""
         self._home = home
-
-    def zone_left(self) -> None:
-        """Forget the searches and the names of a zone that was left."""
-        self._searches.clear()
-        self._names.clear()
 
     def has_searched(self, zone_id: str) -> bool:
         """Return whether there is a search of a zone."""

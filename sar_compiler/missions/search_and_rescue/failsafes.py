@@ -9,22 +9,18 @@ from py_trees.common import Status
 from sar_compiler.missions.fence import Fence
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.nodes.register import register
-from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.interfaces import find_interface
 from sar_compiler.ros.leaves.leaf import RosLeaf, alive
 from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 from sar_compiler.runtime.clock import Clock
 
 if TYPE_CHECKING:
     from rclpy.client import Client
 
-_YES_OR_NO = {Status.SUCCESS, Status.FAILURE}
 
-
-class _Alarm:
+class _Failsafe:
     """Reports a problem once, until all is well again.
 
     Args:
@@ -61,7 +57,7 @@ class _OrderCondition(RosLeaf):
     def __init__(self, name: str, orders: OperatorOrders, *, record: MissionRecord | None = None) -> None:
         super().__init__(name)
         self._orders = orders
-        self._alarm = _Alarm(self, record)
+        self._alarm = _Failsafe(self, record)
 
     def setup(self, **kwargs: Any) -> None:
         """Offer the service."""
@@ -95,12 +91,6 @@ class _OrderCondition(RosLeaf):
         return response
 
 
-@register(
-    "NotAborted",
-    kind=Kind.CONDITION,
-    outcomes=_YES_OR_NO,
-    answers=[Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")],
-)
 class NotAborted(_OrderCondition):
     """Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
 
@@ -114,12 +104,6 @@ class NotAborted(_OrderCondition):
         self._orders.abort()
 
 
-@register(
-    "NotRecalled",
-    kind=Kind.CONDITION,
-    outcomes=_YES_OR_NO,
-    answers=[Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")],
-)
 class NotRecalled(_OrderCondition):
     """Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called."""
 
@@ -133,16 +117,6 @@ class NotRecalled(_OrderCondition):
         self._orders.recall()
 
 
-@register(
-    "NavigationAvailable",
-    kind=Kind.CONDITION,
-    outcomes=_YES_OR_NO,
-    answers=[
-        Answer("SUCCESS", "available", "!navigation_lost"),
-        Answer("FAILURE", "unavailable", "navigation_lost"),
-    ],
-    facts={"navigation_lost": False},
-)
 class NavigationAvailable(RosLeaf):
     """Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.
 
@@ -155,7 +129,7 @@ class NavigationAvailable(RosLeaf):
     def __init__(self, name: str, *, record: MissionRecord | None = None) -> None:
         super().__init__(name)
         self._record = record or MissionRecord()
-        self._alarm = _Alarm(self, self._record)
+        self._alarm = _Failsafe(self, self._record)
 
     def update(self) -> Status:
         """Look at what the last drive has come to."""
@@ -163,13 +137,6 @@ class NavigationAvailable(RosLeaf):
         return self._alarm.status(f"navigation is unavailable ({lost})" if lost else "")
 
 
-@register(
-    "BatterySuffices",
-    kind=Kind.CONDITION,
-    outcomes=_YES_OR_NO,
-    uses=[Use.topic("{topic}")],
-    answers=[Answer("SUCCESS", "enough"), Answer("FAILURE", "low")],
-)
 class BatterySuffices(TopicLeaf):
     """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
 
@@ -195,7 +162,7 @@ class BatterySuffices(TopicLeaf):
         self.topic_name = topic
         self.max_age_sec = max_age_sec
         self._at_least = at_least
-        self._alarm = _Alarm(self, record)
+        self._alarm = _Failsafe(self, record)
         self._silent_since: float | None = None
 
     def on_message(self, message: Any) -> Status:
@@ -222,51 +189,40 @@ class BatterySuffices(TopicLeaf):
         return self.max_age_sec or 0.0
 
 
-@register(
-    "InsideFence",
-    kind=Kind.CONDITION,
-    outcomes=_YES_OR_NO,
-    answers=[Answer("SUCCESS", "inside"), Answer("FAILURE", "outside")],
-)
-class InsideFence(TopicLeaf):
-    """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while no pose has come.
+class InsideFence(RosLeaf):
+    """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.
+
+    Where it is, the transform from `map` and the odometry say; without them the last `amcl_pose`. FAILURE as well if that is no pose:
+    a localisation that has diverged says "not a number".
 
     Args:
         fence: The geofence.
         record: Where the reason is noted.
-        topic: A topic of `geometry_msgs/msg/PoseWithCovarianceStamped` in the frame `map`.
     """
 
-    topic_type = "geometry_msgs/msg/PoseWithCovarianceStamped"
-    qos = "transient_local"
-
-    def __init__(
-        self, name: str, fence: Fence, *, record: MissionRecord | None = None, topic: str = "amcl_pose"
-    ) -> None:
+    def __init__(self, name: str, fence: Fence, *, record: MissionRecord | None = None) -> None:
         super().__init__(name)
-        self.topic_name = topic
         self._fence = fence
-        self._alarm = _Alarm(self, record)
+        self._alarm = _Failsafe(self, record)
+        self._robot: RobotEstimate | None = None
 
-    def on_message(self, message: Any) -> Status:
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to what is said of the robot."""
+        super().setup(**kwargs)
+        self._robot = robot_estimate(self.node)
+
+    def update(self) -> Status:
         """Look at the position."""
-        place = message.pose.pose.position
-        inside = self._fence.contains(place.x, place.y)
-        return self._alarm.status(
-            "" if inside else f"the robot, at ({place.x:.2f}, {place.y:.2f}), is outside the geofence"
-        )
+        # Without a fence a transform need not be read in each tick.
+        robot = self._robot if self._fence else None
+        if robot is not None and robot.is_diverged:
+            return self._alarm.status("the localisation has diverged: its last pose is none")
+        place = robot.place() if robot is not None else None
+        if place is None or self._fence.contains(*place[:2]):
+            return self._alarm.status("")
+        return self._alarm.status(f"the robot, at ({place[0]:.2f}, {place[1]:.2f}), is outside the geofence")
 
-    def on_silence(self) -> Status:
-        """Go on: the start has waited for the localisation."""
-        return self._alarm.status("")
 
-
-@register(
-    "MissionTimeLeft",
-    kind=Kind.CONDITION,
-    outcomes=_YES_OR_NO,
-    answers=[Answer("SUCCESS", "time left"), Answer("FAILURE", "time is up")],
-)
 class MissionTimeLeft(RosLeaf):
     """Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.
 
@@ -282,7 +238,7 @@ class MissionTimeLeft(RosLeaf):
         super().__init__(name)
         self._limit_sec = limit
         self._clock = clock
-        self._alarm = _Alarm(self, record)
+        self._alarm = _Failsafe(self, record)
         self._began: float | None = None
 
     def update(self) -> Status:
@@ -294,22 +250,6 @@ class MissionTimeLeft(RosLeaf):
         return self._alarm.status(f"the mission's time of {self._limit_sec:g} s is up" if up else "")
 
 
-@register(
-    "BaseInReach",
-    kind=Kind.CONDITION,
-    outcomes=_YES_OR_NO,
-    uses=[Use.service("{service}")],
-    answers=[
-        Answer("SUCCESS", "in reach", then="base_lost = false"),
-        Answer(
-            "FAILURE",
-            "lost",
-            "base_lost || losses_left > 0",
-            "losses_left -= base_lost ? 0 : 1; base_lost = true",
-        ),
-    ],
-    facts={"base_lost": False, "losses_left": 1},
-)
 class BaseInReach(RosLeaf):
     """Is the base station there? FAILURE if its service was in no network for too long.
 
@@ -337,7 +277,7 @@ class BaseInReach(RosLeaf):
         self.service_name = service
         self._clock = clock
         self._patience_sec = patience
-        self._alarm = _Alarm(self, record)
+        self._alarm = _Failsafe(self, record)
         self._client: Client | None = None
         self._seen: float | None = None
 

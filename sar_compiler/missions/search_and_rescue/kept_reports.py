@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.situation import position
 from sar_compiler.runtime.context import mission_context
 
 
@@ -23,10 +25,11 @@ class SurvivorReport:
 
 @mission_context
 class KeptReports:
-    """The reports of one mission that are still to be delivered, the oldest first; one for each survivor."""
+    """The reports of one mission that are still to be delivered, the oldest first; one for each survivor. Facts of the mission make them."""
 
     def __init__(self) -> None:
         self._reports: dict[str, SurvivorReport] = {}
+        self._places: dict[str, tuple[float, float]] = {}
 
     def __len__(self) -> int:
         """Return how many reports are kept."""
@@ -36,10 +39,20 @@ class KeptReports:
         """Yield the reports, from a snapshot taken at the start of the iteration."""
         return iter(list(self._reports.values()))
 
-    def keep(self, report: SurvivorReport) -> None:
-        """Keep a report until it is delivered."""
-        self._reports[report.survivor_id] = report
+    def apply(self, fact: JournalEntry) -> None:
+        """Change what is kept by a fact.
 
-    def delivered(self, survivor_id: str) -> None:
-        """Remove the report of a survivor, if there is one."""
-        self._reports.pop(survivor_id, None)
+        Raises:
+            LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        data = fact.data
+        if fact.kind == "survivor_named":
+            self._places[data["survivor"]] = position(data["x"], data["y"])
+        elif fact.kind == "report_kept":
+            # Journals of before have the place with the name alone.
+            place = position(data["x"], data["y"]) if "x" in data else self._places[data["survivor"]]
+            self._reports.setdefault(data["survivor"], SurvivorReport(data["survivor"], *place))
+        elif fact.kind == "report_acknowledged" or (
+            fact.kind == "survivor_judged" and data["standing"] != "confirmed"
+        ):
+            self._reports.pop(data["survivor"], None)

@@ -6,33 +6,16 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.missions.fence import Fence
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Zone, ZoneManager
-from sar_compiler.nodes.register import register
-from sar_compiler.nodes.spec import Kind
+from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.ros.leaves.standstill import Standstill
 from sar_compiler.ros.poses import yaw_of
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.ros.robot_estimate import robot_estimate
 
 
-@register(
-    "NotHeld",
-    kind=Kind.CONDITION,
-    outcomes={Status.SUCCESS, Status.FAILURE},
-    answers=[
-        Answer("SUCCESS", "free"),
-        Answer("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),
-        Answer(
-            "FAILURE",
-            "zone skipped",
-            "orders_left > 0 && zones_left > 0",
-            "orders_left -= 1; zones_left -= 1; zones_abandoned += 1",
-        ),
-    ],
-    facts={"orders_left": 1, "zones_left": 3, "zones_abandoned": 0},
-)
 class NotHeld(RosLeaf):
     """Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.
 
@@ -46,7 +29,6 @@ class NotHeld(RosLeaf):
         zone_manager: The mission's zones.
         fence: The geofence, for zones that are added.
         record: Where orders are noted.
-        kept_reports: The reports that are kept; who was no survivor need not be reported.
     """
 
     def __init__(
@@ -57,14 +39,12 @@ class NotHeld(RosLeaf):
         *,
         fence: Fence | None = None,
         record: MissionRecord | None = None,
-        kept_reports: KeptReports | None = None,
     ) -> None:
         super().__init__(name)
         self._orders = orders
         self._zones = zone_manager
         self._fence = fence or Fence()
         self._record = record or MissionRecord()
-        self._kept = KeptReports() if kept_reports is None else kept_reports
 
     def setup(self, **kwargs: Any) -> None:
         """Offer the services."""
@@ -123,10 +103,7 @@ class NotHeld(RosLeaf):
     def _skip_zone(self, _: Any) -> str:
         if not self._zones.has_remaining():
             return "no zone is left"
-        zone_id = self._zones.current_zone()["id"]
-        reason = "the operator has skipped it"
-        self._zones.abandon(reason)
-        self._record.zone_given_up(zone_id, reason)
+        self._zones.abandon("the operator has skipped it")
         self._orders.replanned = True
         return ""
 
@@ -157,9 +134,37 @@ class NotHeld(RosLeaf):
         if merged and (same_as == survivor_id or self._record.survivor(same_as) is None):
             return f"'{survivor_id}' cannot be merged with '{same_as}'"
         self._record.survivor_judged(survivor_id, standing, same_as if merged else None)
-        if standing is not Standing.CONFIRMED:
-            self._kept.delivered(survivor_id)
         return ""
+
+
+class AwaitStandstill(RosLeaf):
+    """Wait until the robot stands by its odometry: RUNNING while it moves, for `settle_timeout_sec` at most, then SUCCESS with a warning.
+
+    Without odometry a robot stands as soon as the mission's goals have ended. With odometry they must have ended as well,
+    those of every action: one that stands may be about to go on, and nobody knows of an action whether it moves the robot.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._rest: Standstill | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Begin to listen to the odometry."""
+        super().setup(**kwargs)
+        robot_estimate(self.node)
+
+    def initialise(self) -> None:
+        """Wait anew."""
+        self._rest = Standstill(self, self._wake, "it was told to stand", goals_under_way(self.node))
+
+    def update(self) -> Status:
+        """Look at the goals and at the odometry."""
+        return Status.RUNNING if self._rest is not None and self._rest.is_awaited() else Status.SUCCESS
+
+    def terminate(self, new_status: Status) -> None:
+        """Wait no longer if the leaf was interrupted."""
+        if new_status is Status.INVALID and self._rest is not None:
+            self._rest.give_up()
 
 
 # The constants of sar_interfaces/srv/JudgeSurvivor.

@@ -50,14 +50,14 @@ VERBS = (
         "Judge whether a find is a survivor.",
         "sar_interfaces/srv/JudgeSurvivor",
         (
-            VerbField("survivor", "Find", "survivor"),
+            VerbField("survivor", "Find", "found"),
             VerbField(
                 "verdict",
                 "It is",
                 "choice",
                 (("CONFIRMED", "a survivor"), ("REJECTED", "nobody"), ("SAME", "the same one as another")),
             ),
-            VerbField("same_as", "The same as", "survivor", optional=True),
+            VerbField("same_as", "The same as", "found", optional=True),
         ),
         fill=_judge,
     ),

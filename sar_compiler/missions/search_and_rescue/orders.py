@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.runtime.context import mission_context
 
@@ -26,7 +27,7 @@ class OperatorOrders:
     """
 
     def __init__(self) -> None:
-        self.journal = Journal()
+        self.journal = Journal(apply=self.apply)
         self.held = False
         self.recalled = False
         self.aborted = False
@@ -36,22 +37,35 @@ class OperatorOrders:
     def hold(self) -> None:
         """Order the robot to stand where it is."""
         self.journal.note("operator_ordered", order="hold")
-        self.held = True
 
     def release(self) -> None:
         """Order the robot to go on."""
         self.journal.note("operator_ordered", order="release")
-        self.held = False
 
     def recall(self) -> None:
         """Order the robot home; a hold is over."""
         self.journal.note("operator_ordered", order="recall")
-        self.recalled, self.held = True, False
 
     def abort(self) -> None:
         """Order the end of the mission; a hold is over."""
         self.journal.note("operator_ordered", order="abort")
-        self.aborted, self.held = True, False
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Take an order that is a fact.
+
+        Raises:
+            LookupError or ValueError: If there is no such order.
+        """
+        if fact.kind != "operator_ordered":
+            return
+        order = fact.data["order"]
+        if order not in ("hold", "release", "recall", "abort"):
+            message = f"{order!r} is no order"
+            raise ValueError(message)
+        # Who is called home, or has ended, is held no more.
+        self.held = order == "hold"
+        self.recalled = self.recalled or order == "recall"
+        self.aborted = self.aborted or order == "abort"
 
     def offer(self, node: "Node", verb: str, service_type: Any, answer: Callable[[Any, Any], Any]) -> None:
         """Serve an order on a node, as `~/verb`; another leaf may have done so before.

@@ -4,25 +4,24 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.fence import Fence, read_fence
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
-from sar_compiler.missions.search_and_rescue.landmarks import mission_landmarks
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
-from sar_compiler.missions.search_and_rescue.recalling import recall
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, MissionRecord
-from sar_compiler.missions.search_and_rescue.summary import mission_summary
+from sar_compiler.missions.search_and_rescue.search_state import KINDS, SearchState
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.resources import shipped
-from sar_compiler.ros.landmark import Landmark
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.journal.journal import Journal
+    from sar_compiler.journal.situation import Display
     from sar_compiler.missions.verbs import Verb
     from sar_compiler.ros.faults import FaultPlan
 
@@ -73,6 +72,8 @@ class Search(MissionRun):
         duplicate_radius_m: Finds that are this near to each other may be the same survivor, metres.
     """
 
+    kinds = KINDS
+
     def __init__(
         self,
         zones: list[dict[str, Any]],
@@ -82,16 +83,16 @@ class Search(MissionRun):
         duplicate_radius_m: float = DUPLICATE_RADIUS_M,
     ) -> None:
         self._fence = fence or Fence()
-        self._zones = ZoneManager(zones, base_station)
-        self._record = MissionRecord(duplicate_radius_m)
-        self._kept = KeptReports()
-        self._orders = OperatorOrders()
+        self._state = SearchState(
+            ZoneManager(zones, base_station), MissionRecord(duplicate_radius_m), fence=self._fence
+        )
+        self._zones, self._record = self._state.zones, self._state.record
         self._identity: dict[str, object] = {"zones": zones, "base_station": base_station}
         self.context = {
             ZoneManager: self._zones,
             MissionRecord: self._record,
-            KeptReports: self._kept,
-            OperatorOrders: self._orders,
+            KeptReports: self._state.kept,
+            OperatorOrders: self._state.orders,
             Fence: self._fence,
         }
 
@@ -109,8 +110,15 @@ class Search(MissionRun):
 
     def keep_in(self, journal: "Journal") -> None:
         """Take over what earlier runs have done, and keep the facts from now on."""
-        recall(journal.facts(), self._zones, self._record, self._kept, self._orders)
-        self._zones.journal = self._record.journal = self._orders.journal = journal
+        self._state.keep_in(journal)
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the state by a fact."""
+        self._state.apply(fact)
+
+    def sentence(self, fact: JournalEntry) -> str:
+        """Return a fact as a sentence."""
+        return self._state.sentence(fact)
 
     def facts(self) -> dict[str, int]:
         """Return the number of zones."""
@@ -132,9 +140,9 @@ class Search(MissionRun):
         zones = [(zone["id"], zone["x"], zone["y"]) for zone in self._zones.remaining_zones()]
         return [*zones, ("base station", base["x"], base["y"])]
 
-    def landmarks(self) -> list[Landmark]:
-        """Return the zones, the survivors and the base station, with their states."""
-        return mission_landmarks(self._record, self._zones)
+    def display(self) -> "Display":
+        """Return the zones, the survivors, the base station and the geofence, with their states, and how far it is."""
+        return self._state.display()
 
     def allows(self, x: float, y: float) -> bool:
         """Return whether a position is inside the geofence."""
@@ -158,18 +166,32 @@ class Search(MissionRun):
         """Return that no zone is left, once that is so."""
         return "" if self._zones.has_remaining() else "No zone is left"
 
-    def figures(self) -> dict[str, float]:
-        """Return the numbers of zones and of survivors."""
-        survivors = self._record.survivors
-        return {
-            "zones visited": len(self._record.zones_visited),
-            "survivors found": len(survivors),
-            "survivors reported": sum(survivor.acknowledged for survivor in survivors),
-        }
-
     def summary(self, elapsed_sec: float, ticks: int) -> str:
         """Return the zones, the survivors, the return home, and what is missing."""
-        return mission_summary(self._record, self._zones, elapsed_sec, ticks)
+        record, visited = self._record, self._record.zones_visited
+        shortfalls = self.shortfalls()
+        names = f" ({', '.join(visited)})" if visited else ""
+        return "\n".join(
+            (
+                f"Summary: the mission is {'incomplete' if shortfalls else 'complete'}.",
+                f"  zones visited:   {len(visited)} of {self._zones.total_zones()}{names}",
+                *_survivor_lines(record),
+                f"  back at base:    {'yes' if record.home else 'no'}",
+                f"  duration:        {elapsed_sec:.1f} s, {ticks} ticks",
+                *(f"  missing:         {line}" for line in shortfalls),
+            )
+        )
+
+
+def _survivor_lines(record: MissionRecord) -> list[str]:
+    label = "  survivors found: "
+    if not record.survivors:
+        return [f"{label}none"]
+    told = [
+        f"{survivor}, {'acknowledged' if survivor.acknowledged else 'NOT acknowledged'}"
+        for survivor in record.survivors
+    ]
+    return [f"{label}{told[0]}", *(" " * len(label) + line for line in told[1:])]
 
 
 MISSION = SearchAndRescue()

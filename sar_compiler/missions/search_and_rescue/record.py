@@ -1,12 +1,16 @@
 """The record of a mission's events, for its summary and its exit status."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.situation import FactTime, position
 from sar_compiler.missions.search_and_rescue.done_before import DoneBefore
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import mission_context
 
@@ -39,6 +43,9 @@ class FoundSurvivor:
         kept: Whether the report is kept, to be delivered later.
         possibly: The name of a survivor found earlier, so near that it may be the same one.
         standing: What the operator says of it.
+        found_at: When it was found.
+        sent_at: When the report was sent last.
+        acknowledged_at: When the base station has confirmed it.
     """
 
     zone_id: str
@@ -49,6 +56,9 @@ class FoundSurvivor:
     kept: bool = False
     possibly: str | None = None
     standing: Standing = Standing.CANDIDATE
+    found_at: FactTime | None = field(default=None, compare=False)
+    sent_at: FactTime | None = field(default=None, compare=False)
+    acknowledged_at: FactTime | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         name = self.survivor_id or "a survivor without a name"
@@ -67,14 +77,43 @@ class FoundSurvivor:
         """Whether base must know of it: unless the operator has said that it is nobody, or somebody known."""
         return self.standing in (Standing.CANDIDATE, Standing.CONFIRMED)
 
+    @property
+    def report(self) -> str:
+        """What has become of the report, in words."""
+        if self.acknowledged:
+            return "acknowledged"
+        return "kept" if self.kept else "sent" if self.sent_at is not None else "not sent"
+
+
+@dataclass(frozen=True)
+class ZoneRecord:
+    """What has become of a zone.
+
+    Attributes:
+        attempts: How often it was set out for.
+        started: When it was set out for last.
+        searched: When a search of it was finished; None if none was.
+        left: When it was visited, postponed or given up.
+        unplaced: Why somebody whom its last search has found cannot be where that says, in words; empty if there is nobody.
+        given_up: Why it was given up, in a sentence that begins with its name; empty if it was not.
+    """
+
+    attempts: int = 0
+    started: FactTime | None = None
+    searched: FactTime | None = None
+    left: FactTime | None = None
+    unplaced: str = ""
+    given_up: str = ""
+
 
 @mission_context
 class MissionRecord:
     """The events of one mission as its leaves report them.
 
-    It has no influence on the running mission, unless that was begun by an earlier run: then `before` says what need not
-    be done again. A survivor who is found again, in the same zone and at the same place, is the same survivor. One found
-    near another is kept apart and marked; only the operator merges.
+    Each is noted as a fact, and the fact changes the record (`apply`), now and when a later run takes it over. The record has no influence
+    on the running mission, unless that was begun by an earlier run: then `before` says what need not be done again. A
+    survivor who is found again, in the same zone and at the same place, is the same survivor. One found near another is
+    kept apart and marked; only the operator merges.
 
     Args:
         duplicate_radius_m: Finds that are this near to each other may be the same survivor, metres.
@@ -85,16 +124,45 @@ class MissionRecord:
     """
 
     def __init__(self, duplicate_radius_m: float = DUPLICATE_RADIUS_M) -> None:
-        self.journal = Journal()
+        self.journal = Journal(apply=self.apply)
         self.before = DoneBefore()
         self._duplicate_radius_m = duplicate_radius_m
+        self._zones: dict[str, ZoneRecord] = {}
         self._zones_visited: list[str] = []
-        self._abandoned: dict[str, str] = {}
-        self._unplaced: dict[str, str] = {}
-        self._alarm = ""
+        self._alarms: list[str] = []
         self._navigation_lost = ""
         self._survivors: list[FoundSurvivor] = []
         self._home = False
+        self._zone = ""
+        self._kinds: Mapping[str, Callable[..., object]] = {
+            "zone_started": self._zone_started,
+            "zone_searched": self._zone_searched,
+            "survivor_unplaced": self._survivor_unplaced,
+            "zone_visited": self._zone_visited,
+            "zone_postponed": self._zone_left,
+            "zone_abandoned": self._zone_abandoned,
+            "survivor_named": self._survivor_named,
+            "survivor_judged": self._survivor_judged,
+            "report_sent": lambda at, survivor: self._set(survivor, sent_at=at),
+            "report_kept": lambda at, survivor, **_: self._set(survivor, acknowledged=False, kept=True),  # noqa: ARG005
+            "report_acknowledged": lambda at, survivor: self._set(
+                survivor, acknowledged=True, kept=False, acknowledged_at=at
+            ),
+            "base_reached": self._base_reached,
+            RUN_BEGAN: self._is_nowhere,
+            RUN_ENDED: self._is_nowhere,
+            "alarmed": lambda at, reason: self._alarms.append(str(reason)),  # noqa: ARG005
+        }
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the record by a fact.
+
+        Raises:
+            ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        happen = self._kinds.get(fact.kind)
+        if happen is not None:
+            happen(FactTime(fact.run, fact.time, fact.wall), **fact.data)
 
     @property
     def zones_visited(self) -> tuple[str, ...]:
@@ -104,7 +172,22 @@ class MissionRecord:
     @property
     def zones_abandoned(self) -> tuple[str, ...]:
         """The abandoned zones, in the order in which they were abandoned."""
-        return tuple(self._abandoned)
+        return tuple(zone_id for zone_id, zone in self._zones.items() if zone.given_up)
+
+    @property
+    def zone(self) -> str:
+        """The zone that was set out for and not left yet; empty if there is none."""
+        return self._zone
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether the zone that was set out for was searched since."""
+        zone = self.of_zone(self._zone)
+        return zone.searched is not None and zone.started is not None and zone.searched >= zone.started
+
+    def of_zone(self, zone_id: str) -> ZoneRecord:
+        """Return what has become of a zone."""
+        return self._zones.get(zone_id, ZoneRecord())
 
     @property
     def survivors(self) -> tuple[FoundSurvivor, ...]:
@@ -116,11 +199,19 @@ class MissionRecord:
         """Whether the robot has returned to the base station and not left it for a zone since."""
         return self._home
 
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """The reasons to cut the mission short, in words, the latest last."""
+        return tuple(self._alarms)
+
+    @property
+    def alarm(self) -> str:
+        """The last reason to cut the mission short, in words; empty if there was none."""
+        return self._alarms[-1] if self._alarms else ""
+
     def zone_started(self, zone_id: str) -> None:
         """Note that the robot sets out for a zone."""
         self.journal.note("zone_started", zone=zone_id)
-        self.before.at_home(home=False)
-        self._home = False
 
     def zone_searched(self, zone_id: str, survivor: tuple[float, float] | None) -> None:
         """Note that a zone was searched.
@@ -130,9 +221,6 @@ class MissionRecord:
             survivor: x and y of the survivor that was found, in the frame `map`, metres; None if nobody was.
         """
         self.journal.note("zone_searched", zone=zone_id, survivor=survivor)
-        self._unplaced.pop(zone_id, None)
-        if survivor is not None:
-            self.survivor_found(zone_id, *survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
         """Note that a search has found somebody where nobody can be; the next answer about the zone takes its place.
@@ -141,31 +229,12 @@ class MissionRecord:
             zone_id: The zone.
             reason: Why nobody can be there, in words.
         """
-        if zone_id not in self._unplaced:
+        if reason != self.of_zone(zone_id).unplaced:
             self.journal.note("survivor_unplaced", zone=zone_id, reason=reason)
-        self._unplaced[zone_id] = reason
-
-    def zone_visited(self, zone_id: str) -> None:
-        """Note that a zone was visited."""
-        self._zones_visited.append(zone_id)
-
-    def zone_abandoned(self, zone_id: str, attempts: int) -> None:
-        """Note that a zone was abandoned after a number of attempts."""
-        self._abandoned[zone_id] = f"was abandoned after attempt {attempts}."
-
-    def zone_given_up(self, zone_id: str, reason: str) -> None:
-        """Note that a zone was given up untried, with the reason in words."""
-        self._abandoned[zone_id] = f"was given up: {reason}."
-
-    @property
-    def alarm(self) -> str:
-        """The last reason to cut the mission short, in words; empty if there was none."""
-        return self._alarm
 
     def alarmed(self, reason: str) -> None:
         """Note a reason to cut the mission short, in words."""
         self.journal.note("alarmed", reason=reason)
-        self._alarm = reason
 
     @property
     def navigation_lost(self) -> str:
@@ -180,20 +249,10 @@ class MissionRecord:
         """Note that drives are judged."""
         self._navigation_lost = ""
 
-    def survivor_found(self, zone_id: str, x: float, y: float) -> None:
-        """Note that a survivor was found; coordinates in the frame `map`, metres."""
-        found = FoundSurvivor(zone_id, x, y)
-        if not any((known.zone_id, known.x, known.y) == (zone_id, x, y) for known in self._survivors):
-            self._survivors.append(found)
-
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Note the assigned name of the survivor at a position (replaces an earlier one)."""
-        found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
-        index = found[-1] if found else len(self._survivors)
-        near = self._near(index, x, y)
-        self.journal.note("survivor_named", survivor=survivor_id, x=x, y=y, possibly=near)
-        known = self._survivors[index] if found else FoundSurvivor("", x, y)
-        self._survivors[index : index + 1] = [replace(known, survivor_id=survivor_id, possibly=near)]
+        possibly = self._near(self._place_of(x, y), x, y)
+        self.journal.note("survivor_named", survivor=survivor_id, x=x, y=y, possibly=possibly)
 
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
         """Return a survivor by the name; None if nobody has it."""
@@ -208,7 +267,6 @@ class MissionRecord:
             same_as: The name of the survivor that it is merged with.
         """
         self.journal.note("survivor_judged", survivor=survivor_id, standing=standing.value, same_as=same_as)
-        self._set(survivor_id, standing=standing, **({"possibly": same_as} if same_as else {}))
 
     def report_sent(self, survivor_id: str) -> None:
         """Note that the report of a survivor is about to be sent."""
@@ -217,31 +275,33 @@ class MissionRecord:
     def survivor_acknowledged(self, survivor_id: str) -> None:
         """Note that the base station has confirmed the report of a survivor, which need no longer be kept."""
         self.journal.note("report_acknowledged", survivor=survivor_id)
-        self._set(survivor_id, acknowledged=True, kept=False)
 
-    def report_kept(self, survivor_id: str) -> None:
+    def report_kept(self, report: SurvivorReport) -> None:
         """Note that the report of a survivor is kept, to be delivered later."""
-        self.journal.note("report_kept", survivor=survivor_id)
-        self._set(survivor_id, acknowledged=False, kept=True)
+        self.journal.note("report_kept", survivor=report.survivor_id, x=report.x, y=report.y)
 
     def base_reached(self) -> None:
         """Note that the robot has arrived at the base station."""
         self.journal.note("base_reached")
-        self._home = True
 
     def was_reported_before(self, survivor_id: str) -> bool:
         """Return whether a survivor was named by an earlier run, and base has confirmed the report."""
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
 
+    def unplaced(self) -> list[str]:
+        """Return in words who was found at a position that cannot be used."""
+        return [
+            f"There is a survivor at no usable position in {zone_id}: {zone.unplaced}"
+            for zone_id, zone in self._zones.items()
+            if zone.unplaced
+        ]
+
     def shortfalls(self, zones: ZoneManager) -> list[str]:
         """Return in sentences what is missing for a complete mission; empty if it is complete."""
         lacking = [f"{zone['id']} was not visited." for zone in zones.remaining_zones()]
-        lacking += [f"{zone_id} {what}" for zone_id, what in self._abandoned.items()]
-        lacking += [
-            f"There is a survivor at no usable position in {zone_id}: {why}."
-            for zone_id, why in self._unplaced.items()
-        ]
+        lacking += [f"{zone_id} {zone.given_up}." for zone_id, zone in self._zones.items() if zone.given_up]
+        lacking += [f"{each}." for each in self.unplaced()]
         lacking += [
             f"The base station did not acknowledge {survivor}."
             for survivor in self._survivors
@@ -250,6 +310,60 @@ class MissionRecord:
         if not self._home:
             lacking.append("The robot did not return to the base station.")
         return lacking
+
+    def _zone_started(self, at: FactTime, zone: str) -> None:
+        known = self.of_zone(zone)
+        self._zones[zone] = replace(known, attempts=known.attempts + 1, started=at)
+        self._zone, self._home = zone, False
+        self.before.at_home(home=False)
+
+    def _zone_searched(self, at: FactTime, zone: str, survivor: Any) -> None:
+        found = None if survivor is None else FoundSurvivor(zone, *position(*survivor), found_at=at)
+        self._zones[zone] = replace(self.of_zone(zone), searched=at, unplaced="")
+        if found is not None and not any(
+            (known.zone_id, known.x, known.y) == (zone, found.x, found.y) for known in self._survivors
+        ):
+            self._survivors.append(found)
+
+    def _survivor_unplaced(self, _: FactTime, zone: str, reason: str) -> None:
+        self._zones[zone] = replace(self.of_zone(zone), unplaced=str(reason))
+
+    def _zone_visited(self, at: FactTime, zone: str) -> None:
+        self._zones_visited.append(zone)
+        self._zone_left(at, zone)
+
+    def _zone_left(self, at: FactTime, zone: str, given_up: str = "") -> None:
+        # What is given up stands in the order in which it was.
+        self._zones[zone] = replace(self._zones.pop(zone, ZoneRecord()), left=at, given_up=given_up)
+        self._zone = ""
+
+    def _zone_abandoned(self, at: FactTime, zone: str, attempts: int, reason: str) -> None:
+        why = f"was given up: {reason}" if reason else f"was abandoned after attempt {int(attempts)}"
+        self._zone_left(at, zone, why)
+
+    def _survivor_named(
+        self, at: FactTime, survivor: str, x: Any, y: Any, possibly: str | None = None
+    ) -> None:
+        x, y = position(x, y)
+        index = self._place_of(x, y)
+        if index == len(self._survivors):
+            self._survivors.append(FoundSurvivor("", x, y, found_at=at))
+        self._survivors[index] = replace(self._survivors[index], survivor_id=survivor, possibly=possibly)
+
+    def _survivor_judged(self, _: FactTime, survivor: str, standing: str, same_as: str | None) -> None:
+        said = {"possibly": same_as} if same_as else {}
+        self._set(survivor, standing=Standing(standing), **said)
+
+    def _base_reached(self, _: FactTime) -> None:
+        self._home, self._zone = True, ""
+
+    def _is_nowhere(self, at: FactTime, **_run: object) -> None:  # noqa: ARG002
+        self._zone = ""
+
+    def _place_of(self, x: float, y: float) -> int:
+        """Return the place in the list of who was found last at a position; behind the last one if nobody was."""
+        found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
+        return found[-1] if found else len(self._survivors)
 
     def _near(self, before: int, x: float, y: float) -> str | None:
         """Return the name of the nearest survivor found before one that may be the same; None if there is none."""

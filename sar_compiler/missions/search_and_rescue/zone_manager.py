@@ -6,7 +6,11 @@ from copy import deepcopy
 from typing import Any, TypedDict, cast
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import FACTS_LOST, JournalEntry
+from sar_compiler.journal.situation import position
 from sar_compiler.runtime.context import mission_context
+
+_LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 
 MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
@@ -34,7 +38,8 @@ def _preview() -> "ZoneManager":
 class ZoneManager:
     """The zones of one mission in the order of their visits, shared by all of its leaves.
 
-    It stores and returns copies, so that callers cannot change the plan by accident.
+    It stores and returns copies, so that callers cannot change the plan by accident. What is done to it is noted as a fact, and the fact
+    changes it (`apply`), now and when a later run takes it over.
 
     Args:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
@@ -46,7 +51,7 @@ class ZoneManager:
     """
 
     def __init__(self, zones: Sequence[Mapping[str, Any]], base_station: Mapping[str, Any]) -> None:
-        self.journal = Journal()
+        self.journal = Journal(apply=self.apply)
         self._zones = [cast("Zone", deepcopy(dict(zone))) for zone in zones]
         self._base_station = cast("MapPose", deepcopy(dict(base_station)))
         self._index = 0
@@ -84,21 +89,16 @@ class ZoneManager:
     def add(self, zone: Zone) -> None:
         """Put a further zone behind all others."""
         self.journal.note("zone_added", **zone)
-        self._zones.append(deepcopy(zone))
 
     def advance(self) -> None:
         """Advance to the next zone; past the last one, nothing happens."""
         if self.has_remaining():
             self.journal.note("zone_visited", zone=self._zones[self._index]["id"])
-            self._index += 1
 
     def postpone(self) -> None:
         """Put the current zone after all other remaining ones; past the last one, nothing happens."""
         if self.has_remaining():
             self.journal.note("zone_postponed", zone=self._zones[self._index]["id"])
-            zone = self._zones.pop(self._index)
-            self._zones.append(zone)
-            self._postponed[zone["id"]] += 1
 
     def times_postponed(self) -> int:
         """Return the number of times that the current zone was postponed.
@@ -117,7 +117,6 @@ class ZoneManager:
         if self.has_remaining():
             zone_id, attempts = self._zones[self._index]["id"], self.times_postponed() + 1
             self.journal.note("zone_abandoned", zone=zone_id, attempts=attempts, reason=reason)
-            self._abandoned.append(self._zones.pop(self._index))
 
     def abandoned_zones(self) -> list[Zone]:
         """Return the abandoned zones, in the order in which they were abandoned."""
@@ -133,10 +132,6 @@ class ZoneManager:
         self.journal.keep_number("survivor", self._survivors)
         return f"survivor_{self._survivors}"
 
-    def survivor_ids_given(self, count: int) -> None:
-        """Give out the names after the first *count* from now on: those are survivors' of an earlier run."""
-        self._survivors = max(self._survivors, count)
-
     def current_index(self) -> int:
         """Return the number of visited zones, which is the current zone's index."""
         return self._index
@@ -144,3 +139,37 @@ class ZoneManager:
     def total_zones(self) -> int:
         """Return the number of the mission's zones, including abandoned ones."""
         return len(self._zones) + len(self._abandoned)
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the plan by a fact.
+
+        Raises:
+            LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        data = fact.data
+        if fact.kind == "zone_added":
+            x, y = position(data["x"], data["y"])
+            self._zones.append(Zone(id=data["id"], x=x, y=y, yaw=position(data["yaw"], 0.0)[0]))
+        elif fact.kind in _LEAVING:
+            zone = self.current_zone()
+            if data["zone"] != zone["id"]:
+                message = f"the zone is then {zone['id']}"
+                raise ValueError(message)
+            self._leave(fact.kind, zone)
+        elif fact.kind == "survivor_named":
+            number = data["survivor"].rpartition("_")[2]
+            # A leaf of somebody's own may give other names.
+            self._survivors = max(self._survivors, int(number) if number.isdecimal() else 0)
+        elif fact.kind == FACTS_LOST:
+            self._survivors = max(self._survivors, int(data["numbers"].get("survivor", 0)))
+
+    def _leave(self, kind: str, zone: Zone) -> None:
+        if kind == "zone_visited":
+            self._index += 1
+            return
+        del self._zones[self._index]
+        if kind == "zone_abandoned":
+            self._abandoned.append(zone)
+        else:
+            self._zones.append(zone)
+            self._postponed[zone["id"]] += 1

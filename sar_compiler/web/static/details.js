@@ -11,7 +11,7 @@ export function showDetails(place, run, id) {
     return;
   }
   const state = run.states[id];
-  const ago = (time) => `${duration(run.time - time)} ago, at ${duration(time - run.began)}`;
+  const ago = (time) => `${duration(run.time - time)} ago, at ${duration(time)}`;
   const former = state.status && !run.isCurrent(id) ? " (of an earlier activation)" : "";
   const rows = [
     ["node", node.name],
@@ -19,7 +19,7 @@ export function showDetails(place, run, id) {
     ["status", state.status ? `${state.status}${former} for ${duration(run.time - state.since)}` : "not ticked yet"],
     ["says", state.message],
     ["last change", state.status ? `${ago(state.time)}, tick ${state.tick}` : ""],
-    ["last failure", state.failure ? `${state.failure.message || "without a reason"}, ${ago(state.failure.time)}` : ""],
+    ["last failure", state.failed === null ? "" : `${state.failure || "without a reason"}, ${ago(state.failed)}`],
     ["written at", node.file ? `${node.file}:${node.line}` : ""],
     ...Object.entries(node.attributes).map(([key, value]) => [key, typeof value === "object" ? JSON.stringify(value) : String(value)]),
   ];

@@ -18,27 +18,27 @@ export class LogView {
   }
 
   /** Show what is there by now. */
-  show({ log, logged }) {
-    // Else the lines are another run's, or of a time before which a replay has gone back.
-    const goesOn = this.shown <= logged && log[this.shown - 1] === this.last;
-    if (goesOn && logged === this.shown) return;
-    if (!goesOn) this.again();
-    const lines = [];
-    for (let at = logged - 1; at >= this.shown && lines.length < LINES; at -= 1) {
-      if (!this.onlyFacts || log[at].level !== "info") lines.push(line(log[at]));
+  show({ log }) {
+    if (log === this.log) return;
+    const wanted = log.filter(({ level }) => !this.onlyFacts || level !== "info").slice(-LINES);
+    // What is there already stays: somebody may read, or select, it.
+    const known = new Map(this.lines);
+    this.lines = new Map(wanted.map((each) => [each, known.get(each) ?? line(each)]));
+    for (const [each, element] of known) if (!this.lines.has(each)) element.remove();
+    let at = this.place.firstChild;
+    for (const element of this.lines.values()) {
+      if (element === at) at = at.nextSibling;
+      else this.place.insertBefore(element, at);
     }
-    this.place.append(...lines.reverse());
-    while (this.place.childElementCount > LINES) this.place.firstElementChild.remove();
-    this.shown = logged;
-    this.last = log[logged - 1];
+    this.log = log;
     this.follow();
   }
 
   /** Forget what is shown. */
   again() {
     this.place.replaceChildren();
-    this.shown = 0;
-    this.last = undefined;
+    this.lines = new Map();
+    this.log = null;
   }
 
   follow() {

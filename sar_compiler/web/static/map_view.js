@@ -1,11 +1,16 @@
-// The map from above: what the robot knows, where it is, where it has been and goes, the zones, the survivors.
+// The map from above: what the robot knows, where it is, where it has been and goes, and the landmarks of its mission.
 
-import { svg } from "./shapes.js";
+import { inWords } from "./places_view.js";
+import { LEVELS, sign, svg } from "./shapes.js";
 
-// Of a longer way every second, third, ... place is drawn.
-const POINTS = 1500;
-const ZONES = { open: "", "under way": "▶", visited: "✓", postponed: "…", abandoned: "✗" };
-const FINDS = { rejected: "✗", merged: "=" };
+// What a landmark looks like, by the shape of its kind.
+const SHAPES = {
+  circle: () => svg("circle", { r: 11 }),
+  triangle: () => svg("path", { d: "M0 -11 L11 9 H-11 Z" }),
+  house: () => svg("path", { d: "M-9 9 V-2 L0 -10 L9 -2 V9 Z" }),
+  square: () => svg("path", { d: "M-9 -9 H9 V9 H-9 Z" }),
+};
+const NAMES_ABOVE = ["triangle"];
 
 export class MapView {
   constructor(place) {
@@ -35,9 +40,9 @@ export class MapView {
     const of = (draw) => runs.flatMap((each, index) => draw(each, each === run ? "" : " other", names[index]));
     this.canvas.replaceChildren(
       ...this.ground(run.map ? run : (runs.find(({ map }) => map) ?? run), scale),
+      ...of((each) => this.areas(each)),
       ...of((each, other) => this.ways(each, other)),
-      ...of((each) => this.zones(each)),
-      ...of((each) => this.survivors(each)),
+      ...of((each) => this.landmarks(each)),
       ...of((each, other, name) => this.robot(each, other, name)),
       this.ruler(scale, height),
     );
@@ -55,31 +60,33 @@ export class MapView {
     return [image];
   }
 
-  ways({ trail, trailed, plan, pose }, other) {
+  ways({ trail, plan, pose }, other) {
     const line = (points, name) => svg("polyline", { class: name, points: points.map(([x, y]) => this.at(x, y).map((each) => each.toFixed(1)).join(",")).join(" ") });
-    const every = Math.ceil(trailed / POINTS);
-    const way = trail.filter((_, index) => index < trailed && (index % every === 0 || index === trailed - 1));
-    return [line(way, `trail${other}`), ...(plan ? [line(rest(plan, pose), `plan${other}`)] : [])];
+    return [line(trail, `trail${other}`), ...(plan.length ? [line(rest(plan, pose), `plan${other}`)] : [])];
   }
 
-  zones({ zones, base }) {
-    const drawn = [...zones.values()].map((zone) => this.mark(zone, `zone ${zone.state.replace(" ", "-")}`, svg("circle", { r: 11 }), ZONES[zone.state], zone.id, `${zone.id}: ${zone.state}${zone.reason ? `, ${zone.reason}` : ""}`));
-    return base ? [this.mark(base, "base", svg("path", { d: "M-9 9 V-2 L0 -10 L9 -2 V9 Z" }), "", "base", "base station"), ...drawn] : drawn;
-  }
-
-  survivors({ survivors }) {
-    return [...survivors.values()].filter((each) => Number.isFinite(each.x)).map((each) => {
-      const report = FINDS[each.standing] ?? (each.report === "acknowledged" ? "✓" : each.report ? "…" : "!");
-      const said = `${each.name ?? "a survivor"}: ${each.standing}${each.report ? `, report ${each.report}` : ""}`;
-      return this.mark(each, `survivor ${each.standing}`, svg("path", { d: "M0 -11 L11 9 H-11 Z" }), report, each.name ?? "", said, -15);
+  areas(run) {
+    return [...run.landmarks.values()].filter(({ corners }) => corners.length).map((each) => {
+      const points = each.corners.map(([x, y]) => this.at(x, y).map((at) => at.toFixed(1)).join(",")).join(" ");
+      return svg("polygon", { class: `area ${LEVELS[each.level]}`, points }, svg("title", {}, titled(each)));
     });
   }
 
-  mark({ x, y }, name, shape, sign, label, title, below = 24) {
+  landmarks(run) {
+    const points = [...run.landmarks.values()].filter(({ corners }) => !corners.length);
+    // What was found lies on what was known before.
+    return [...points.filter((each) => !run.kindOf(each).is_found), ...points.filter((each) => run.kindOf(each).is_found)].map((each) => this.mark(each, run.kindOf(each)));
+  }
+
+  mark(landmark, kind) {
+    const { x, y, name, level, is_certain: isCertain } = landmark;
     const [px, py] = this.at(x, y);
-    const group = svg("g", { class: `mark ${name}`, transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})` }, svg("title", {}, title), shape);
-    if (sign) group.append(svg("text", { class: "sign", y: 4.5, "text-anchor": "middle" }, sign));
-    if (label) group.append(svg("text", { class: "label", y: below, "text-anchor": "middle" }, label));
+    const known = [LEVELS[level], kind.is_found && "found", isCertain && "certain"].filter(Boolean).join(" ");
+    const shape = (SHAPES[kind.shape] ?? SHAPES.circle)();
+    const group = svg("g", { class: `mark ${known}`, "data-kind": kind.name, transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})` }, svg("title", {}, titled(landmark)), shape);
+    const mark = sign(landmark, kind);
+    if (mark) group.append(svg("text", { class: "sign", y: 4.5, "text-anchor": "middle" }, mark));
+    group.append(svg("text", { class: "label", y: NAMES_ABOVE.includes(kind.shape) ? -15 : 24, "text-anchor": "middle" }, name));
     return group;
   }
 
@@ -180,9 +187,9 @@ function rest(plan, pose) {
 function extent(runs) {
   const points = [];
   let edge = 2;
-  for (const { map, zones, survivors, base, trail, pose } of runs) {
-    const places = [...zones.values(), ...survivors.values(), ...(base ? [base] : []), ...(pose ? [pose] : [])];
-    points.push(...places.filter(({ x }) => Number.isFinite(x)).map(({ x, y }) => [x, y]));
+  for (const { map, landmarks, trail, pose } of runs) {
+    for (const { x, y, corners } of landmarks.values()) points.push(...(corners.length ? corners : [[x, y]]));
+    if (pose) points.push([pose.x, pose.y]);
     if (map && !map.yaw) {
       points.push([map.x, map.y], [map.x + map.width * map.resolution, map.y + map.height * map.resolution]);
       edge = 0.3;
@@ -197,9 +204,12 @@ function extent(runs) {
 }
 
 /** The map in words. */
-function described({ pose, zones, survivors }) {
+function described({ pose, landmarks }) {
   const robot = pose ? `The robot is at ${pose.x.toFixed(1)}, ${pose.y.toFixed(1)}.` : "";
-  const places = [...zones.values()].map((zone) => `${zone.id} ${zone.state}`);
-  const people = [...survivors.values()].map((each) => `${each.name ?? "a survivor"} ${each.standing}${each.report ? `, report ${each.report}` : ""}`);
-  return [robot, places.join(", "), people.join(", ")].filter(Boolean).join(" ");
+  return [robot, [...landmarks.values()].map(({ name, state, reason }) => [`${name} ${state}`.trim(), reason].filter(Boolean).join(", ")).join("; ")].filter(Boolean).join(" ");
+}
+
+function titled(landmark) {
+  const words = inWords(landmark);
+  return words ? `${landmark.name}: ${words}` : landmark.name;
 }

@@ -80,8 +80,8 @@ export class Orders {
   }
 
   field({ name, kind, choices, optional, longest }, value = "") {
-    if (kind === "choice" || kind === "survivor") {
-      const known = kind === "survivor" ? [...this.run.survivors.values()].filter((each) => each.name).map((each) => [each.name, each.name]) : choices;
+    if (kind === "choice" || kind === "found") {
+      const known = kind === "found" ? [...this.run.landmarks.values()].filter((each) => this.run.kindOf(each).is_found).map(({ name: each }) => [each, each]) : choices;
       const offered = optional ? [["", "–"], ...known] : known;
       return html("select", { name, required: !optional }, ...offered.map(([key, label]) => html("option", { value: key, selected: key === value }, label)));
     }

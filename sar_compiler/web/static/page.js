@@ -4,7 +4,7 @@ import { showDetails } from "./details.js";
 import { LogView } from "./log_view.js";
 import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
-import { Recording } from "./replay.js";
+import { PlacesView } from "./places_view.js";
 import { Run } from "./run.js";
 import { WhyView } from "./why_view.js";
 import { badge, duration, html, say, svg } from "./shapes.js";
@@ -19,6 +19,7 @@ const at = (id) => document.getElementById(id);
 
 const tree = new TreeView(at("tree"), () => showDetails(at("details"), run, tree.chosen));
 const map = new MapView(at("map"));
+const places = new PlacesView(at("places"));
 const log = new LogView(at("log"));
 const why = new WhyView(at("why"), (id) => {
   look("tree");
@@ -31,37 +32,51 @@ let runs = [new Run()];
 let run = runs[0];
 let names = [];
 let alive = [];
-let recording = null;
-// So many entries are still to come before there is something to show.
-let expected = Infinity;
+// How long a replay is, in seconds; null for a live run.
+let end = null;
+// Whether there is something to show.
+let isTold = false;
 let heard = 0;
 let drawing = false;
 // Of a replay: what draws the next moment of it, and the time that is shown.
 let playing = 0;
 let place = 0;
+// The moment that was told last, by its number and its time, and whether another one is being asked for.
+let moment = 0;
+let shown = 0;
+let isAsking = false;
+let asking = new AbortController();
+let trouble = "";
 
 // --- what the server tells -------------------------------------------------------------------------
 
-function hello({ mode, robots, verbs, entries }) {
+function hello({ mode, robots, verbs, end: length }) {
   // Whatever was known is told again: by the same run, or by another one that has taken its place.
   play(false);
   names = robots ?? ["run"];
-  recording = mode === "replay" ? new Recording(names.length) : null;
-  runs = recording ? recording.runs : names.map(() => new Run());
+  runs = names.map(() => new Run());
   alive = [];
+  moment = 0;
+  // One that a server that is gone has left open.
+  asking.abort();
+  asking = new AbortController();
+  end = length ?? null;
+  isTold = false;
   offerRobots();
-  expected = entries;
   document.body.dataset.mode = mode;
   document.body.classList.remove("ready");
-  at("timeline").hidden = !recording;
+  at("timeline").hidden = end === null;
   orders.offer(verbs ?? []);
+  if (end === null) return;
+  // In whole steps, or the end could not be reached.
+  at("time").max = Math.ceil(end * 100) / 100;
+  // Where it was before the connection came again.
+  go(place);
 }
 
-function take(entries) {
-  expected -= entries.length;
-  if (recording) recording.add(entries);
-  else entries.forEach((entry) => runs[entry.robot].apply(entry));
-  if (recording && expected <= 0) begin();
+function take(changes) {
+  for (const { robot, ...change } of changes) runs[robot].take(change);
+  isTold = true;
   later();
 }
 
@@ -71,7 +86,7 @@ function beat({ time, verbs, running, pages }) {
     gone();
   }
   alive = running ?? [];
-  if (time !== undefined && !run.ended && run.number) run.time = Math.max(run.time, time);
+  if (time !== undefined && run.run.number && !run.run.ended) run.time = Math.max(run.time, time - run.run.began);
   orders.allow(verbs ?? [], run);
   later();
 }
@@ -86,7 +101,7 @@ function listen() {
     heed(JSON.parse(data));
   });
   on("hello", hello);
-  on("entries", take);
+  on("changes", take);
   on("beat", beat);
   on("bye", () => gone());
   source.addEventListener("error", () => {
@@ -117,21 +132,21 @@ function later() {
 
 function show() {
   state();
-  if (expected > 0) return;
-  const mission = run.about.mission ?? run.nodes[0]?.name ?? "mission";
-  const node = run.about.run?.node;
-  say(at("mission"), `${String(mission).replaceAll("_", " ")}${run.about.simulated ? ", simulated" : ""}`);
-  at("mission").title = node ?? "";
-  document.title = `${recording ? "replay: " : ""}${mission}`;
-  say(at("clock"), run.number ? `${duration(run.time - run.began)}${run.number > 1 ? `, run ${run.number}` : ""}` : "");
+  if (!isTold) return;
+  const { number, mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
+  say(at("mission"), `${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
+  at("mission").title = node;
+  document.title = `${end === null ? "" : "replay: "}${mission}`;
+  say(at("clock"), number ? `${duration(run.time)}${number > 1 ? `, run ${number}` : ""}` : "");
   say(at("progress"), progress());
   running();
   tree.show(run);
   map.show(run, runs.length > 1 ? names : [], runs);
+  places.show(run);
   log.show(run);
   why.show(run);
   showDetails(at("details"), run, tree.chosen);
-  if (recording) timeline();
+  if (end !== null) timeline();
   document.body.classList.add("ready");
 }
 
@@ -142,31 +157,40 @@ function state() {
 }
 
 function condition() {
-  if (run.ended) {
-    const { ending, status, reason } = run.ended;
+  const { number, ended } = run.run;
+  const isSilent = performance.now() - heard > SILENCE_MS || !heard;
+  if (end !== null && isSilent) return ["bad", "not connected: no other moment can be shown"];
+  if (trouble) return ["bad", trouble];
+  if (ended) {
+    const { ending, status, reason } = ended;
     const said = reason ? `: ${reason.split(/(?<=\.) /)[0]}` : "";
     return [status === 0 ? "good" : "bad", `${ending === "over" ? "ended" : ending}, status ${status}${said}`];
   }
-  if (recording) return ["", expected > 0 ? "loading" : "replay"];
-  if (performance.now() - heard > SILENCE_MS || !heard) return ["bad", "not connected: what is shown may be old"];
-  if (!run.number) return ["", "waiting for the run to begin"];
+  if (end !== null) return ["", isTold ? "replay" : "loading"];
+  if (isSilent) return ["bad", "not connected: what is shown may be old"];
+  if (!number) return ["", "waiting for the run to begin"];
   if (alive[runs.indexOf(run)] === false) return ["bad", "broken off: its process is gone"];
-  if (run.alarm) return ["bad", `live: ${run.alarm}`];
-  return ["good", run.orders === "hold" ? "live: held by the operator" : "live"];
+  if (alarms().length) return ["bad", `live: ${alarms().join("; ")}`];
+  if (run.lacks) return ["bad", `live: ${run.lacks}`];
+  const { name, reason } = run.phase;
+  return ["good", name === "held" ? `live: ${name} ${reason}` : "live"];
+}
+
+/** What a person must know, the newest last. */
+function alarms() {
+  return run.alarms.filter((each) => !each.is_over).sort((one, other) => one.run - other.run || one.time - other.time).map(({ text }) => text);
 }
 
 function progress() {
-  const zones = [...run.zones.values()];
-  const people = [...run.survivors.values()];
-  const told = people.filter((each) => each.report === "acknowledged").length;
-  const done = zones.filter((zone) => zone.state === "visited").length;
-  const unplaced = zones.filter((zone) => zone.unplaced).map((zone) => `a survivor at no usable position in ${zone.id}`);
-  return [zones.length ? `zones ${done} of ${zones.length}` : "", people.length ? `survivors ${people.length}, ${told} acknowledged` : "", ...unplaced].filter(Boolean).join(" · ");
+  const gauges = run.gauges.filter(({ value }) => Number.isFinite(value)).map(({ name, value, unit }) => `${name} ${Number(value.toFixed(1))} ${unit}`.trim());
+  // Of a live run they are in its state.
+  const raised = end !== null || run.run.ended ? alarms() : [];
+  return [...run.figures.map(({ text }) => text), ...gauges, ...raised].join(" · ");
 }
 
 function running() {
   const list = at("now").querySelector("ul");
-  const all = run.ended ? [] : run.running();
+  const all = run.run.ended ? [] : run.running();
   const leaves = all.slice(0, SHOWN);
   const key = all.map((id) => `${id} ${run.nodes[id].name}`).join("\n");
   if (list.dataset.key !== key || list.childElementCount === 0) {
@@ -175,7 +199,7 @@ function running() {
     const rest = all.length - leaves.length;
     if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : "nobody"));
   }
-  say(at("drive"), Number.isFinite(run.drive?.distance) && !run.ended ? driveLeft(run.drive) : "");
+  say(at("drive"), run.drive && !run.lacks ? driveLeft(run.drive) : "");
   leaves.forEach((id, index) => {
     const { since, message } = run.states[id];
     const item = list.children[index];
@@ -217,24 +241,43 @@ function turnTo(index) {
 
 // --- replay ----------------------------------------------------------------------------------------
 
-function begin() {
-  recording.ready();
-  // In whole steps, or the end could not be reached.
-  at("time").max = Math.ceil(recording.end * 100) / 100;
-  // Where it was before the connection came again.
-  go(place);
+function go(time) {
+  place = Math.max(0, Math.min(end, time));
+  if (!isAsking) ask();
+  later();
 }
 
-function go(time) {
-  place = Math.max(0, Math.min(recording.end, time));
-  recording.at(place);
+/** Have the server tell what was so at the time that is wanted, one time after the other, until nobody wants another one. */
+async function ask() {
+  isAsking = true;
+  for (let [time, told] = [NaN, null]; time !== place || told !== runs; ) {
+    [time, told] = [place, runs];
+    const answer = await answered(`moment?time=${time}&since=${moment}`);
+    // Meanwhile the connection may have come again, maybe to another server.
+    if (told !== runs) continue;
+    trouble = answer.trouble ?? "";
+    if (!answer.changes) break;
+    [moment, shown] = [answer.number, time];
+    take(answer.changes);
+  }
+  isAsking = false;
   later();
+}
+
+/** Return what the server answers; nothing where it cannot be reached: of that the events tell, and of its return. */
+async function answered(address) {
+  try {
+    const answer = await fetch(address, { signal: asking.signal });
+    return answer.ok ? await answer.json() : { trouble: await answer.text() };
+  } catch {
+    return {};
+  }
 }
 
 function timeline() {
   at("time").value = place;
   at("time").setAttribute("aria-valuetext", duration(place));
-  say(at("at"), `${duration(place)} of ${duration(recording.end)}`);
+  say(at("at"), `${duration(shown)} of ${duration(end)}`);
 }
 
 function play(on) {
@@ -243,12 +286,12 @@ function play(on) {
   cancelAnimationFrame(playing);
   playing = 0;
   if (!on) return;
-  if (place >= recording.end) go(0);
+  if (place >= end) go(0);
   let last = performance.now();
   const step = (now) => {
     go(place + ((now - last) / 1000) * Number(at("speed").value));
     last = now;
-    if (place >= recording.end) play(false);
+    if (place >= end) play(false);
     else playing = requestAnimationFrame(step);
   };
   playing = requestAnimationFrame(step);
@@ -306,7 +349,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "/") {
     look("tree");
     at("search").focus();
-  } else if (event.key === " " && recording) play(!playing);
+  } else if (event.key === " " && end !== null) play(!playing);
   else return;
   event.preventDefault();
 });

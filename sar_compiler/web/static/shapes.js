@@ -58,3 +58,12 @@ export function badge(status, former = false) {
   if (letter) sign.append(svg("text", { x: status === "RUNNING" ? 6.7 : 8, y: 11.6, "text-anchor": "middle" }, letter));
   return sign;
 }
+
+/** How far a landmark is, by its level. */
+export const LEVELS = ["to-come", "in-hand", "done", "given-up"];
+const SIGNS = ["", "▶", "✓", "✗"];
+
+/** The sign of a landmark: how far it is; of one that was found, that somebody must see to it. */
+export function sign({ level }, { is_found: isFound }) {
+  return isFound && level < 2 ? "!" : (SIGNS[level] ?? "");
+}

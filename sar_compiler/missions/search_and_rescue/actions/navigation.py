@@ -8,18 +8,13 @@ from py_trees.common import Status
 from sar_compiler.missions.search_and_rescue.actions.nav2_errors import FOR_GOOD, OCCUPIED, describe_end
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, MapPose, ZoneManager
-from sar_compiler.nodes.register import register
-from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
 from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.poses import turn_by
-from sar_compiler.runtime.answers import Answer
 
-_OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
-_USES = [Use.action("{action}"), Use.nav2()]
 # How long a goal in an obstacle is not sent again, seconds: some obstacles go away.
 _OCCUPIED_SEC = 60.0
 # How long before the end of a goal Nav2 may have logged its reason, seconds.
@@ -70,6 +65,10 @@ class NavigateTo(ActionLeaf):
         self._headline = ""
         self._hopeless: dict[str, tuple[str, Deadline]] = {}
         self._next_progress: Deadline | None = None
+
+    @property
+    def _needs_nav2(self) -> bool:
+        return True
 
     def on_send(self) -> None:
         """Log the target of the drive."""
@@ -148,22 +147,6 @@ class NavigateTo(ActionLeaf):
         return goal
 
 
-@register(
-    "NavigateToZone",
-    kind=Kind.ACTION,
-    outcomes=_OUTCOMES,
-    effects="drives the robot to the current zone",
-    uses=_USES,
-    answers=[
-        Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
-        Answer("FAILURE", "aborted", "zones_left > 0", "navigation_lost = false"),
-        Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("FAILURE", "unavailable", "zones_left > 0", "navigation_lost = true"),
-        Answer("RUNNING", "driving", "zones_left > 0", "at = ''; navigation_lost = false"),
-        Answer("RUNNING", "waiting for Nav2", "zones_left > 0", "at = ''; navigation_lost = true"),
-    ],
-    facts={"zones_left": 3, "at": "", "navigation_lost": False},
-)
 class NavigateToZone(NavigateTo):
     """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 
@@ -186,21 +169,6 @@ class NavigateToZone(NavigateTo):
         return self._drive_to(zone["id"], zone, headline)
 
 
-@register(
-    "NavigateToBase",
-    kind=Kind.ACTION,
-    outcomes=_OUTCOMES,
-    effects="drives the robot to the base station",
-    uses=_USES,
-    answers=[
-        Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false"),
-        Answer("FAILURE", "aborted", then="navigation_lost = false"),
-        Answer("FAILURE", "unavailable", then="navigation_lost = true"),
-        Answer("RUNNING", "driving", then="at = ''; navigation_lost = false"),
-        Answer("RUNNING", "waiting for Nav2", then="at = ''; navigation_lost = true"),
-    ],
-    facts={"at": "", "navigation_lost": False},
-)
 class NavigateToBase(NavigateTo):
     """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 

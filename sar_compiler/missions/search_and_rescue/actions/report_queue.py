@@ -9,35 +9,18 @@ from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, report_of
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.nodes.register import register
-from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.leaf import RosLeaf
-from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.clock import Clock, WallClock
 
 _LONGEST_BACKOFF_SEC = 60.0
-_FACTS = {"reports_kept": 0}
-_KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
 
 
-@register(
-    "KeepReport",
-    kind=Kind.ACTION,
-    outcomes={Status.SUCCESS, Status.FAILURE},
-    effects="keeps the report of the survivor for later",
-    answers=[
-        Answer("SUCCESS", "kept", "named_by_{detect_node}", _KEPT),
-        Answer("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
-    ],
-    facts={**_FACTS, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
-)
 class KeepReport(RosLeaf):
     """Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.
 
     Args:
         detect_node: The search that found the survivor.
-        kept_reports: Where the report is kept.
         record: Where it is noted that the report is kept.
     """
 
@@ -45,13 +28,11 @@ class KeepReport(RosLeaf):
         self,
         name: str,
         detect_node: DetectSurvivor,
-        kept_reports: KeptReports,
         *,
         record: MissionRecord | None = None,
     ) -> None:
         super().__init__(name)
         self._detect_node = detect_node
-        self._kept = kept_reports
         self._record = record or MissionRecord()
 
     def update(self) -> Status:
@@ -60,28 +41,12 @@ class KeepReport(RosLeaf):
         if isinstance(report, Status):
             return report
         survivor_id = report.survivor_id
-        self._kept.keep(report)
-        self._record.report_kept(survivor_id)
+        self._record.report_kept(report)
         self.feedback_message = f"the report of {survivor_id} is kept"
         self.say(f"The report of {survivor_id} is kept until base acknowledges it.")
         return Status.SUCCESS
 
 
-@register(
-    "DeliverReports",
-    kind=Kind.ACTION,
-    outcomes={Status.SUCCESS, Status.FAILURE, Status.RUNNING},
-    effects="reports the survivors whose reports were kept",
-    uses=[Use.service("{service}")],
-    answers=[
-        Answer("SUCCESS", "nothing kept", "reports_kept == 0"),
-        Answer("SUCCESS", "delivered", "reports_kept > 0", "reports_kept = 0"),
-        Answer("FAILURE", "refused", "reports_kept > 0"),
-        Answer("FAILURE", "all but one delivered", "reports_kept > 1", "reports_kept = 1"),
-        Answer("RUNNING", "reporting", "reports_kept > 0"),
-    ],
-    facts=_FACTS,
-)
 class DeliverReports(ReportLeaf):
     """Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.
 
@@ -109,7 +74,8 @@ class DeliverReports(ReportLeaf):
         timeout_sec: Seconds = 5.0,
         backoff_sec: Seconds = 0.0,
     ) -> None:
-        super().__init__(name, record, kept_reports, service, server_timeout_sec, timeout_sec)
+        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
+        self._kept = kept_reports
         self._untried: list[SurvivorReport] = []
         self._tried: set[str] = set()
         self._backoff = Backoff(clock or WallClock(), backoff_sec, _LONGEST_BACKOFF_SEC)

@@ -4,7 +4,7 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME
 from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
@@ -17,7 +17,6 @@ class ReportLeaf(ServiceLeaf):
 
     Args:
         record: Where the acknowledgement is noted.
-        kept_reports: Where the report is kept, if it is; an acknowledged one need not be any more.
         service: The service's name.
         server_timeout_sec: How long to wait for a server, seconds.
         timeout_sec: How long to wait for the answer, seconds.
@@ -29,7 +28,6 @@ class ReportLeaf(ServiceLeaf):
         self,
         name: str,
         record: MissionRecord | None,
-        kept_reports: KeptReports | None,
         service: str,
         server_timeout_sec: float,
         timeout_sec: float,
@@ -39,7 +37,6 @@ class ReportLeaf(ServiceLeaf):
         self.server_timeout_sec = server_timeout_sec
         self.timeout_sec = timeout_sec
         self._record = record or MissionRecord()
-        self._kept = KeptReports() if kept_reports is None else kept_reports
         self._survivor_id = ""
 
     def on_send(self) -> None:
@@ -53,7 +50,6 @@ class ReportLeaf(ServiceLeaf):
             self.complain(f"Base did not acknowledge {self._survivor_id}.")
             return Status.FAILURE
         self._record.survivor_acknowledged(self._survivor_id)
-        self._kept.delivered(self._survivor_id)
         self.feedback_message = f"{self._survivor_id} acknowledged"
         self.say(f"Base acknowledged {self._survivor_id}.")
         return Status.SUCCESS

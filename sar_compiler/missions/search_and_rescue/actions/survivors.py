@@ -5,39 +5,18 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.map_extent import MapExtent, map_extent_of
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
-from sar_compiler.nodes.register import register
-from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
-from sar_compiler.runtime.answers import Answer
 
-_ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 # The result of the last search of a DetectSurvivor, which a new search resets.
-_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 
 
-@register(
-    "DetectSurvivor",
-    kind=Kind.ACTION,
-    outcomes=_ANY_STATUS,
-    effects="searches the current zone for a survivor",
-    uses=[Use.service("{service}")],
-    answers=[
-        Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
-        Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
-        Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
-        Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
-        Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
-    ],
-    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
-    reads=["at"],
-)
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
 
@@ -138,26 +117,6 @@ class DetectSurvivor(ServiceLeaf):
         return self._extent.objection(response.survivor_x, response.survivor_y)
 
 
-@register(
-    "BroadcastSurvivorTF",
-    kind=Kind.ACTION,
-    outcomes={Status.SUCCESS, Status.FAILURE},
-    effects="gives the survivor a new name, with a static frame there",
-    answers=[
-        Answer(
-            "SUCCESS",
-            "named",
-            "found_by_{detect_node}",
-            "named_by_{detect_node} = true; kept_by_{detect_node} = false",
-        ),
-        Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
-    ],
-    facts={
-        "found_by_{detect_node}": False,
-        "named_by_{detect_node}": False,
-        "kept_by_{detect_node}": False,
-    },
-)
 class BroadcastSurvivorTF(RosLeaf):
     """Give the survivor that was found a name, and publish a static frame of that name under `map`.
 
@@ -257,25 +216,6 @@ def report_of(
     return SurvivorReport(survivor_id, *pose)
 
 
-@register(
-    "NotifyBase",
-    kind=Kind.ACTION,
-    outcomes=_ANY_STATUS,
-    effects="reports the survivor to the base station",
-    uses=[Use.service("{service}")],
-    answers=[
-        Answer(
-            "SUCCESS",
-            "acknowledged",
-            "named_by_{detect_node}",
-            "reports_kept -= kept_by_{detect_node} && reports_kept > 0 ? 1 : 0; kept_by_{detect_node} = false",
-        ),
-        Answer("FAILURE", "refused", "named_by_{detect_node}"),
-        Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
-        Answer("RUNNING", "reporting", "named_by_{detect_node}"),
-    ],
-    facts={"named_by_{detect_node}": False, "kept_by_{detect_node}": False, "reports_kept": 0},
-)
 class NotifyBase(ReportLeaf):
     """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
 
@@ -289,12 +229,11 @@ class NotifyBase(ReportLeaf):
         detect_node: DetectSurvivor,
         *,
         record: MissionRecord | None = None,
-        kept_reports: KeptReports | None = None,
         service: str = "report_survivor",
         server_timeout_sec: Seconds = 10.0,
         timeout_sec: Seconds = 5.0,
     ) -> None:
-        super().__init__(name, record, kept_reports, service, server_timeout_sec, timeout_sec)
+        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
         self._detect_node = detect_node
 
     def request(self) -> Any:
@@ -303,9 +242,6 @@ class NotifyBase(ReportLeaf):
         return report if isinstance(report, Status) else self._request_for(report)
 
 
-@register(
-    "LogNoDetection", kind=Kind.ACTION, outcomes={Status.SUCCESS}, answers=[Answer("SUCCESS", "logged")]
-)
 class LogNoDetection(RosLeaf):
     """Log that no survivor was found.
 

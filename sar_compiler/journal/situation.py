@@ -1,0 +1,326 @@
+"""What a mission shows of itself: landmarks, figures, gauges, alarms, its phase. No ROS is needed for it.
+
+A mission has its state change by its facts, and says after each what is so (`Display`). The difference is written behind the fact as an entry
+of the kind `changed`, so that whoever reads a journal shows a mission without knowing it.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_ENDED, JournalEntry
+from sar_compiler.journal.json_values import json_text
+
+CHANGED = "changed"
+"""The kind of an entry behind a fact: what that has changed of what a mission shows."""
+
+
+class Level(IntEnum):
+    """How far a landmark is, by which it is coloured."""
+
+    TO_COME = 0
+    IN_HAND = 1
+    DONE = 2
+    GIVEN_UP = 3
+    """Given up, or wrong."""
+
+
+class LandmarkKind(NamedTuple):
+    """A kind of landmarks.
+
+    Attributes:
+        name: What one is, in a word: `point`. Markers of a kind have a namespace of their own in RViz.
+        plural: What several are: `points`.
+        shape: How one is drawn: `circle`, `triangle`, `house` or `square`; one with corners as a polygon.
+        is_found: Whether the robot finds them, and somebody must go there unless they are given up: `people` in a report's forms for emergency services.
+        event: What such a find is, in words, for those services.
+    """
+
+    name: str
+    plural: str
+    shape: str = "circle"
+    is_found: bool = False
+    event: str = ""
+
+
+class FactTime(NamedTuple):
+    """When something was.
+
+    Attributes:
+        run: The number of the run, from 1.
+        time: The mission's clock, seconds.
+        wall: Seconds since 1970.
+    """
+
+    run: int
+    time: float
+    wall: float
+
+
+class Landmark(NamedTuple):
+    """A place that a mission shows on the map.
+
+    Attributes:
+        kind: The name of its kind.
+        name: Its name; unique among its kind.
+        x: Position in the frame `map`, metres.
+        y: Position in the frame `map`, metres.
+        state: Its state in a word or two; empty for none.
+        level: How far it is.
+        reason: Why it is in that state, in words; empty if nobody asks.
+        within: The name of the landmark that it lies in, or empty.
+        is_certain: Whether a person has confirmed it.
+        details: What else is known of it, by a name in words: numbers, texts, moments.
+        corners: Its outline, as positions in the frame `map`, metres; empty for a point.
+    """
+
+    kind: str
+    name: str
+    x: float
+    y: float
+    state: str = ""
+    level: int = Level.TO_COME
+    reason: str = ""
+    within: str = ""
+    is_certain: bool = False
+    details: Mapping[str, Any] = {}
+    corners: Sequence[tuple[float, float]] = ()
+
+
+class Figure(NamedTuple):
+    """A number that tells how far a mission is.
+
+    Attributes:
+        name: What is counted or measured: `points visited`.
+        value: How many, or how much.
+        of: Out of how many; None if that is not known.
+        unit: The unit; empty for none.
+    """
+
+    name: str
+    value: float
+    of: float | None = None
+    unit: str = ""
+
+    @property
+    def text(self) -> str:
+        """The figure in words: `points visited 3 of 4`."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.name} {self.value:g}{'' if self.of is None else f' of {self.of:g}'}{unit}"
+
+
+class Gauge(NamedTuple):
+    """A quantity that runs out: battery, link, time.
+
+    Attributes:
+        name: What it is: `battery`.
+        value: How much is left, in the unit.
+        unit: The unit: `%`, `s`.
+        least: Where it becomes an alarm; None if nobody says that.
+    """
+
+    name: str
+    value: float
+    unit: str = ""
+    least: float | None = None
+
+
+class Alarm(NamedTuple):
+    """Something that a person must know.
+
+    Attributes:
+        text: What, in words; an alarm is another one if it says something else.
+        level: As of a log line: 30 for a warning, 40 for an error.
+        is_over: Whether the reason is gone. It is shown until somebody has seen it all the same.
+    """
+
+    text: str
+    level: int = 40
+    is_over: bool = False
+
+
+class MissionPhase(NamedTuple):
+    """What a mission is at, as far as the mission alone knows.
+
+    Attributes:
+        name: `held`, `working`, or what else it is, in a word; empty for what the run says (driving, waiting, over).
+        reason: Why, in words.
+        place: Where it is at work: the name of a landmark; empty for nowhere.
+    """
+
+    name: str = ""
+    reason: str = ""
+    place: str = ""
+
+
+class Display(NamedTuple):
+    """All that a mission shows of itself at a moment."""
+
+    landmarks: Sequence[Landmark] = ()
+    figures: Sequence[Figure] = ()
+    gauges: Sequence[Gauge] = ()
+    alarms: Sequence[Alarm] = ()
+    phase: MissionPhase = MissionPhase()
+
+
+def changes(before: Display, after: Display) -> dict[str, Any]:
+    """Return what is otherwise than before, as JSON values: the data of a `changed` entry; empty for nothing."""
+    known = {(each.kind, each.name): each for each in before.landmarks}
+    now = {(each.kind, each.name) for each in after.landmarks}
+    parts = {
+        "landmarks": [_plain(each) for each in after.landmarks if known.get((each.kind, each.name)) != each],
+        "gone": [list(key) for key in known if key not in now],
+        "figures": [_plain(each) for each in after.figures if each not in before.figures],
+        "gauges": [_plain(each) for each in after.gauges if each not in before.gauges],
+        "alarms": [*map(_plain, _raised(before.alarms, after.alarms))],
+        "phase": _plain(after.phase) if after.phase != before.phase else None,
+    }
+    return {key: value for key, value in parts.items() if value or (key == "phase" and value is not None)}
+
+
+def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
+    """Return what a fact has changed, with the fact as a sentence: the data of the `changed` entry behind it; empty for nothing.
+
+    Of goals, and of the end of a run, other entries tell.
+    """
+    changed = changes(before, after)
+    if fact.kind in (GOAL_SENT, GOAL_ENDED, RUN_ENDED):
+        return changed
+    return {"said": sentence or fact_words(fact.kind, fact.data), **changed}
+
+
+def _raised(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
+    """Yield the alarms that are otherwise than before; those that are gone as over."""
+    yield from (each for each in after if each not in before)
+    there = {each.text for each in after}
+    yield from (each._replace(is_over=True) for each in before if each.text not in there and not each.is_over)
+
+
+def beginning(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
+    """Return all that a mission shows as its run begins, as JSON values: the data of the first `changed` entry of the run."""
+    return {"kinds": [_plain(each) for each in kinds], **changes(Display(), shown)}
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    """Return a tuple of this module as JSON values, without what is as usual."""
+    usual = value._field_defaults
+    fields = {key: each for key, each in value._asdict().items() if key not in usual or each != usual[key]}
+    if details := fields.get("details"):
+        fields["details"] = {
+            key: each._asdict() if isinstance(each, FactTime) else each
+            for key, each in details.items()
+            if each not in (None, "")
+        }
+    return fields
+
+
+class Situation:
+    """What a mission shows, folded from the `changed` entries of its journal.
+
+    Attributes:
+        kinds: The kinds of its landmarks, by name.
+        landmarks: Its landmarks by kind and name, in the order in which they came.
+        figures: Its figures by name.
+        gauges: Its gauges by name.
+        alarms: Its alarms by what they say, with the entry's number of each.
+        phase: What it is at.
+    """
+
+    def __init__(self) -> None:
+        self.kinds: dict[str, LandmarkKind] = {}
+        self.landmarks: dict[tuple[str, str], Landmark] = {}
+        self.figures: dict[str, Figure] = {}
+        self.gauges: dict[str, Gauge] = {}
+        self.alarms: dict[str, Alarm] = {}
+        self.phase = MissionPhase()
+
+    def take(
+        self,
+        kinds: Iterable[Mapping[str, Any]] = (),
+        landmarks: Iterable[Mapping[str, Any]] = (),
+        gone: Iterable[Sequence[str]] = (),
+        figures: Iterable[Mapping[str, Any]] = (),
+        gauges: Iterable[Mapping[str, Any]] = (),
+        alarms: Iterable[Mapping[str, Any]] = (),
+        phase: Mapping[str, Any] | None = None,
+        **_more: object,
+    ) -> None:
+        """Take the data of an entry.
+
+        Raises:
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If it is not one of ours.
+        """
+        for each in kinds:
+            kind = LandmarkKind(**each)
+            self.kinds[kind.name] = kind
+        for each in landmarks:
+            landmark = _landmark(**each)
+            self.landmarks[landmark.kind, landmark.name] = landmark
+        for name, of in gone:
+            self.landmarks.pop((name, of), None)
+        self.figures.update((each["name"], Figure(**each)) for each in figures)
+        self.gauges.update((each["name"], Gauge(**each)) for each in gauges)
+        self.alarms.update((each["text"], Alarm(**each)) for each in alarms)
+        if phase is not None:
+            self.phase = MissionPhase(**phase)
+
+    def of_kind(self, name: str) -> list[Landmark]:
+        """Return the landmarks of a kind."""
+        return [each for each in self.landmarks.values() if each.kind == name]
+
+    def found(self) -> list[Landmark]:
+        """Return the landmarks that the robot has found, those among them to which nobody need go."""
+        return [each for each in self.landmarks.values() if self.kind_of(each).is_found]
+
+    def kind_of(self, landmark: Landmark) -> LandmarkKind:
+        """Return the kind of a landmark; one of nothing special if nobody has told of it."""
+        return self.kinds.get(landmark.kind) or LandmarkKind(landmark.kind, f"{landmark.kind}s")
+
+
+def _landmark(
+    kind: str,
+    name: str,
+    x: float,
+    y: float,
+    details: Mapping[str, Any] | None = None,
+    corners: Iterable[Sequence[float]] = (),
+    level: int = 0,
+    **more: Any,
+) -> Landmark:
+    return Landmark(
+        kind,
+        name,
+        *position(x, y),
+        level=Level(level),
+        details={key: _detail(each) for key, each in (details or {}).items()},
+        corners=tuple(position(*each) for each in corners),
+        **more,
+    )
+
+
+def _detail(value: Any) -> Any:
+    return FactTime(**value) if isinstance(value, Mapping) else value
+
+
+def fact_words(kind: str, data: Mapping[str, Any]) -> str:
+    """Return a fact that nobody has put into a sentence in words: `photo taken: photo: photo_1`."""
+    values = (
+        f"{name}: {value if isinstance(value, str) else json_text(value, ensure_ascii=False)}"
+        for name, value in data.items()
+        if value not in (None, "")
+    )
+    return f"{kind.replace('_', ' ')}: {', '.join(values)}".removesuffix(": ")
+
+
+def position(x: Any, y: Any) -> tuple[float, float]:
+    """Return a position in the frame `map`, metres.
+
+    Raises:
+        ValueError: If it is none: a number is not finite.
+    """
+    place = float(x), float(y)
+    if not all(map(math.isfinite, place)):
+        message = f"({x}, {y}) is no position"
+        raise ValueError(message)
+    return place

@@ -1,0 +1,438 @@
+"""What the leaves of the mission are, each named by the import path of its class.
+
+So a tree of the mission is checked without an import of what flies it.
+"""
+
+from collections.abc import Mapping
+
+from sar_compiler.nodes.declaring import attribute, handed_over, reference, signature
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Use
+from sar_compiler.nodes.values import SECONDS, at_least
+from sar_compiler.runtime.answers import Answer, Fact
+
+_HERE = "sar_compiler.missions.search_and_rescue"
+_ZONES = f"{_HERE}.zone_manager:ZoneManager"
+_RECORD = f"{_HERE}.record:MissionRecord"
+_KEPT_REPORTS = f"{_HERE}.kept_reports:KeptReports"
+_ORDERS = f"{_HERE}.orders:OperatorOrders"
+_SEARCH = f"{_HERE}.actions.survivors:DetectSurvivor"
+_FENCE = "sar_compiler.missions.fence:Fence"
+_CLOCK = "sar_compiler.runtime.clock:Clock"
+
+_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
+_KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
+# Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of
+# attempts at the current zone is the number of the round; a round is over when all remaining zones have been
+# postponed in it.
+_ROUND_IS_OVER = "postponed_in_round >= zones_left"
+_COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
+_SERVER_TIMEOUT = attribute("server_timeout_sec", SECONDS, "How long to wait for a server, seconds.", 10.0)
+_DRIVE = (
+    attribute("action", str, "The action's name.", "navigate_to_pose"),
+    _SERVER_TIMEOUT,
+    attribute(
+        "acceptance_timeout_sec", SECONDS, "How long to wait for the goal to be accepted, seconds.", 5.0
+    ),
+    attribute("feedback_timeout_sec", SECONDS, "How long a server may be silent, seconds.", 10.0),
+    attribute(
+        "hold_timeout_sec",
+        SECONDS,
+        "How long to wait for somebody to judge the goal: for Nav2 and its localisation, or the end of another client's goal, seconds.",
+        60.0,
+    ),
+)
+
+
+def _leaf(  # noqa: PLR0913 - all that there is to say of a leaf
+    path: str,
+    doc: str,
+    *parameters: Parameter,
+    answers: tuple[Answer, ...],
+    kind: Kind = Kind.ACTION,
+    effects: str = "",
+    uses: tuple[Use, ...] = (),
+    facts: Mapping[str, Fact] | None = None,
+    reads: tuple[str, ...] = (),
+    writes: tuple[str, ...] = (),
+) -> NodeSpec:
+    """Return the spec of a leaf whose tag is the name of its class; *path* is seen from this package."""
+    outcomes = frozenset(answer.status for answer in answers)
+    signed = signature(kind, doc, *parameters)
+    return NodeSpec(
+        path.rpartition(":")[2],
+        f"{_HERE}.{path}",
+        kind,
+        outcomes,
+        effects,
+        uses,
+        answers,
+        facts or {},
+        reads,
+        writes,
+        signature=signed,
+    )
+
+
+SPECS = [
+    _leaf(
+        "actions.navigation:NavigateToZone",
+        "Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        handed_over("record", _RECORD, "Where the drive is noted.", required=False),
+        *_DRIVE,
+        effects="drives the robot to the current zone",
+        uses=(Use.action("{action}"), Use.nav2()),
+        answers=(
+            Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
+            Answer("FAILURE", "aborted", "zones_left > 0", "navigation_lost = false"),
+            Answer("FAILURE", "no zone", "zones_left == 0"),
+            Answer("FAILURE", "unavailable", "zones_left > 0", "navigation_lost = true"),
+            Answer("RUNNING", "driving", "zones_left > 0", "at = ''; navigation_lost = false"),
+            Answer("RUNNING", "waiting for Nav2", "zones_left > 0", "at = ''; navigation_lost = true"),
+        ),
+        facts={"zones_left": 3, "at": "", "navigation_lost": False},
+    ),
+    _leaf(
+        "actions.navigation:NavigateToBase",
+        "Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.",
+        handed_over("zone_manager", _ZONES, "The mission's zones and base station."),
+        handed_over("record", _RECORD, "Where the return is noted.", required=False),
+        *_DRIVE,
+        effects="drives the robot to the base station",
+        uses=(Use.action("{action}"), Use.nav2()),
+        answers=(
+            Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false"),
+            Answer("FAILURE", "aborted", then="navigation_lost = false"),
+            Answer("FAILURE", "unavailable", then="navigation_lost = true"),
+            Answer("RUNNING", "driving", then="at = ''; navigation_lost = false"),
+            Answer("RUNNING", "waiting for Nav2", then="at = ''; navigation_lost = true"),
+        ),
+        facts={"at": "", "navigation_lost": False},
+    ),
+    _leaf(
+        "actions.survivors:DetectSurvivor",
+        "Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        handed_over("record", _RECORD, "Where a find is noted.", required=False),
+        attribute("service", str, "The service's name.", "detect_survivor"),
+        _SERVER_TIMEOUT,
+        attribute("timeout_sec", SECONDS, "How long to wait for the answer, seconds.", 5.0),
+        effects="searches the current zone for a survivor",
+        uses=(Use.service("{service}"),),
+        answers=(
+            Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
+            Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
+            Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
+            Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
+            Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
+        ),
+        facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
+        reads=("at",),
+    ),
+    _leaf(
+        "actions.survivors:BroadcastSurvivorTF",
+        "Give the survivor that was found a name, and publish a static frame of that name under `map`.",
+        reference("detect_node", _SEARCH, "The search that found the survivor; is told the name."),
+        handed_over("zone_manager", _ZONES, "Gives out the names."),
+        handed_over("record", _RECORD, "Where the name is noted.", required=False),
+        effects="gives the survivor a new name, with a static frame there",
+        answers=(
+            Answer(
+                "SUCCESS",
+                "named",
+                "found_by_{detect_node}",
+                "named_by_{detect_node} = true; kept_by_{detect_node} = false",
+            ),
+            Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
+        ),
+        facts={
+            "found_by_{detect_node}": False,
+            "named_by_{detect_node}": False,
+            "kept_by_{detect_node}": False,
+        },
+    ),
+    _leaf(
+        "actions.survivors:NotifyBase",
+        "Report the survivor that was found: SUCCESS if the base station acknowledges the report.",
+        reference("detect_node", _SEARCH, "The search that found the survivor."),
+        handed_over("record", _RECORD, "Where the acknowledgement is noted.", required=False),
+        attribute("service", str, "The service's name.", "report_survivor"),
+        _SERVER_TIMEOUT,
+        attribute("timeout_sec", SECONDS, "How long to wait for the answer, seconds.", 5.0),
+        effects="reports the survivor to the base station",
+        uses=(Use.service("{service}"),),
+        answers=(
+            Answer(
+                "SUCCESS",
+                "acknowledged",
+                "named_by_{detect_node}",
+                "reports_kept -= kept_by_{detect_node} && reports_kept > 0 ? 1 : 0; kept_by_{detect_node} = false",
+            ),
+            Answer("FAILURE", "refused", "named_by_{detect_node}"),
+            Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
+            Answer("RUNNING", "reporting", "named_by_{detect_node}"),
+        ),
+        facts={"named_by_{detect_node}": False, "kept_by_{detect_node}": False, "reports_kept": 0},
+    ),
+    _leaf(
+        "actions.survivors:LogNoDetection",
+        "Log that no survivor was found.",
+        handed_over("zone_manager", _ZONES, "Names the zone, if requested.", required=False),
+        answers=(Answer("SUCCESS", "logged"),),
+    ),
+    _leaf(
+        "actions.report_queue:KeepReport",
+        "Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.",
+        reference("detect_node", _SEARCH, "The search that found the survivor."),
+        handed_over("record", _RECORD, "Where it is noted that the report is kept.", required=False),
+        effects="keeps the report of the survivor for later",
+        answers=(
+            Answer("SUCCESS", "kept", "named_by_{detect_node}", _KEPT),
+            Answer("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
+        ),
+        facts={"reports_kept": 0, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
+    ),
+    _leaf(
+        "actions.report_queue:DeliverReports",
+        "Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.",
+        handed_over("kept_reports", _KEPT_REPORTS, "Where the reports are kept."),
+        handed_over("record", _RECORD, "Where acknowledgements are noted.", required=False),
+        handed_over("clock", _CLOCK, "The clock of the back-off.", required=False),
+        attribute("service", str, "The service's name.", "report_survivor"),
+        _SERVER_TIMEOUT,
+        attribute("timeout_sec", SECONDS, "How long to wait for each answer, seconds.", 5.0),
+        attribute(
+            "backoff_sec",
+            SECONDS,
+            "How long to send nothing after the first failure, seconds; 0 to send again at once.",
+            0.0,
+        ),
+        effects="reports the survivors whose reports were kept",
+        uses=(Use.service("{service}"),),
+        answers=(
+            Answer("SUCCESS", "nothing kept", "reports_kept == 0"),
+            Answer("SUCCESS", "delivered", "reports_kept > 0", "reports_kept = 0"),
+            Answer("FAILURE", "refused", "reports_kept > 0"),
+            Answer("FAILURE", "all but one delivered", "reports_kept > 1", "reports_kept = 1"),
+            Answer("RUNNING", "reporting", "reports_kept > 0"),
+        ),
+        facts={"reports_kept": 0},
+    ),
+    _leaf(
+        "actions.zones:AdvanceZone",
+        "Mark the current zone as visited, so that the next one becomes the current zone.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        effects="marks the current zone as visited",
+        answers=(
+            Answer("SUCCESS", "advanced", "zones_left > 0", "zones_left -= 1"),
+            Answer("SUCCESS", "no zone", "zones_left == 0"),
+        ),
+        facts={"zones_left": 3},
+        writes=("at",),
+    ),
+    _leaf(
+        "actions.zones:PostponeZone",
+        "Put the current zone after all others, to try it again later; FAILURE after its last attempt.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        attribute(
+            "attempts",
+            at_least(1),
+            "The number of attempts at a zone, 1 or more; after the last one it is not postponed again.",
+            3,
+        ),
+        effects="puts the current zone behind all others",
+        answers=(
+            Answer(
+                "SUCCESS",
+                "postponed",
+                f"zones_left > 0 && ({_ROUND_IS_OVER} ? round + 1 : round) < {{attempts}}",
+                f"round += {_ROUND_IS_OVER} ? 1 : 0; postponed_in_round = {_ROUND_IS_OVER} ? 1 : postponed_in_round + 1",
+            ),
+            Answer(
+                "FAILURE",
+                "tried often enough",
+                f"zones_left == 0 || ({_ROUND_IS_OVER} ? round + 1 : round) >= {{attempts}}",
+            ),
+        ),
+        facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
+    ),
+    _leaf(
+        "actions.zones:AbandonZone",
+        "Take the current zone out of the plan, unvisited; the mission can then no longer be complete.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        effects="takes the current zone out of the plan, unvisited",
+        answers=(
+            Answer("SUCCESS", "abandoned", "zones_left > 0", "zones_left -= 1; zones_abandoned += 1"),
+            Answer("SUCCESS", "no zone", "zones_left == 0"),
+        ),
+        facts={"zones_left": 3, "zones_abandoned": 0},
+    ),
+    _leaf(
+        "actions.zones:AbandonZones",
+        "Take all zones that are left out of the plan, unvisited, for the reason that a failsafe has given.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        handed_over("record", _RECORD, "Knows the reason.", required=False),
+        effects="takes all zones that are left out of the plan, unvisited",
+        answers=(Answer("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
+        facts={"zones_left": 3, "zones_abandoned": 0},
+    ),
+    _leaf(
+        "conditions:ZonesRemaining",
+        "Is a zone left to be visited? SUCCESS if so, else FAILURE.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "some left", "zones_left > 0"),
+            Answer("FAILURE", "none left", "zones_left == 0"),
+        ),
+        facts={"zones_left": 3},
+    ),
+    _leaf(
+        "conditions:IsSurvivorDetected",
+        "Did the last search find a survivor? SUCCESS if so, else FAILURE.",
+        reference("detect_node", _SEARCH, "The search whose answer counts."),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "yes", "found_by_{detect_node}"),
+            Answer("FAILURE", "no", "!found_by_{detect_node}"),
+        ),
+        facts={"found_by_{detect_node}": False},
+    ),
+    _leaf(
+        "conditions:MissionComplete",
+        "Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.",
+        handed_over("record", _RECORD, "What has happened in the mission."),
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "complete", _COMPLETE),
+            Answer("FAILURE", "incomplete", f"!({_COMPLETE})"),
+        ),
+        facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
+    ),
+    _leaf(
+        "failsafes:NotAborted",
+        "Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called.",
+        handed_over("orders", _ORDERS, "What the operator has ordered."),
+        handed_over("record", _RECORD, "Where the reason is noted.", required=False),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "not aborted"),
+            Answer("FAILURE", "aborted"),
+        ),
+    ),
+    _leaf(
+        "failsafes:NotRecalled",
+        "Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called.",
+        handed_over("orders", _ORDERS, "What the operator has ordered."),
+        handed_over("record", _RECORD, "Where the reason is noted.", required=False),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "not recalled"),
+            Answer("FAILURE", "recalled"),
+        ),
+    ),
+    _leaf(
+        "failsafes:NavigationAvailable",
+        "Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.",
+        handed_over("record", _RECORD, "Knows it, and where the reason is noted.", required=False),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "available", "!navigation_lost"),
+            Answer("FAILURE", "unavailable", "navigation_lost"),
+        ),
+        facts={"navigation_lost": False},
+    ),
+    _leaf(
+        "failsafes:BatterySuffices",
+        "Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.",
+        handed_over("record", _RECORD, "Where the reason is noted.", required=False),
+        attribute("at_least", float, "The limit, of 1 for a full battery.", 0.2),
+        attribute(
+            "topic",
+            str,
+            "A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` counts.",
+            "battery_state",
+        ),
+        attribute("max_age_sec", SECONDS, "How long it may be silent, seconds of the node's clock.", 30.0),
+        kind=Kind.CONDITION,
+        uses=(Use.topic("{topic}"),),
+        answers=(
+            Answer("SUCCESS", "enough"),
+            Answer("FAILURE", "low"),
+        ),
+    ),
+    _leaf(
+        "failsafes:InsideFence",
+        "Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.",
+        handed_over("fence", _FENCE, "The geofence."),
+        handed_over("record", _RECORD, "Where the reason is noted.", required=False),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "inside"),
+            Answer("FAILURE", "outside"),
+        ),
+    ),
+    _leaf(
+        "failsafes:MissionTimeLeft",
+        "Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.",
+        attribute("limit", SECONDS, "How long the mission may take, seconds of the mission's clock."),
+        handed_over("clock", _CLOCK, "The clock."),
+        handed_over("record", _RECORD, "Where the reason is noted.", required=False),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "time left"),
+            Answer("FAILURE", "time is up"),
+        ),
+    ),
+    _leaf(
+        "failsafes:BaseInReach",
+        "Is the base station there? FAILURE if its service was in no network for too long.",
+        handed_over("clock", _CLOCK, "The clock of the patience."),
+        handed_over("record", _RECORD, "Where the reason is noted.", required=False),
+        attribute(
+            "service", str, "Its service, of the type `sar_interfaces/srv/ReportSurvivor`.", "report_survivor"
+        ),
+        attribute("patience", SECONDS, "How long it may be away, seconds of the mission's clock.", 60.0),
+        kind=Kind.CONDITION,
+        uses=(Use.service("{service}"),),
+        answers=(
+            Answer("SUCCESS", "in reach", then="base_lost = false"),
+            Answer(
+                "FAILURE",
+                "lost",
+                "base_lost || losses_left > 0",
+                "losses_left -= base_lost ? 0 : 1; base_lost = true",
+            ),
+        ),
+        facts={"base_lost": False, "losses_left": 1},
+    ),
+    _leaf(
+        "operating:NotHeld",
+        "Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.",
+        handed_over("orders", _ORDERS, "What the operator has ordered."),
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        handed_over("fence", _FENCE, "The geofence, for zones that are added.", required=False),
+        handed_over("record", _RECORD, "Where orders are noted.", required=False),
+        kind=Kind.CONDITION,
+        answers=(
+            Answer("SUCCESS", "free"),
+            Answer("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),
+            Answer(
+                "FAILURE",
+                "zone skipped",
+                "orders_left > 0 && zones_left > 0",
+                "orders_left -= 1; zones_left -= 1; zones_abandoned += 1",
+            ),
+        ),
+        facts={"orders_left": 1, "zones_left": 3, "zones_abandoned": 0},
+    ),
+    _leaf(
+        "operating:AwaitStandstill",
+        "Wait until the robot stands by its odometry: RUNNING while it moves, for `settle_timeout_sec` at most, then SUCCESS with a warning.",
+        answers=(
+            Answer("SUCCESS", "stands"),
+            Answer("RUNNING", "moves"),
+        ),
+    ),
+]

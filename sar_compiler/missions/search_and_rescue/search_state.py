@@ -1,0 +1,207 @@
+"""The state of a search: what its facts make of the plan, the record, the reports and the orders, and what is shown of that."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import count
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.situation import Alarm, Display, Figure, Landmark, LandmarkKind, Level, MissionPhase
+from sar_compiler.missions.fence import Fence
+from sar_compiler.missions.search_and_rescue.done_before import DoneBefore
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
+from sar_compiler.missions.search_and_rescue.record import FoundSurvivor, MissionRecord, Standing
+from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
+
+KINDS = (
+    LandmarkKind("zone", "zones"),
+    LandmarkKind(
+        "survivor", "survivors", "triangle", is_found=True, event="survivor found by a search robot"
+    ),
+    LandmarkKind("base", "base", "house"),
+    LandmarkKind("geofence", "geofence"),
+)
+"""What a search shows on the map."""
+BASE = "base station"
+"""The base station's name."""
+
+
+class SearchState:
+    """What a search remembers; its parts share one journal, and each fact changes all that it concerns.
+
+    Args:
+        zones: The plan.
+        record: What has happened.
+        kept: The reports that are still to be delivered.
+        orders: What the operator has ordered.
+        fence: The geofence, which is shown as well.
+    """
+
+    def __init__(
+        self,
+        zones: ZoneManager,
+        record: MissionRecord | None = None,
+        kept: KeptReports | None = None,
+        orders: OperatorOrders | None = None,
+        *,
+        fence: Fence | None = None,
+    ) -> None:
+        self.zones = zones
+        self.record = record or MissionRecord()
+        self.kept = KeptReports() if kept is None else kept
+        self.orders = orders or OperatorOrders()
+        corners = fence.corners if fence is not None else ()
+        self._fence = [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
+        self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
+        self._share(Journal(apply=self.apply))
+
+    def keep_in(self, journal: Journal) -> None:
+        """Take over what earlier runs have done, and keep the facts from now on.
+
+        Raises:
+            JournalError: If the facts are not those of a search.
+        """
+        journal.attach(self, KINDS)
+        self.record.before = DoneBefore.of(journal.facts())
+        self._share(journal)
+
+    def _share(self, journal: Journal) -> None:
+        self.zones.journal = self.record.journal = self.orders.journal = journal
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the state by a fact.
+
+        Raises:
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        for part in (self.zones, self.kept, self.record, self.orders):
+            part.apply(fact)
+        if fact.kind == "zone_added":
+            added = self.zones.remaining_zones()[-1]
+            self._plan[added["id"]] = added
+
+    def display(self) -> Display:
+        """Return what is shown of it: zones, survivors, the base station; how far it is."""
+        survivors, zones = self.record.survivors, self.zones
+        return Display(
+            [
+                *map(self._zone, self._plan.values()),
+                *map(_survivor, survivors, count(1)),
+                self._base(),
+                *self._fence,
+            ],
+            (
+                Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
+                Figure("survivors found", len(survivors)),
+                Figure("survivors reported", sum(each.acknowledged for each in survivors)),
+            ),
+            alarms=[*map(Alarm, self.record.alarms), *map(Alarm, self.record.unplaced())],
+            phase=self._phase(),
+        )
+
+    def _phase(self) -> MissionPhase:
+        held = self.orders.held
+        place = self.record.zone or (BASE if self.record.home else "")
+        return MissionPhase("held" if held else "", "by the operator" if held else "", place)
+
+    def _zone(self, zone: Zone) -> Landmark:
+        known, name = self.record.of_zone(zone["id"]), zone["id"]
+        # A robot may have been there, and nobody has looked.
+        is_searched = known.searched is not None
+        if name in self.record.zones_visited:
+            state = "visited" if is_searched else "visited, not searched"
+            level = Level.DONE if is_searched else Level.GIVEN_UP
+        elif known.given_up:
+            state = "searched, abandoned" if is_searched else "abandoned"
+            level = Level.DONE if is_searched else Level.GIVEN_UP
+        elif name == self.record.zone:
+            state, level = "searched" if self.record.is_searched else "under way", Level.IN_HAND
+        else:
+            state, level = "postponed" if known.attempts and known.left else "open", Level.TO_COME
+        details = {
+            "attempts": known.attempts,
+            "started": known.started,
+            "searched": known.searched,
+            "left": known.left,
+            "somebody out of place": known.unplaced,
+        }
+        # The state says the rest of the sentence.
+        reason = known.given_up.removeprefix("was given up: ").removeprefix("was abandoned ")
+        return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
+
+    def _base(self) -> Landmark:
+        base, home = self.zones.base_pose(), self.record.home
+        return Landmark(
+            "base", BASE, base["x"], base["y"], "home" if home else "", Level.DONE if home else Level.TO_COME
+        )
+
+    def sentence(self, fact: JournalEntry) -> str:
+        """Return a fact as a sentence."""
+        say = _SENTENCES.get(fact.kind)
+        return say(**fact.data) if say is not None else ""
+
+
+def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
+    given_up = Level.GIVEN_UP if not survivor.counts else None
+    level = given_up or (Level.DONE if survivor.acknowledged else Level.IN_HAND)
+    possibly = survivor.possibly
+    return Landmark(
+        "survivor",
+        survivor.survivor_id or f"find {number}",
+        survivor.x,
+        survivor.y,
+        survivor.standing.value,
+        level,
+        f"the same as {possibly}"
+        if survivor.standing is Standing.MERGED
+        else f"possibly {possibly}"
+        if possibly
+        else "",
+        within=survivor.zone_id,
+        is_certain=survivor.standing is Standing.CONFIRMED,
+        details={
+            "report": survivor.report,
+            "found": survivor.found_at,
+            "sent": survivor.sent_at,
+            "acknowledged": survivor.acknowledged_at,
+        },
+    )
+
+
+def _at(x: float, y: float) -> str:
+    return f"({x:.2f}, {y:.2f})"
+
+
+def _searched(zone: str, survivor: Sequence[float] | None) -> str:
+    return f"searched {zone}: {'nobody' if survivor is None else f'somebody at {_at(*survivor)}'}"
+
+
+def _abandoned(zone: str, attempts: int, reason: str) -> str:
+    return f"{zone} was given up: {reason}" if reason else f"{zone} was abandoned after attempt {attempts}"
+
+
+def _named(survivor: str, x: float, y: float, possibly: str | None = None) -> str:
+    return f"named {survivor} at {_at(x, y)}{f', possibly {possibly}' if possibly else ''}"
+
+
+def _judged(survivor: str, standing: str, same_as: str | None) -> str:
+    return f"the operator: {survivor} is {standing}{f' with {same_as}' if same_as else ''}"
+
+
+_SENTENCES: Mapping[str, Callable[..., str]] = {
+    "zone_added": lambda id, x, y, yaw: f"the operator: {id} was added at {_at(x, y)}",  # noqa: A006, ARG005
+    "zone_started": lambda zone: f"set out for {zone}",
+    "zone_searched": _searched,
+    "survivor_unplaced": lambda zone, reason: f"somebody in {zone} at no usable position: {reason}",
+    "zone_visited": lambda zone: f"{zone} was visited",
+    "zone_postponed": lambda zone: f"{zone} was postponed",
+    "zone_abandoned": _abandoned,
+    "survivor_named": _named,
+    "survivor_judged": _judged,
+    "report_sent": lambda survivor: f"reported {survivor}",
+    "report_kept": lambda survivor, **_place: f"the report of {survivor} is kept",
+    "report_acknowledged": lambda survivor: f"base has acknowledged {survivor}",
+    "operator_ordered": lambda order: f"the operator: {order}",
+    "alarmed": lambda reason: f"alarm: {reason}",
+    "base_reached": lambda: "reached the base station",
+}

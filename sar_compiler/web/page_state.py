@@ -1,0 +1,350 @@
+"""What a page shows of a robot: the state of its mission as JSON values, and what has changed of that."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple
+
+from sar_compiler.journal.journal_entries import GOAL_ENDED, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.mission_state import FAILURE, RUNNING, KnownFact, MissionState
+from sar_compiler.journal.situation import CHANGED, FactTime, Landmark
+
+_LEVELS = {30: "warning", 40: "error", 50: "error"}
+# A longer log keeps its last lines, and of those before them facts and warnings; a longer trail loses every second point.
+_LOG, _RECENT, _IMPORTANT, _TRAIL = 2000, 300, 1400, 1000
+
+PageChange = dict[str, Any]
+"""What has changed of a page's state, as JSON values: what `PageState.change` returns."""
+
+
+class ShownStatus(NamedTuple):
+    """What a node came to last; that it was reset since is no news.
+
+    Attributes:
+        status: As in the entries.
+        since: When it got that status, in seconds since the run's beginning, as all times.
+        entered: The tick in which its activation began.
+        time: When anything of it has changed last.
+        tick: In which tick that was.
+        message: What it says.
+        failed: When it has failed last; None if it has not.
+        failure: What it has said then.
+    """
+
+    status: str = ""
+    since: float = 0.0
+    entered: int = 0
+    time: float = 0.0
+    tick: int = 0
+    message: str = ""
+    failed: float | None = None
+    failure: str = ""
+
+
+class GrowingList:
+    """A list of which a reader has the beginning, and is told the rest: from where on, and what is there now.
+
+    Attributes:
+        values: What is in it.
+    """
+
+    def __init__(self) -> None:
+        self.values: list[Any] = []
+        self._told = 0
+
+    def append(self, value: Any) -> int:
+        """Add a value; return its place."""
+        self.values.append(value)
+        return len(self.values) - 1
+
+    def put(self, place: int, value: Any) -> None:
+        """Replace a value."""
+        self.values[place] = value
+        self._told = min(self._told, place)
+
+    def renew(self, values: list[Any]) -> None:
+        """Replace all of it."""
+        self.values, self._told = values, 0
+
+    def news(self) -> dict[str, Any] | None:
+        """Return what has come since the last call."""
+        at, self._told = self._told, len(self.values)
+        return {"at": at, "values": self.values[at:]} if at < len(self.values) else None
+
+
+class PageState:
+    """What a page shows of a robot after some entries.
+
+    Its parts, as a page has them: `run`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `lacks`, `map`, `kinds` by name, `landmarks` by kind and
+    name (null for one that is gone), `figures`, `gauges`, `alarms`, `phase`, `why`, `log` and `trail`, from a place on. With `begin` nothing of
+    what was known before holds.
+
+    Args:
+        robot: Whose state it is: its place among the robots of a page.
+
+    Attributes:
+        robot: The same.
+    """
+
+    def __init__(self, robot: int = 0) -> None:
+        self.robot = robot
+        self._passed = 0.0
+        self._began = 0.0
+        self._mission = MissionState()
+        self._statuses: dict[int, ShownStatus] = {}
+        self._why: Mapping[str, Any] | None = None
+        self._log, self._trail = GrowingList(), GrowingList()
+        # Where the last fact is in the log; what it says in a sentence comes behind it.
+        self._fact: int | None = None
+        self.tell_anew()
+
+    def tell_anew(self) -> None:
+        """Have the next change be all there is."""
+        self._is_new = True
+        self._touched: set[str] = set()
+        self._nodes: set[int] = set()
+        self._landmarks: dict[tuple[str, str], None] = {}
+
+    def take(self, entry: JournalEntry) -> None:
+        """Let an entry happen.
+
+        Raises:
+            TypeError: If it has what is no JSON value.
+        """
+        mission = self._mission
+        if entry.kind == RUN_BEGAN and mission.runs and entry.run <= mission.runs[-1].number:
+            self.__init__(self.robot)  # type: ignore[misc] # another mission has begun in the same journal
+            mission = self._mission
+        mission.take(entry)
+        if mission.facts:
+            self._fact_happened(mission.facts.pop())
+        else:
+            self._touched.update(self._PARTS.get(entry.kind, ()))
+            happen = self._KINDS.get(entry.kind)
+            if happen is not None:
+                happen(self, entry)
+        self._passed = 0.0
+        self._touched.add("time")
+
+    def let_pass(self, seconds: float) -> None:
+        """Let so many seconds pass since the last entry."""
+        self._passed = seconds
+        self._touched.add("time")
+
+    def tell_why(self, why: Mapping[str, Any]) -> None:
+        """Take why the mission has failed, as JSON values."""
+        self._why = why
+        self._touched.add("why")
+
+    def change(self) -> PageChange | None:
+        """Return what has changed since the last call; None for nothing."""
+        if self._is_new:
+            change = self.whole()
+            self._log.news(), self._trail.news()
+        elif self._touched:
+            change = {"robot": self.robot, **{part: self._SHOWN[part](self) for part in self._touched}}
+            if self._nodes:
+                change["states"] = {str(number): self._statuses[number] for number in self._nodes}
+            if self._landmarks:
+                change["landmarks"] = {"/".join(key): self._landmark(key) for key in self._landmarks}
+            change.update({name: news for name, each in self._lists() if (news := each.news())})
+        else:
+            return None
+        self.tell_anew()
+        self._is_new = False
+        return change
+
+    def whole(self) -> PageChange:
+        """Return all there is, as a change of nothing."""
+        return {
+            "begin": True,
+            "robot": self.robot,
+            **{part: shown(self) for part, shown in self._SHOWN.items()},
+            "states": {str(number): status for number, status in self._statuses.items()},
+            "landmarks": {"/".join(key): self._landmark(key) for key in self._mission.situation.landmarks},
+            **{name: {"at": 0, "values": each.values[:]} for name, each in self._lists()},
+        }
+
+    def _lists(self) -> tuple[tuple[str, GrowingList], ...]:
+        return ("log", self._log), ("trail", self._trail)
+
+    def _run_began(self, entry: JournalEntry) -> None:
+        self._began, self._why = entry.time, None
+        self._statuses, self._nodes = {}, set()
+        node = self._mission.runs[-1].about.get("node")
+        self._tell("fact", f"The run began{f' on {node}' if node else ''}.")
+
+    def _run_ended(self, _: JournalEntry) -> None:
+        run = self._mission.runs[-1]
+        self._tell(
+            "fact", f"The run ended with status {run.status}{f': {run.reason}' if run.reason else '.'}"
+        )
+
+    def _status(self, entry: JournalEntry) -> None:
+        data, now = entry.data, self._mission.now.time
+        number, status, tick = data["node"], str(data["status"]), int(data["tick"])
+        if status == "IDLE":  # it is shown, as something former, until there is something else
+            return
+        was = self._statuses.get(number, ShownStatus())
+        message = str(data["message"])
+        has_failed = status == FAILURE
+        self._statuses[number] = ShownStatus(
+            status,
+            was.since if was.status == status else now,
+            # An activation goes on while the node is running, and ends with what comes after that.
+            was.entered if was.status == RUNNING else tick,
+            now,
+            tick,
+            message,
+            now if has_failed else was.failed,
+            message if has_failed else was.failure,
+        )
+        self._nodes.add(number)
+
+    def _pose(self, _: JournalEntry) -> None:
+        for pose in self._mission.trail:
+            self._trail.append([pose.x, pose.y])
+        self._mission.trail.clear()
+        if len(points := self._trail.values) > _TRAIL:
+            self._trail.renew([*points[:-1:2], points[-1]])
+
+    def _log_line(self, entry: JournalEntry) -> None:
+        self._mission.warnings.clear()
+        self._tell(_LEVELS.get(entry.data["level"], "info"), str(entry.data["text"]))
+
+    def _changed(self, entry: JournalEntry) -> None:
+        data = entry.data
+        self._touched.update(data.keys() & self._SITUATION)
+        keys = [(each["kind"], each["name"]) for each in data.get("landmarks", ())]
+        self._landmarks.update(dict.fromkeys([*keys, *((kind, name) for kind, name in data.get("gone", ()))]))
+        if "kinds" in data:
+            # What an earlier run has shown need not be there any more.
+            self._is_new = True
+        if self._fact is not None and (said := data.get("said")):
+            *when, _ = self._log.values[self._fact]
+            self._log.put(self._fact, [*when, str(said)])
+
+    def _fact_happened(self, fact: KnownFact) -> None:
+        self._fact = self._tell("fact", fact.text)
+
+    def _tell(self, level: str, text: str) -> int:
+        now = self._mission.now
+        place = self._log.append([now.run, now.time, level, text])
+        if place < _LOG:
+            return place
+        lines = self._log.values
+        kept = [line for line in lines[:-_RECENT] if line[2] != "info"]
+        self._log.renew([*kept[-_IMPORTANT:], *lines[-_RECENT:]])
+        self._fact = None
+        return len(self._log.values) - 1
+
+    def _run(self) -> PageChange:
+        about, run = self._mission.about, self._mission.runs[-1] if self._mission.runs else None
+        if run is None:
+            return {"number": 0}
+        return {
+            "number": run.number,
+            "began": self._began,
+            "mission": self._mission.title,
+            "is_simulated": bool(about.get("simulated")),
+            "node": str(run.about.get("node") or ""),
+            "ended": {"ending": run.ending, "status": run.status, "reason": run.reason}
+            if run.ending
+            else None,
+        }
+
+    def _tree(self) -> list[PageChange]:
+        about, runs = self._mission.about, self._mission.runs
+        looks = runs[-1].about.get("looks") if runs else None
+        signs = [str(look[-1]) for look in looks if look] if isinstance(looks, list) else []
+        return [
+            {
+                "name": node.name,
+                "path": node.kind,
+                "sign": signs[node.number] if node.number < len(signs) else "",
+                "parent": -1 if node.parent is None else node.parent,
+                "file": node.file,
+                "line": node.line,
+                "attributes": {
+                    **{key: outline[key] for key in ("memory", "policy") if key in outline},
+                    **(node.attributes if isinstance(node.attributes, Mapping) else {}),
+                },
+            }
+            for node, outline in zip(self._mission.nodes, _outlines(about.get("tree")), strict=True)
+        ]
+
+    def _landmark(self, key: tuple[str, str]) -> PageChange | None:
+        known: Landmark | None = self._mission.situation.landmarks.get(key)
+        if known is None:
+            return None
+        details = {name: self._moment(each) for name, each in known.details.items() if each not in (None, "")}
+        return {**known._asdict(), "level": int(known.level), "details": details}
+
+    def _moment(self, value: Any) -> Any:
+        if not isinstance(value, FactTime):
+            return value
+        moment = self._mission.instant(value)
+        return {"run": moment.run, "time": moment.time}
+
+    def _alarms(self) -> list[PageChange]:
+        mission = self._mission
+        return [
+            {**alarm._asdict(), "run": mission.since[text].run, "time": mission.since[text].time}
+            for text, alarm in mission.situation.alarms.items()
+        ]
+
+    def _drive(self) -> PageChange | None:
+        return None if self._mission.drive is None else self._mission.drive._asdict()
+
+    def _shown_pose(self) -> PageChange | None:
+        pose = self._mission.pose
+        return None if pose is None else {"x": pose.x, "y": pose.y, "yaw": pose.yaw}
+
+    # What entries of a kind change, and what else is to be done with them.
+    _PARTS: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        RUN_BEGAN: ("run", "nodes", "plan", "drive", "lacks", "why", "phase"),
+        RUN_ENDED: ("run", "drive", "lacks", "phase"),
+        GOAL_ENDED: ("drive", "plan", "phase"),
+        "pose": ("pose",),
+        "plan": ("plan",),
+        "progress": ("drive", "phase"),
+        "lacks": ("lacks", "phase"),
+        "map": ("map",),
+    }
+    _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms", "phase"))
+    _KINDS: ClassVar[Mapping[str, Callable[..., None]]] = {
+        RUN_BEGAN: _run_began,
+        RUN_ENDED: _run_ended,
+        "status": _status,
+        "pose": _pose,
+        "log": _log_line,
+        CHANGED: _changed,
+    }
+    # The parts that are replaced as they are, in the order in which they are told.
+    _SHOWN: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
+        "run": _run,
+        "time": lambda self: self._mission.now.time + self._passed,
+        "nodes": _tree,
+        "pose": _shown_pose,
+        "plan": lambda self: self._mission.plan,
+        "drive": _drive,
+        "lacks": lambda self: self._mission.lacks,
+        "map": lambda self: self._mission.map or None,
+        "kinds": lambda self: {name: each._asdict() for name, each in self._mission.situation.kinds.items()},
+        "figures": lambda self: [
+            {**each._asdict(), "text": each.text} for each in self._mission.situation.figures.values()
+        ],
+        "gauges": lambda self: [each._asdict() for each in self._mission.situation.gauges.values()],
+        "alarms": _alarms,
+        "phase": lambda self: self._mission.phase._asdict(),
+        "why": lambda self: self._why,
+    }
+
+
+def _outlines(tree: Any) -> Iterator[Mapping[str, Any]]:
+    """Yield the nodes of a tree as the journal has them, in pre-order."""
+    waiting = [tree] if isinstance(tree, Mapping) else []
+    while waiting:
+        node = waiting.pop()
+        yield node
+        children = node.get("children")
+        if isinstance(children, list):
+            waiting.extend(child for child in reversed(children) if isinstance(child, Mapping))

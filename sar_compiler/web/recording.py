@@ -1,0 +1,329 @@
+"""What journals have, for a page that goes back and forth through time.
+
+The state at a time is folded from the nearest checkpoint before it: the state itself, packed, after every so many entries. Checkpoints are made when a journal is
+opened for the first time, and kept in the user's cache; the journal is only read. What is in the cache is not trusted: it can hold nothing but
+such states, and whatever is wrong with it, the checkpoints are made anew.
+"""
+
+import bisect
+import hashlib
+import io
+import json
+import math
+import os
+import pickle
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sar_compiler.journal import mission_state, situation
+from sar_compiler.journal.database import JournalFile, StreamPlace
+from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.reserve import SUFFIX
+from sar_compiler.journal.situation import CHANGED
+from sar_compiler.resources import cache_folder
+from sar_compiler.web import page_state
+from sar_compiler.web.page_state import PageState
+
+Explain = Callable[[Path], Mapping[str, Any] | None]
+"""Returns why the mission of a journal has failed, as JSON values; None if it has not."""
+
+Displayed = Callable[[Iterable[JournalEntry]], Iterator[JournalEntry]]
+"""Yields the entries of a journal, with such of the kind `changed` behind others where it has none."""
+
+# Robots whose clocks are farther apart have nothing to do with each other, in seconds.
+_APART = 24 * 3600
+# A checkpoint has so many entries behind it at least; and there are so many checkpoints at most.
+_LEAST, _CHECKPOINTS = 2000, 400
+
+
+class TrackPlace(NamedTuple):
+    """A place in what a robot has done: its runs come one after the other, without what passed between them.
+
+    Attributes:
+        entry: The place in the journal's stream.
+        end: The time there, in seconds since the first run's beginning.
+        began: The time of the mission's clock at which the present run began.
+        before: The time at which it did, in seconds since the first run's beginning.
+    """
+
+    entry: StreamPlace = StreamPlace()
+    end: float = 0.0
+    began: float = 0.0
+    before: float = 0.0
+
+    @property
+    def key(self) -> str:
+        """What the entry before it is known by."""
+        return f"{self.entry.run} {self.entry.number}"
+
+    def behind(self, entry: JournalEntry) -> "TrackPlace":
+        """Return the place behind the next entry."""
+        began, before = (entry.time, self.end) if entry.kind == RUN_BEGAN else (self.began, self.before)
+        end = max(self.end, before + entry.time - began)
+        return TrackPlace(self.entry.behind(entry), end, began, before)
+
+
+class Checkpoint(NamedTuple):
+    """A state on the way.
+
+    Attributes:
+        place: Up to which entry.
+        packed: The state.
+    """
+
+    place: TrackPlace
+    packed: bytes | memoryview
+
+
+class RecordedTrack:
+    """What one journal has.
+
+    Args:
+        path: The journal.
+        explain: Says why its mission has failed.
+        displayed: Adds what its mission shows, where it does not say that.
+
+    Attributes:
+        first: The time of the mission's clock at its beginning; None if nothing has begun.
+        last: The place of its end.
+        shift: How much later than the recording it begins, in seconds.
+
+    Raises:
+        JournalError: If it cannot be read.
+    """
+
+    def __init__(self, path: Path, explain: Explain, displayed: Displayed) -> None:
+        self._path = path
+        self.shift = 0.0
+        self.first: float | None = None
+        self.why: Mapping[str, Any] | None = None
+        self._checkpoints: list[Checkpoint] = []
+        # What the mission shows, behind entries of a journal that does not say it.
+        self._added: dict[str, Mapping[str, Any]] = {}
+        self.last = TrackPlace()
+        cache = _CacheFile(path)
+        if not self._is_taken(cache.read()):
+            self._make(displayed)
+            self.why = None if self.first is None else explain(path)
+            known = {"first": self.first, "last": self.last, "why": self.why, "added": self._added}
+            cache.write(known, self._checkpoints)
+        self._state, self._place = PageState(), TrackPlace()
+
+    def _make(self, displayed: Displayed) -> None:
+        state, place = PageState(), TrackPlace()
+        with closing(JournalFile.read(self._path)) as file, file.snapshot():
+            every = max(_LEAST, file.last_number() // _CHECKPOINTS)
+            for number, entry in enumerate(displayed(file.stream_behind(StreamPlace()))):
+                if self.first is None:
+                    self.first = entry.time
+                if number and number % every == 0:
+                    state.tell_anew()
+                    self._checkpoints.append(Checkpoint(place, _packed(state)))
+                if (entry.run, entry.number) == place.entry[:2]:
+                    self._added[place.key] = entry.data
+                else:
+                    place = place.behind(entry)
+                state.take(entry)
+        self.last = place
+
+    def _is_taken(self, cached: "tuple[Mapping[str, Any], list[Checkpoint]] | None") -> bool:
+        if cached is None:
+            return False
+        known, self._checkpoints = cached
+        self.first, self.last, self.why = known["first"], _place(known["last"]), known["why"]
+        self._added = dict(known["added"])
+        return True
+
+    def at(self, time: float, robot: int) -> PageState:
+        """Return the state at a time, in seconds since the recording's beginning; it is changed by the next call.
+
+        The last one is gone on with, where it is near enough; else it is told anew.
+        """
+        until = min(time - self.shift, self.last.end)
+        before = bisect.bisect_right(self._checkpoints, until, key=lambda each: each.place.end)
+        # Who plays it goes on, over a checkpoint as well: what has changed is less than all there is.
+        nearest = self._checkpoints[before - 2].place if before > 1 else TrackPlace()
+        if self._place.entry < nearest.entry or self._place.end > until:
+            self._state, self._place = self._restored(before)
+        if until >= 0.0:
+            self._go_on(until)
+            self._state.let_pass(until - self._place.end)
+        self._state.robot = robot
+        if self.why is not None and self._place.entry >= self.last.entry:
+            self._state.tell_why(self.why)
+        return self._state
+
+    def _restored(self, count: int) -> tuple[PageState, TrackPlace]:
+        """Return the state of the last of so many checkpoints that is one of ours."""
+        for place, packed in reversed(self._checkpoints[:count]):
+            with suppress(Exception):  # whatever somebody else has put there
+                return _unpacked(packed), place
+        return PageState(), TrackPlace()
+
+    def _go_on(self, until: float) -> None:
+        with closing(JournalFile.read(self._path)) as file:
+            for entry in file.stream_behind(self._place.entry):
+                place = self._place.behind(entry)
+                # A mission may have gone on since in this journal.
+                if place.end > until or place.entry > self.last.entry:
+                    break
+                self._state.take(entry)
+                self._place = place
+                if (added := self._added.get(place.key)) is not None:
+                    self._state.take(entry._replace(kind=CHANGED, data=added))
+
+
+class Recording:
+    """What journals have: one for each robot, side by side.
+
+    Args:
+        paths: The journals.
+        explain: Says why a mission has failed.
+        displayed: Adds what a mission shows, where its journal does not say that.
+
+    Attributes:
+        end: The length of it, in seconds.
+
+    Raises:
+        JournalError: If one cannot be read.
+    """
+
+    def __init__(
+        self, paths: Sequence[Path], explain: Explain = lambda _: None, displayed: Displayed = iter
+    ) -> None:
+        self._tracks = [RecordedTrack(path, explain, displayed) for path in paths]
+        firsts = [track.first for track in self._tracks if track.first is not None]
+        begin = min(firsts, default=0.0)
+        for track in self._tracks:
+            later = (track.first or begin) - begin
+            track.shift = later if later < _APART else 0.0
+        self.end = max((track.shift + track.last.end for track in self._tracks), default=0.0)
+        self._number = 0
+
+    def moment(self, time: float, since: int = 0) -> dict[str, Any]:
+        """Return what is so at a time, as JSON values: its `number`, its `time`, and `changes` for each robot.
+
+        Args:
+            time: The time, in seconds since the beginning.
+            since: The number of the moment that the asker was told last; the changes are those since then if nobody has asked
+                for another one in between, else all there is.
+
+        Raises:
+            JournalError: If a journal cannot be read any more.
+        """
+        states = [track.at(time, robot) for robot, track in enumerate(self._tracks)]
+        if since != self._number:
+            for state in states:
+                state.tell_anew()
+        self._number += 1
+        changes = [change for state in states if (change := state.change()) is not None]
+        return {"number": self._number, "time": time, "changes": changes}
+
+
+def _packed(state: PageState) -> bytes:
+    return zlib.compress(pickle.dumps(state, protocol=5), 1)
+
+
+def _unpacked(packed: bytes | memoryview) -> PageState:
+    state = _StateReader(io.BytesIO(zlib.decompress(packed))).load()
+    if not isinstance(state, PageState):
+        message = f"{type(state)} is no state of a page"
+        raise TypeError(message)
+    return state
+
+
+# What a packed state is made of.
+_MODULES = (page_state, mission_state, situation)
+_CLASSES = {
+    (each.__module__, each.__qualname__): each
+    for module in _MODULES
+    for each in vars(module).values()
+    if isinstance(each, type) and each.__module__ == module.__name__
+}
+
+
+class _StateReader(pickle.Unpickler):
+    """Reads states of pages; a name of anything else is refused, so that nothing is carried out."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return a class of which states are made.
+
+        Raises:
+            UnpicklingError: If it is none of them.
+        """
+        if (module, name) not in _CLASSES:
+            message = f"{module}.{name} has no place in a state"
+            raise pickle.UnpicklingError(message)
+        return _CLASSES[module, name]
+
+
+class _CacheFile:
+    """The checkpoints of a journal in the user's cache: a line of JSON, and behind it the states.
+
+    Args:
+        path: The journal.
+    """
+
+    def __init__(self, path: Path) -> None:
+        whole = path.absolute()
+        name = hashlib.sha256(os.fsencode(whole)).hexdigest()[:32]
+        self._path = cache_folder() / "replay" / name
+        self._key = [str(whole), _code(), *(_stamp(f"{whole}{end}") for end in ("", "-wal", SUFFIX))]
+
+    def read(self) -> tuple[Mapping[str, Any], list[Checkpoint]] | None:
+        """Return what is kept of the journal as it is now; None if nothing is, or it is not whole."""
+        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            read = self._path.read_bytes()
+            end = read.index(b"\n")
+            known, packed = json.loads(read[:end]), memoryview(read)[end + 1 :]
+            if known["key"] == self._key and known["digest"] == hashlib.sha256(packed).hexdigest():
+                return known, [*_checkpoints(known["places"], packed)]
+        return None
+
+    def write(self, known: Mapping[str, Any], checkpoints: Sequence[Checkpoint]) -> None:
+        """Keep what is known of the journal; where that cannot be written, it is made again the next time."""
+        digest = hashlib.sha256()
+        for each in checkpoints:
+            digest.update(each.packed)
+        places = [[each.place, len(each.packed)] for each in checkpoints]
+        with suppress(OSError, ValueError, TypeError, RecursionError):
+            head = json.dumps({**known, "key": self._key, "digest": digest.hexdigest(), "places": places})
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            beside = self._path.with_suffix(f".{os.getpid()}")
+            with beside.open("wb") as file:
+                file.writelines([head.encode(), b"\n", *(each.packed for each in checkpoints)])
+            beside.replace(self._path)
+
+
+def _checkpoints(places: Sequence[Any], packed: memoryview) -> Iterator[Checkpoint]:
+    at = 0
+    for place, size in places:
+        yield Checkpoint(_place(place), packed[at : at + size])
+        at += size
+
+
+def _place(values: Any) -> TrackPlace:
+    entry, *times = values
+    run, number, time = entry
+    place = TrackPlace(StreamPlace(int(run), int(number), float(time)), *map(float, times))
+    if not all(map(math.isfinite, times)):
+        message = f"{values} is no place"
+        raise ValueError(message)
+    return place
+
+
+def _stamp(path: str) -> list[int]:
+    """Return the size of a file and when it was written last; nothing if it is not there."""
+    with suppress(OSError):
+        known = os.stat(path)  # noqa: PTH116 - of a text
+        return [known.st_size, known.st_mtime_ns]
+    return []
+
+
+def _code() -> str:
+    """Return a digest of what makes and reads the states: those of another version are none of ours."""
+    files = (__file__, *(module.__file__ or "" for module in _MODULES))
+    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in files)).hexdigest()

@@ -1,0 +1,208 @@
+"""What a mission shows of itself, as entries behind its facts."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.json_values import json_text, json_value
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.situation import (
+    CHANGED,
+    Alarm,
+    Display,
+    FactTime,
+    Figure,
+    Gauge,
+    Landmark,
+    LandmarkKind,
+    Level,
+    MissionPhase,
+    Situation,
+    beginning,
+    changes,
+    fact_words,
+)
+
+WORDS = st.sampled_from(["", "a", "b", "c"])
+NUMBERS = st.floats(-1e6, 1e6)
+MOMENTS = st.builds(FactTime, st.integers(1, 3), NUMBERS, NUMBERS)
+LANDMARKS = st.builds(
+    Landmark,
+    st.sampled_from(["zone", "survivor"]),
+    st.sampled_from("pqrs"),
+    NUMBERS,
+    NUMBERS,
+    WORDS,
+    st.sampled_from(Level),
+    WORDS,
+    WORDS,
+    st.booleans(),
+    st.dictionaries(st.sampled_from(["found", "attempts"]), MOMENTS | st.integers(0, 9), max_size=2),
+    st.lists(st.tuples(NUMBERS, NUMBERS), max_size=3).map(tuple),
+)
+
+
+def apart(landmarks: list[Landmark]) -> list[Landmark]:
+    return list({(each.kind, each.name): each for each in landmarks}.values())
+
+
+SHOWN = st.builds(
+    Display,
+    st.lists(LANDMARKS, max_size=5).map(apart),
+    st.lists(
+        st.builds(Figure, WORDS, NUMBERS, of=st.none() | NUMBERS),
+        max_size=3,
+        unique_by=lambda each: each.name,
+    ),
+    st.lists(
+        st.builds(Gauge, WORDS, NUMBERS, least=st.none() | NUMBERS),
+        max_size=2,
+        unique_by=lambda each: each.name,
+    ),
+    st.lists(st.builds(Alarm, WORDS), max_size=2, unique_by=lambda each: each.text),
+    st.builds(MissionPhase, WORDS, WORDS, WORDS),
+)
+
+
+def by_name(landmarks: Any) -> dict[tuple[str, str], Landmark]:
+    return {(each.kind, each.name): each for each in landmarks}
+
+
+@given(st.lists(SHOWN, min_size=1, max_size=6))
+def test_what_is_folded_from_the_changes_is_what_is_shown(moments: list[Display]) -> None:
+    situation, before = Situation(), Display()
+    for shown in moments:
+        situation.take(**json_value(json_text(changes(before, shown))))
+        before = shown
+        assert situation.landmarks == by_name(shown.landmarks)
+        assert set(shown.figures) <= set(situation.figures.values())
+        assert set(shown.gauges) <= set(situation.gauges.values())
+        assert situation.phase == shown.phase
+
+
+def test_what_has_not_changed_is_not_written() -> None:
+    shown = Display([Landmark("zone", "a", 1.0, 2.0)], [Figure("zones", 1.0)])
+    assert changes(shown, shown) == {}
+    assert beginning([LandmarkKind("zone", "zones")], shown) == {
+        "kinds": [{"name": "zone", "plural": "zones"}],
+        "landmarks": [{"kind": "zone", "name": "a", "x": 1.0, "y": 2.0}],
+        "figures": [{"name": "zones", "value": 1.0}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("figure", "text"),
+    [(Figure("zones", 3, of=4), "zones 3 of 4"), (Figure("way", 2.5, unit="m"), "way 2.5 m")],
+)
+def test_a_figure_has_words(figure: Figure, text: str) -> None:
+    assert figure.text == text
+
+
+@pytest.mark.parametrize("place", [(math.nan, 0.0), (None, 0.0), ("x", 0.0), (0.0, math.inf)])
+def test_a_landmark_nowhere_is_refused(place: tuple[Any, Any]) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        Situation().take(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
+
+
+def test_a_fact_that_nobody_has_put_into_a_sentence_has_words_too() -> None:
+    assert fact_words("photo_taken", {"photo": "photo_1", "by": None}) == "photo taken: photo: photo_1"
+    assert fact_words("point_left", {}) == "point left"
+
+
+class Count:
+    """A state that counts its facts, up to three."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def apply(self, fact: JournalEntry) -> None:
+        if fact.kind == "counted":
+            if self.count == 3:
+                message = "three is the end"
+                raise ValueError(message)
+            self.count += 1
+
+    def display(self) -> Display:
+        return Display(figures=[Figure("facts", self.count)])
+
+    def sentence(self, fact: JournalEntry) -> str:
+        return "one more" if fact.kind == "counted" else ""
+
+
+def test_a_fact_changes_the_state_and_what_that_has_changed_comes_behind_it() -> None:
+    journal, state, heard = Journal(), Count(), []
+    journal.listen(lambda entry: heard.append((entry.kind, entry.data)))
+    journal.attach(state)
+    journal.note("counted")
+    assert state.count == 1
+    assert heard == [
+        ("counted", {}),
+        (CHANGED, {"said": "one more", "figures": [{"name": "facts", "value": 1}]}),
+    ]
+
+
+def test_what_a_fact_has_changed_is_on_the_disk_with_the_fact(tmp_path: Path) -> None:
+    place = tmp_path / "mission.journal"
+    journal = open_journal(place)
+    journal.attach(Count())
+    journal.begin({}, {})
+    journal.note("counted")
+    assert journal._file is not None
+    journal._file.close()  # as by SIGKILL
+    resumed = open_journal(place, resume=True)
+    told = [(entry.kind, entry.data.get("figures")) for entry in resumed.earlier()]
+    assert told[-2:] == [("counted", None), (CHANGED, [{"name": "facts", "value": 1}])]
+    resumed.close()
+
+
+def test_a_run_that_goes_on_begins_with_all_that_is_shown(tmp_path: Path) -> None:
+    place = tmp_path / "mission.journal"
+    journal = open_journal(place)
+    journal.attach(Count())
+    journal.begin({}, {})
+    journal.note("counted")
+    journal.end(Ending.STOPPED, 130)
+    journal.close()
+    journal, state, situation = open_journal(place, resume=True), Count(), Situation()
+    journal.listen(lambda entry: situation.take(**entry.data) if entry.kind == CHANGED else None)
+    journal.attach(state)
+    journal.begin({}, {})
+    assert (state.count, situation.figures["facts"].value) == (1, 1)
+    journal.close()
+
+
+def test_facts_that_cannot_have_been_are_refused_with_their_number(tmp_path: Path) -> None:
+    place = tmp_path / "mission.journal"
+    journal = open_journal(place)
+    journal.begin({}, {})
+    for _ in range(4):
+        journal.note("counted")
+    journal.close()
+    journal = open_journal(place, resume=True)
+    with pytest.raises(
+        JournalError, match=r"fact 4 of the journal, counted .* does not fit: three is the end"
+    ):
+        journal.attach(Count())
+    journal.close()
+
+
+def test_a_fact_that_cannot_be_is_not_written(tmp_path: Path) -> None:
+    place = tmp_path / "mission.journal"
+    journal = open_journal(place)
+    journal.attach(Count())
+    journal.begin({}, {})
+    for _ in range(3):
+        journal.note("counted")
+    with pytest.raises(ValueError, match="three is the end"):
+        journal.note("counted")
+    journal.close()
+    journal = open_journal(place, resume=True)
+    assert len(journal.facts()) == 3
+    journal.close()

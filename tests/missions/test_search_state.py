@@ -1,0 +1,151 @@
+"""What a search makes of its facts, and what it shows of that."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.situation import Level
+from sar_compiler.missions.fence import Fence
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import Standing
+from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+
+
+@pytest.fixture
+def search() -> SearchState:
+    plan = [{"id": name, "x": float(x), "y": 0.0, "yaw": 0.0} for x, name in enumerate("abcd")]
+    return SearchState(ZoneManager(plan, {"x": 9.0, "y": 9.0, "yaw": 0.0}))
+
+
+def shown(search: SearchState, kind: str) -> list[tuple[Any, ...]]:
+    return [(each.name, each.state, each.level) for each in search.display().landmarks if each.kind == kind]
+
+
+def test_zones_have_their_states(search: SearchState) -> None:
+    search.record.zone_searched("a", None)
+    search.zones.advance()
+    search.zones.abandon("the operator has skipped it")
+    search.record.zone_started("c")
+    assert shown(search, "zone") == [
+        ("a", "visited", Level.DONE),
+        ("b", "abandoned", Level.GIVEN_UP),
+        ("c", "under way", Level.IN_HAND),
+        ("d", "open", Level.TO_COME),
+    ]
+    search.record.zone_searched("c", None)
+    assert shown(search, "zone")[2] == ("c", "searched", Level.IN_HAND)
+    search.zones.postpone()
+    assert shown(search, "zone")[2] == ("c", "postponed", Level.TO_COME)
+
+
+def test_a_zone_that_is_given_up_says_why(search: SearchState) -> None:
+    search.record.zone_started("a")
+    search.zones.abandon()
+    search.zones.abandon("the operator has skipped it")
+    reasons = [each.reason for each in search.display().landmarks if each.kind == "zone"]
+    assert reasons == ["after attempt 1", "the operator has skipped it", "", ""]
+
+
+def test_a_zone_where_nobody_has_looked_is_not_done_wherever_the_robot_was(search: SearchState) -> None:
+    search.zones.advance()
+    search.record.zone_searched("b", None)
+    search.zones.abandon()
+    assert shown(search, "zone")[:2] == [
+        ("a", "visited, not searched", Level.GIVEN_UP),
+        ("b", "searched, abandoned", Level.DONE),
+    ]
+
+
+def test_survivors_have_theirs(search: SearchState) -> None:
+    record = search.record
+    for x, name in ((1.0, "survivor_1"), (20.0, "survivor_2"), (40.0, "survivor_3")):
+        record.zone_searched("a", (x, 1.0))
+        record.survivor_named(name, x, 1.0)
+    record.survivor_acknowledged("survivor_1")
+    record.survivor_judged("survivor_2", Standing.REJECTED)
+    record.report_kept(SurvivorReport("survivor_3", 40.0, 1.0))
+    record.zone_searched("a", (60.0, 1.0))
+    assert shown(search, "survivor") == [
+        ("survivor_1", "candidate", Level.DONE),
+        ("survivor_2", "rejected", Level.GIVEN_UP),
+        ("survivor_3", "candidate", Level.IN_HAND),
+        ("find 4", "candidate", Level.IN_HAND),
+    ]
+    details = [each.details.get("report") for each in search.display().landmarks if each.kind == "survivor"]
+    assert details == ["acknowledged", "not sent", "kept", "not sent"]
+
+
+def test_two_who_have_no_name_yet_are_two_however_near_they_are(search: SearchState) -> None:
+    for y in (0.0, 0.001):
+        search.record.zone_searched("a", (1.0, y))
+    assert [name for name, *_ in shown(search, "survivor")] == ["find 1", "find 2"]
+
+
+def test_the_base_station_is_done_while_the_robot_is_there(search: SearchState) -> None:
+    search.record.base_reached()
+    assert shown(search, "base") == [("base station", "home", Level.DONE)]
+    search.record.zone_started("a")
+    assert shown(search, "base") == [("base station", "", Level.TO_COME)]
+
+
+def test_the_geofence_is_an_outline() -> None:
+    corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0)]
+    search = SearchState(ZoneManager([], {"x": 0.0, "y": 0.0, "yaw": 0.0}), fence=Fence(corners))
+    assert [tuple(each.corners) for each in search.display().landmarks if each.kind == "geofence"] == [
+        tuple(corners)
+    ]
+
+
+def test_it_says_how_far_it_is(search: SearchState) -> None:
+    search.zones.advance()
+    search.record.zone_searched("b", (1.0, 2.0))
+    assert [each.text for each in search.display().figures] == [
+        "zones visited 1 of 4",
+        "survivors found 1",
+        "survivors reported 0",
+    ]
+
+
+def test_it_is_held_while_the_operator_holds_it(search: SearchState) -> None:
+    search.record.zone_started("a")
+    search.orders.hold()
+    assert search.display().phase == ("held", "by the operator", "a")
+    search.orders.release()
+    assert search.display().phase == ("", "", "a")
+
+
+@pytest.mark.parametrize(
+    ("kind", "data", "sentence"),
+    [
+        ("zone_started", {"zone": "a"}, "set out for a"),
+        ("zone_searched", {"zone": "a", "survivor": None}, "searched a: nobody"),
+        ("zone_searched", {"zone": "a", "survivor": [1.0, 2.0]}, "searched a: somebody at (1.00, 2.00)"),
+        ("zone_abandoned", {"zone": "a", "attempts": 3, "reason": ""}, "a was abandoned after attempt 3"),
+        ("zone_abandoned", {"zone": "a", "attempts": 1, "reason": "low"}, "a was given up: low"),
+        (
+            "survivor_named",
+            {"survivor": "survivor_1", "x": 1.0, "y": 2.0},
+            "named survivor_1 at (1.00, 2.00)",
+        ),
+        ("operator_ordered", {"order": "hold"}, "the operator: hold"),
+        ("base_reached", {}, "reached the base station"),
+    ],
+)
+def test_a_fact_is_a_sentence(search: SearchState, kind: str, data: dict[str, Any], sentence: str) -> None:
+    assert search.sentence(JournalEntry(1, 1, 0.0, 0.0, kind, data)) == sentence
+
+
+def test_no_zone_is_under_way_once_the_run_has_ended(search: SearchState, tmp_path: Path) -> None:
+    journal = open_journal(tmp_path / "mission.journal")
+    search.keep_in(journal)
+    journal.begin({}, {})
+    search.record.zone_started("a")
+    from sar_compiler.journal.journal_entries import Ending
+
+    journal.end(Ending.STOPPED, 130)
+    journal.close()
+    assert shown(search, "zone")[0] == ("a", "open", Level.TO_COME)

@@ -1,0 +1,95 @@
+"""What a page makes of changes, and histories as random as nobody flies."""
+
+import json
+import random
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.runtime.clock import ManualClock
+from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
+
+
+def plain(value):
+    """Return JSON values as a reader has them, to the microsecond."""
+    return json.loads(json.dumps(value), parse_float=lambda text: round(float(text), 6))
+
+
+def folded(known, change):
+    """Return what a page knows after a change, as `static/run.js` has it."""
+    change = plain(change)
+    known = {} if change.pop("begin", False) else dict(known)
+    for name in ("log", "trail"):
+        if name in change:
+            known[name] = known.get(name, [])[: change[name]["at"]] + change.pop(name)["values"]
+    if "nodes" in change:
+        known["states"] = {}
+    known["states"] = {**known.get("states", {}), **change.pop("states", {})}
+    marks = {**known.get("landmarks", {}), **change.pop("landmarks", {})}
+    known["landmarks"] = {key: each for key, each in marks.items() if each is not None}
+    return {**known, **change}
+
+
+def happen(journal, chance, name):
+    """Let something happen in a run."""
+    x, point = float(chance.randrange(-9, 9)), chance.choice([*POINTS, "west"])
+    status = chance.choice(["RUNNING", "SUCCESS", "FAILURE", "HALTED", "SKIPPED", "IDLE"])
+    watched = {
+        "status": {
+            "node": chance.randrange(3),
+            "tick": chance.randrange(99),
+            "status": status,
+            "message": chance.choice("ab"),
+        },
+        "pose": {"x": x, "y": -x, "yaw": 0.1},
+        "map": {"png": name},
+        "plan": {"frame": chance.choice(["map", "odom"]), "points": [[x, x]]},
+        "progress": {"target": point, "distance": abs(x), "time_left": None},
+        "lacks": {"text": chance.choice(["", "no link"])},
+        "goal_ended": {"goal": name, "status": 4},
+        "log": {"node": "patrol", "level": chance.choice([20, 30, 40]), "text": name},
+        "whatever": {"name": name},
+    }
+    facts = {
+        "point_reached": {
+            "point": chance.choice([*POINTS]),
+            "state": name,
+            "level": chance.choice(["TO_COME", "IN_HAND", "DONE", "GIVEN_UP"]),
+        },
+        "point_added": {"point": point, "x": x, "y": 0.0},
+        "found": {"name": f"find_{chance.randrange(4)}", "x": x, "y": 0.0},
+        "lost": {"name": f"find_{chance.randrange(4)}"},
+        "held": {"is_held": chance.random() < 0.5},
+        "alarmed": {"text": chance.choice("pq"), "is_over": chance.random() < 0.5},
+    }
+    kind = chance.choice([*watched, *facts, "status", "pose"])
+    if kind in watched:
+        journal.watch(kind, **watched[kind])
+    else:
+        journal.note(kind, **facts[kind])
+
+
+def fly(journal, seed, count, *, clock=None, is_ended=True):
+    """Let a run go through so many random events."""
+    chance = random.Random(seed)  # noqa: S311
+    journal.clock = clock or ManualClock(chance.uniform(0.0, 1000.0))
+    if not journal.is_resumed:
+        journal.attach(Patrol(), KINDS)
+    journal.begin(ABOUT, {"node": "/patrol"})
+    for number in range(count):
+        journal.clock.advance(chance.choice([0.0, 0.0, 0.1, 1.0]))
+        happen(journal, chance, f"event {number}")
+    if is_ended:
+        journal.end(Ending.STOPPED, 130, "Stopped.")
+
+
+def history(seed, count):
+    """Return the entries of two random runs, the second of which is another mission's in the same journal now and then."""
+    entries = []
+    for run in (1, 2):
+        journal = Journal()
+        told: list[JournalEntry] = []
+        journal.listen(told.append)
+        fly(journal, seed + run, count)
+        number = 1 if seed % 3 == 0 else run
+        entries += [entry._replace(run=number) for entry in told]
+    return entries

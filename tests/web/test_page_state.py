@@ -1,0 +1,193 @@
+"""The state that a page is sent, and its changes."""
+
+import json
+import random
+from typing import Any
+
+import pytest
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.web.page_state import PageState
+from tests.web.conftest import ABOUT
+from tests.web.folding import folded, history
+
+
+def run_of(*told):
+    """Return the state of a run, begun and told of entries as pairs of a kind and values, and these again."""
+    state = PageState()
+    begun = ("run_began", {**ABOUT, "run": {"node": "/patrol"}})
+    for number, (kind, data) in enumerate((begun, *told), 1):
+        state.take(JournalEntry(number, 1, 0.0, float(number), kind, data))
+    return state
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_who_was_told_all_changes_knows_what_one_knows_who_comes_late(seed):
+    chance, state = random.Random(seed), PageState()  # noqa: S311
+    known: dict[str, Any] = {}
+    for entry in history(seed, 120):
+        state.take(entry)
+        if chance.random() < 0.2:
+            known = folded(known, state.change() or {})
+            assert known == folded({}, state.whole())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_who_comes_between_two_changes_knows_the_same_after_the_next(seed):
+    state, late = PageState(), {}
+    for number, entry in enumerate(history(seed, 60)):
+        state.take(entry)
+        if number % 10 == 5:
+            late = folded({}, state.whole())
+        if number % 10 == 9:
+            assert folded(late, state.change()) == folded({}, state.whole())
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_page_shows_what_the_mission_s_state_is(seed):
+    entries = history(seed, 80)
+    state = PageState()
+    for entry in entries:
+        state.take(entry)
+    # Of a journal in which another mission has begun, the last one.
+    begun = max(number for number, entry in enumerate(entries) if entry.kind == "run_began")
+    mission = MissionState.of(entries if entries[begun].run == 2 else entries[begun:])
+    shown = json.loads(json.dumps(state.whole()))
+    assert list(shown["landmarks"]) == ["/".join(key) for key in mission.situation.landmarks]
+    for key, mark in mission.situation.landmarks.items():
+        told = shown["landmarks"]["/".join(key)]
+        assert (told["x"], told["y"], told["state"], told["level"]) == (
+            mark.x,
+            mark.y,
+            mark.state,
+            mark.level,
+        )
+    assert [each["text"] for each in shown["figures"]] == [
+        each.text for each in mission.situation.figures.values()
+    ]
+    assert {each["text"]: (each["run"], each["time"]) for each in shown["alarms"]} == {
+        text: (since.run, since.time) for text, since in mission.since.items()
+    }
+    assert shown["phase"] == mission.phase._asdict()
+    assert (shown["lacks"], shown["plan"], shown["map"]) == (
+        mission.lacks,
+        [[*point] for point in mission.plan],
+        mission.map or None,
+    )
+    assert shown["drive"] == (mission.drive and mission.drive._asdict())
+    assert mission.pose is not None
+    assert shown["pose"] == {"x": mission.pose.x, "y": mission.pose.y, "yaw": mission.pose.yaw}
+    assert shown["trail"]["values"] == [[pose.x, pose.y] for pose in mission.trail]
+    for node in mission.nodes:
+        if node.status not in ("", "IDLE"):
+            told = shown["states"][str(node.number)]
+            assert (told[0], told[1]) == (node.status, node.since and node.since.time)
+    facts = [text for *_, level, text in shown["log"]["values"] if level == "fact" and "The run" not in text]
+    assert facts == [fact.text for fact in mission.facts]
+
+
+def test_nothing_is_told_of_nothing():
+    state = run_of()
+    state.change()
+    assert state.change() is None
+
+
+def test_a_change_is_as_large_as_what_has_changed():
+    state = run_of(*(("log", {"node": "", "level": 20, "text": "line"}) for _ in range(500)))
+    state.change()
+    state.take(JournalEntry(9, 1, 0.0, 9.0, "pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}))
+    assert state.change() == {
+        "robot": 0,
+        "time": 8.0,
+        "pose": {"x": 1.0, "y": 2.0, "yaw": 0.5},
+        "trail": {"at": 0, "values": [[1.0, 2.0]]},
+    }
+
+
+def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
+    state = run_of(("found", {"name": "bag"}))
+    state.change()
+    state.take(JournalEntry(9, 1, 0.0, 9.0, "changed", {"said": "a bag was found"}))
+    change = state.change()
+    assert change is not None
+    assert change["log"]["values"] == [[1, 1.0, "fact", "a bag was found"]]
+
+
+def test_what_a_node_came_to_is_shown_after_it_was_reset():
+    told = [
+        ("status", {"node": 1, "tick": tick, "status": status, "message": message})
+        for tick, status, message in (
+            (3, "RUNNING", "a"),
+            (4, "RUNNING", "b"),
+            (5, "FAILURE", "c"),
+            (6, "IDLE", ""),
+        )
+    ]
+    assert run_of(*told).whole()["states"]["1"] == ("FAILURE", 3.0, 3, 3.0, 5, "c", 3.0, "c")
+
+
+def test_of_a_long_run_little_is_kept():
+    told: list[tuple[str, dict[str, Any]]] = [
+        ("pose", {"x": float(number), "y": 0.0, "yaw": 0.0}) for number in range(20_000)
+    ]
+    told += [("log", {"node": "", "level": 20, "text": str(number)}) for number in range(5_000)]
+    told += [("found", {"name": "first"})]
+    told += [
+        ("log", {"node": "", "level": 20 + number % 2 * 10, "text": str(number)}) for number in range(5_000)
+    ]
+    shown = run_of(*told).whole()
+    lines = [line[-1] for line in shown["log"]["values"]]
+    assert len(lines) <= 2000
+    assert lines[-300:] == [str(number) for number in range(4_700, 5_000)]
+    assert 500 <= len(shown["trail"]["values"]) <= 1000
+    assert shown["trail"]["values"][-1] == [19_999.0, 0.0]
+    assert shown["pose"]["x"] == 19_999.0
+
+
+def test_facts_outlast_the_lines_of_the_log():
+    told: list[tuple[str, dict[str, Any]]] = [("found", {"name": "first"})]
+    told += [("log", {"node": "", "level": 20, "text": str(number)}) for number in range(10_000)]
+    lines = [line[-1] for line in run_of(*told).whole()["log"]["values"]]
+    assert lines[:2] == ["The run began on /patrol.", "found: name: first"]
+
+
+def test_facts_are_kept_over_the_beginning_of_another_run():
+    state = run_of(
+        ("found", {"name": "bag"}), ("status", {"node": 0, "tick": 1, "status": "RUNNING", "message": ""})
+    )
+    state.take(JournalEntry(9, 2, 0.0, 50.0, "run_began", {**ABOUT, "run": {}}))
+    shown = state.whole()
+    assert [line[-1] for line in shown["log"]["values"]] == [
+        "The run began on /patrol.",
+        "found: name: bag",
+        "The run began.",
+    ]
+    assert (shown["states"], shown["time"]) == ({}, 0.0)
+
+
+def test_a_node_is_told_with_what_the_tree_says_of_it():
+    nodes = run_of().whole()["nodes"]
+    assert [(node["name"], node["parent"]) for node in nodes] == [
+        ("Mission", -1),
+        ("Drive", 0),
+        ("Search", 0),
+    ]
+    assert nodes[0]["attributes"] == {"memory": True}
+    assert (nodes[1]["path"], nodes[1]["file"], nodes[1]["line"]) == ("leaves.Drive", "trees/mission.xml", 4)
+
+
+def test_an_entry_of_somebody_else_is_a_fact():
+    journal, state = Journal(), run_of()
+    journal.listen(state.take)
+    journal.watch("pose", somewhere=True)
+    journal.watch("status", node="Drive", tick=1, status="RUNNING", message="")
+    journal.watch("changed", landmarks=[{"odd": 1}])
+    shown = state.whole()
+    assert [line[-1].partition(":")[0] for line in shown["log"]["values"][1:]] == [
+        "pose",
+        "status",
+        "changed",
+    ]
+    assert (shown["pose"], shown["states"]) == (None, {})
