@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.errors import SarError, UndecidableError
     from sar_compiler.journal.journal import Journal
+    from sar_compiler.journal.journal_entries import JournalEntry
+    from sar_compiler.journal.situation import Display, Figure, Landmark, LandmarkKind, Level
     from sar_compiler.missions.choosing import MissionError
     from sar_compiler.missions.mission import Mission, MissionRun
     from sar_compiler.missions.verbs import Verb, VerbField
@@ -32,7 +34,6 @@ if TYPE_CHECKING:
     from sar_compiler.project.simulated import Simulated
     from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
-    from sar_compiler.ros.landmark import Landmark
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
     from sar_compiler.ros.leaves.errors import LeafDefinitionError
     from sar_compiler.ros.leaves.leaf import RosLeaf
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.clock import Clock, ManualClock
     from sar_compiler.runtime.context import mission_context
     from sar_compiler.runtime.kernel.searching import Progress
+    from sar_compiler.runtime.kernel.user_nodes import Tick
+    from sar_compiler.runtime.parents import Control, Decorator
     from sar_compiler.runtime.ports import InOut, Input, Output
     from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
     from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
@@ -56,15 +59,22 @@ __all__ = [
     "Answer",
     "Clock",
     "CompiledTree",
+    "Control",
+    "Decorator",
     "Diagnostic",
+    "Display",
     "FaultPlan",
+    "Figure",
     "Groot2Publisher",
     "InOut",
     "Input",
     "Journal",
+    "JournalEntry",
     "Kind",
     "Landmark",
+    "LandmarkKind",
     "LeafDefinitionError",
+    "Level",
     "LoadedTree",
     "ManualClock",
     "Milliseconds",
@@ -89,6 +99,7 @@ __all__ = [
     "Severity",
     "Simulated",
     "SkippableLeaf",
+    "Tick",
     "TopicLeaf",
     "TreeError",
     "TreeRunner",
@@ -112,6 +123,8 @@ _MODULES = {
     "compiler": ("CompiledTree",),
     "errors": ("SarError", "UndecidableError"),
     "journal.journal": ("Journal",),
+    "journal.journal_entries": ("JournalEntry",),
+    "journal.situation": ("Figure", "Landmark", "LandmarkKind", "Level", "Display"),
     "missions.choosing": ("MissionError",),
     "missions.mission": ("Mission", "MissionRun"),
     "missions.verbs": ("Verb", "VerbField"),
@@ -126,7 +139,6 @@ _MODULES = {
     "project.simulated": ("Simulated",),
     "ros.errors": ("readable_ros_errors",),
     "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
-    "ros.landmark": ("Landmark",),
     "ros.leaves.action_leaf": ("ActionLeaf",),
     "ros.leaves.errors": ("LeafDefinitionError",),
     "ros.leaves.leaf": ("RosLeaf",),
@@ -140,6 +152,8 @@ _MODULES = {
     "runtime.clock": ("Clock", "ManualClock"),
     "runtime.context": ("mission_context",),
     "runtime.kernel.searching": ("Progress",),
+    "runtime.kernel.user_nodes": ("Tick",),
+    "runtime.parents": ("Control", "Decorator"),
     "runtime.ports": ("InOut", "Input", "Output"),
     "runtime.skipping": ("SKIPPED", "SkippableLeaf"),
     "tree.diagnostic": ("Diagnostic", "Severity", "TreeError", "UnreadableFileError"),

@@ -4,8 +4,6 @@ import argparse
 import codecs
 import errno
 import os
-import platform
-import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -118,6 +116,8 @@ def _visible(text: str) -> str:
 
 def interruptible() -> None:
     """From here on, within `run`, Ctrl-C ends a command as an exception: what is half done is tidied up."""
+    import signal
+
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
         with suppress(ValueError):  # only the main thread may decide that
             signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -243,6 +243,7 @@ class _VersionAction(argparse.Action):
         super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        import platform
         from importlib.metadata import version
 
         from sar_compiler.runtime import kernel

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 from tests.waiting import SILENCE_SEC, News, Stopwatch
@@ -112,12 +113,14 @@ class Command:
         """Wait, as long as it prints, for the command to end by itself; return its exit status.
 
         Args:
-            meanwhile: Called ten times a second; may fail the test.
+            meanwhile: Called ten times a second as long as it runs; may fail the test.
         """
 
         def over():
+            if self._process.poll() is not None:
+                return True
             meanwhile()
-            return self._process.poll() is not None
+            return False
 
         try:
             with self._news:
@@ -141,22 +144,46 @@ class Command:
         """
         watch = Stopwatch(self._process.pid)
 
+        # Not asked once it has ended: when it is found to have is a matter of the time that this process is given.
         def in_time():
             own, took = watch.own_sec, watch.passed_sec
             assert own <= within_sec, (
-                f"{self.name} took {took:.2f} s to end, of which others had the processor for {took - own:.2f} s"
+                f"{self.name} has not ended after {took:.2f} s, in {took - own:.2f} s of which others had the processor"
             )
 
         self.send(number)
-        status = self.end(in_time)
-        in_time()
-        return status
+        return self.end(in_time)
 
     def kill(self):
         """See that nothing is left of it, whatever the test did."""
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()
+
+
+def children_of(pid):
+    """Return the children of a process, whichever of its threads has begun them.
+
+    By what each process says of its parent: `/proc/PID/task/*/children` leaves out those of a thread that is just ending.
+    """
+    numbers = (int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit())
+    return sorted(number for number in numbers if _state_and_parent(number)[1] == str(pid))
+
+
+def wait_for_end_of(pid):
+    """Wait until a process has ended that is nobody's child here."""
+    news = News()
+    with news:
+        # Who has died, and was not asked for by its parent, is there as a zombie.
+        news.wait_until(lambda: _state_and_parent(pid)[0] in ("", "Z"), lambda: f"process {pid} does not end")
+
+
+def _state_and_parent(pid):
+    """Return two fields of `/proc/PID/stat`; empty ones if there is no such process."""
+    with suppress(OSError):
+        # They come after the name, which may hold anything.
+        return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[:2]
+    return "", ""
 
 
 def in_order(expected, lines):

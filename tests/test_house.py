@@ -196,6 +196,9 @@ NAMED_ELSEWHERE = {
     "tree/model.py": {"SubTree"},  # a part of the file's grammar, before any node has a meaning
     "tree/matching.py": {"Condition"},  # the explicit form, <Condition ID="...">, not py_trees' decorator
     "nodes/spec.py": {"Condition"},  # the kind, likewise
+    "sim/manner.py": {
+        "FollowPath"
+    },  # the name that Nav2 gives a plugin of its controller, if its parameters do not
     "runtime/kernel/cells.py": {"ForEach"},  # the name of a class that an old py_trees does not have
 }
 
@@ -232,11 +235,41 @@ def test_no_text_outside_its_home_names_a_node():
     assert allowed - {(name, text) for name, text, _ in named} == set()
 
 
+OF_A_MISSION = re.compile(r"\w*(?:zone|survivor|rescue|base_station)\w*|\bhome\b", re.IGNORECASE)
+"""Words of the mission that ships, which no room that shows, keeps or runs any mission knows."""
+SAID_ELSEWHERE = {
+    "views/mission_report.py": {"timezone"},
+    "views/report_exchange.py": {"timezone", "RESCUE"},  # a category of the Common Alerting Protocol
+    "views/report_html.py": {"astimezone"},
+    "web/static/tree_view.js": {"Home"},  # a key of the keyboard
+    "sim/world_file.py": {"disaster_zone", "zones"},  # a shipped world; the key of its file
+    "cli/sim_sweep.py": {"disaster_zone"},  # the world of --sim
+    "cli/run.py": {"disaster_zone", "search_and_rescue"},  # the world of --sim, and the default tree
+    "cli/console.py": {  # two commands that scripts rely on
+        "sar_detect_survivor_server",
+        "sar_report_survivor_server",
+        "survivor",
+        "survivor_servers",
+    },
+}
+
+
+def test_no_word_of_a_mission_stands_outside_its_folder():
+    rooms = ("journal", "views", "web", "monitoring", "ros", "sim", "cli")
+    said = {
+        name: words
+        for path in (*FILES, *PACKAGE.glob("web/static/*.*"))
+        if (name := str(path.relative_to(PACKAGE))).startswith(rooms)
+        and (words := set(OF_A_MISSION.findall(path.read_text(encoding="utf-8"))))
+    }
+    assert said == SAID_ELSEWHERE
+
+
 def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
     program = (
         "import sys\n"
         "import sar_compiler.cli.run_journal, sar_compiler.missions.search_and_rescue.plugin\n"
-        "from sar_compiler.missions.search_and_rescue import MissionRecord\n"
+        "from sar_compiler.missions.search_and_rescue.record import MissionRecord\n"
         "MissionRecord().base_reached()\n"
         "print(*sorted({'sqlite3', 'sar_compiler.journal.database'} & set(sys.modules)))\n"
     )

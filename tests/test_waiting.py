@@ -49,7 +49,9 @@ while True:
 
 def test_a_command_that_ends_later_than_it_promises_fails_the_test_with_where_it_is():
     command = Command("python", "-c", LINGERING).wait_for("ready")
-    with pytest.raises(AssertionError, match=r"(?s)python took (0\.[3-9]|[1-9]).*line 4 in linger"):
+    with pytest.raises(
+        AssertionError, match=r"(?s)python has not ended after (0\.[3-9]|[1-9]).*line 4 in linger"
+    ):
         command.stop(within_sec=0.3)
 
 

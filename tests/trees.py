@@ -3,9 +3,18 @@
 from pathlib import Path
 
 from sar_compiler.checks import check
+from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
+
+
+def class_of(spec: NodeSpec) -> type | None:
+    """Return the class of a node; None where the installed py_trees is too old to have it."""
+    try:
+        return spec.cls
+    except AttributeError:
+        return None
 
 
 def document(body: str, main: str = "Main") -> str:

@@ -68,7 +68,9 @@ def _is_far_on(page: webdriver.Chrome) -> bool:
     """Return whether the robot is near the last zone."""
     left = re.search(r"([\d.]+) m left", page.find_element("id", "now").text)
     return (
-        "zones 3 of 4" in page.find_element("id", "progress").text and bool(left) and float(left[1]) < NEAR_M
+        "zones visited 3 of 4" in page.find_element("id", "progress").text
+        and bool(left)
+        and float(left[1]) < NEAR_M
     )
 
 

@@ -6,6 +6,9 @@ from typing import NoReturn
 
 from sar_compiler.commands import CommandParser
 
+REPORT_FORMS = "in the form of the file's ending: .html to print and hand on, .json, or in the world's coordinates .geojson, .cot, .cap"
+"""What the help says of the files of reports: the endings of `views.reports.FORMS`, which take too long to import for it."""
+
 
 class Parser(CommandParser):
     """The parser of a command, which completes the values of its arguments as well."""

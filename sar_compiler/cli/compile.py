@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import Parser
 from sar_compiler.cli.loading import (
     FILE_HELP,
-    add_models,
-    add_nodes,
     add_project_options,
-    add_trust,
+    add_vocabulary_options,
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text
@@ -46,6 +44,10 @@ _COMMANDS = {
     "schema": "Print the schema of tree files, for editors and other tools.",
     "completion": "Print the code that makes a shell complete these commands with the Tab key.",
 }
+_STATUSES = (
+    "Exit status: 0 if nothing was found; 1 for findings; 2 for wrong usage or a file that is missing or cannot be read; "
+    "3 if a rule of the project's own failed (the other findings are told)."
+)
 # Each is a function of a module of `views` that has its name.
 _PICTURES = ("svg", "mermaid", "dot")
 
@@ -66,7 +68,7 @@ def _parser(argv: Sequence[str] = ()) -> Parser:
 
     Other arguments (`--help`, a slip) need no more than the names of the commands.
     """
-    parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.")
+    parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.", epilog=_STATUSES)
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", prog=PROG)
     named = [name for name in argv[:1] if name in _COMMANDS]
@@ -90,8 +92,8 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
         "--format",
         choices=("unicode", "ascii", "json", *_PICTURES),
         default="unicode",
-        help="a drawing of characters, nested nodes with their attributes and places in the file, a picture, or the language of Mermaid "
-        "or Graphviz",
+        help="a drawing of characters (default unicode, or ascii), nested nodes with their attributes and places in the file "
+        "(json), a picture (svg), or the language of Mermaid or Graphviz (dot)",
     )
     parser.set_defaults(run=_show)
 
@@ -104,7 +106,7 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
         "--format",
         choices=("text", "json", "groot2"),
         default="text",
-        help="for people, for scripts, or as a palette for Groot2",
+        help="for people (default text), for scripts, or as a palette for Groot2",
     )
     parser.add_argument(
         "--from-use",
@@ -112,24 +114,19 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="print a palette of the nodes that the trees in a folder use and nobody describes, with guesses of their ports",
     )
-    _add_vocabulary_options(parser)
-    parser.set_defaults(run=_nodes)
+    add_vocabulary_options(parser)
+    parser.set_defaults(run=_nodes, include_path=[])
 
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--format", choices=("xsd", "json"), default="xsd", help="for files in XML, or for those in YAML"
+        "--format",
+        choices=("xsd", "json"),
+        default="xsd",
+        help="for files in XML (default xsd), or for those in YAML",
     )
-    _add_vocabulary_options(parser)
-    parser.set_defaults(run=_schema)
-
-
-def _add_vocabulary_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that extend a project's configuration where no tree is read, so that nothing is included."""
-    add_nodes(parser)
-    add_models(parser)
-    add_trust(parser)
-    parser.set_defaults(include_path=[])
+    add_vocabulary_options(parser)
+    parser.set_defaults(run=_schema, include_path=[])
 
 
 def _show(arguments: argparse.Namespace) -> int:

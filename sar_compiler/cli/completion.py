@@ -27,7 +27,7 @@ _yaml_files = FilesCompleter(("yaml", "yml"))
 
 def add_completion(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `completion`."""
-    parser.add_argument("shell", choices=SHELLS, help="the shell that is to read it")
+    parser.add_argument("shell", choices=SHELLS, help="the shell that reads the code")
     parser.epilog = 'In its start-up file, for instance ~/.bashrc: eval "$(sar-compile completion bash)"'
     parser.set_defaults(run=print_code)
 
@@ -91,9 +91,9 @@ def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
 
 
 def _codes(**_: Any) -> Mapping[str, str]:
-    from sar_compiler.checks.kinds import KINDS
+    from sar_compiler.tree.kinds import KINDS
 
-    return {code: kind.summary for code, kind in KINDS.items()}
+    return KINDS
 
 
 def _missions(**_: Any) -> Iterable[str]:

@@ -21,7 +21,7 @@ def add_convert(parser: argparse.ArgumentParser) -> None:
         "--to",
         choices=("xml", "yaml", "btcpp"),
         required=True,
-        help="the form to write; btcpp: XML that BehaviorTree.CPP 4 and Groot2 open",
+        help="the form to write: XML, YAML, or XML that BehaviorTree.CPP 4 and Groot2 open (btcpp)",
     )
     add_project_options(parser)
     parser.add_argument("-o", "--output", metavar="OUT", help="the file to write (default: standard output)")

@@ -10,8 +10,8 @@ from sar_compiler.commands import FINDINGS, OK, USAGE, print_text
 
 def add_diff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `diff`."""
-    parser.add_argument("old", metavar="A", help=FILE_HELP)
-    parser.add_argument("new", metavar="B", help=FILE_HELP)
+    parser.add_argument("old", metavar="A", help=f"{FILE_HELP}, before the change")
+    parser.add_argument("new", metavar="B", help=f"{FILE_HELP}, after it")
     parser.set_defaults(run=diff_files)
 
 

@@ -19,8 +19,9 @@ def explain_code(arguments: argparse.Namespace) -> int:
     Raises:
         ResourceError: If the pages are not installed.
     """
-    from sar_compiler.checks.kinds import KINDS, page_of
     from sar_compiler.tree.guessing import did_you_mean, nearest
+    from sar_compiler.tree.kinds import KINDS
+    from sar_compiler.views.findings import page_of
 
     if arguments.code not in KINDS:
         advice = did_you_mean(nearest(arguments.code, KINDS))

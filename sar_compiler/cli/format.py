@@ -12,7 +12,7 @@ def add_format(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
     parser.add_argument("files", nargs="+", metavar="FILE", help="a tree file")
     parser.add_argument(
-        "--check", action="store_true", help="write nothing; name the files that would change"
+        "--check", action="store_true", help="write nothing, and name the files that would change (status 1)"
     )
     parser.set_defaults(run=format_files)
 
@@ -45,16 +45,16 @@ def _status(name: str, *, check: bool) -> int:
 
 def _format(name: str, *, write: bool) -> bool:
     """Return whether a file differs from its canonical form, and rewrite it if requested."""
-    from sar_compiler.cli.writing import write_text
+    from sar_compiler.cli.writing import write_bytes
     from sar_compiler.tree.content import read_bytes
-    from sar_compiler.tree.conversion import convert
+    from sar_compiler.tree.conversion import formatted
     from sar_compiler.tree.reading import read_tree_file
     from sar_compiler.tree.shipped import path_named
 
     path = path_named(name)
     tree_file = read_tree_file(path)
-    text = convert(tree_file, tree_file.source.form).text
-    differs = read_bytes(path) != text.encode()
+    data = formatted(tree_file)
+    differs = read_bytes(path) != data
     if differs and write:
-        write_text(path, text)
+        write_bytes(path, data)
     return differs

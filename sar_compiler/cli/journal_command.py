@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 
-from sar_compiler.cli.arguments import Parser, port
-from sar_compiler.cli.journal_why import add_why, read_stream
+from sar_compiler.cli.arguments import REPORT_FORMS, Parser, port
+from sar_compiler.cli.journal_why import add_why, tell_why
+from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
-from sar_compiler.views.plain import as_json
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -33,16 +33,18 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser("sar-journal", "What a mission has left behind in its journal.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    text = "List the facts of a mission: its runs, zones, survivors, reports, goals."
+    text = "List the facts of a mission: its runs, what has happened, its goals."
     show = commands.add_parser("show", help=text, description=text)
     show.add_argument(
         "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
     )
-    show.add_argument("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
+    show.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     show.add_argument(
-        "--all", action="store_true", help="also what was watched: nodes, log, pose, plan, ends of goals"
+        "--all",
+        action="store_true",
+        help="list what was watched as well: nodes, log, pose, plan, ends of goals",
     )
-    text = "Write a report of a mission, to be printed and handed on, or for maps and rescue services."
+    text = "Write a report of a mission, to be printed and handed on, or for maps and emergency services."
     report = commands.add_parser("report", help=text, description=text)
     report.add_argument(
         "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
@@ -53,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         type=Path,
         metavar="OUT",
-        help="the files, each in the form of its ending: .html, .json, .geojson, .cot, .cap",
+        help=f"the files, each {REPORT_FORMS}",
     )
     text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
     add_why(commands.add_parser("why", help=text, description=text))
@@ -73,22 +75,14 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _why(options: argparse.Namespace) -> int:
-    from sar_compiler.cli.journal_why import tell_why
-
-    against = None if options.against is None else read_stream(options.against)
-    tell_why(options, read_stream(options.journal), against)
+    tell_why(options)
     return OK
 
 
 def _report(options: argparse.Namespace) -> int:
-    from sar_compiler.cli.run_report import write_reports
-    from sar_compiler.journal.database import JournalFile
-    from sar_compiler.journal.mission_state import MissionState
-    from sar_compiler.views.mission_report import georeference
+    from sar_compiler.cli.run_report import report_journal
 
-    with closing(JournalFile.read(options.journal)) as file:
-        state = MissionState.of(file.stream())
-    write_reports(state, options.to, georeference(state))
+    report_journal(options.journal, options.to)
     return OK
 
 
@@ -104,14 +98,12 @@ def _serve(options: argparse.Namespace) -> int:
 
 def _show(options: argparse.Namespace) -> int:
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.views.journals import journal_data, journal_lines
+    from sar_compiler.views.journals import journal_json, journal_lines
 
     with closing(JournalFile.read(options.journal)) as file:
-        if options.format == "json":
-            print(as_json(journal_data(file, with_watched=options.all)))
-        else:
-            for line in journal_lines(file, with_watched=options.all):
-                print(line)
+        lines = journal_json if options.format == "json" else journal_lines
+        for line in lines(file, with_watched=options.all):
+            print(line)
     return OK
 
 

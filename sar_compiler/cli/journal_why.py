@@ -1,24 +1,25 @@
 """`sar-journal why`: why a mission has failed, and what would have succeeded."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from sar_compiler.cli.loading import add_project_options, workspace
+from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
 from sar_compiler.commands import print_text
 from sar_compiler.errors import SarError
+from sar_compiler.journal.journal_entries import OF_ROBOT
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.verify.counterfactual import Counterfactual
+    from sar_compiler.checks.verify.counterfactual import Counterfactual, RecordedTick
+    from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.journal_entries import JournalEntry
+    from sar_compiler.journal.mission_state import MissionState, NodeState
     from sar_compiler.project import Workspace
-    from sar_compiler.views.why import Why
-
-    Stream = list[JournalEntry]
+    from sar_compiler.views.why import RunDifference, Why
 
 
 def add_why(parser: argparse.ArgumentParser) -> None:
@@ -37,68 +38,37 @@ def add_why(parser: argparse.ArgumentParser) -> None:
         help="the tree's file, to look for what would have succeeded (default: where it was for that run)",
     )
     add_project_options(parser)
-    parser.add_argument(
-        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
-    )
+    parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
 
 
-def tell_why(options: argparse.Namespace, stream: "Stream", other: "Stream | None") -> None:
-    """Print why the last run of a mission has failed, what would have succeeded, and what another run did otherwise."""
-    from sar_compiler.views import why as views
-
-    reasons = views.why(stream)
-    change = (
-        what_would_have_succeeded(stream, workspace(options), options.tree_file)
-        if reasons.chain
-        else Otherwise()
-    )
-    difference = None if other is None else views.first_difference(stream, other)
-    if options.format == "json":
-        data = _data(reasons, change, stream)
-        print(as_json(data if other is None else {**data, "difference": views.difference_data(difference)}))
-        return
-    otherwise = change.text(stream) if reasons.chain else ""
-    print_text(views.why_text(reasons, otherwise))
-    if other is not None:
-        print_text(f"\n{views.difference_text(difference, (str(options.journal), str(options.against)))}")
-
-
-def why_entry(stream: "Stream", projects: "Workspace | None" = None) -> "JournalEntry | None":
-    """Return why the last run of a mission has failed, as an entry for a page at the end of it; None if it has not.
-
-    Args:
-        stream: The entries of the mission.
-        projects: Loads the tree, if what would have succeeded is looked for.
-    """
-    from sar_compiler.views import why as views
-
-    reasons = views.why(stream)
-    if not reasons.chain or reasons.went_on or reasons.outcome == "complete":
-        return None
-    change = what_would_have_succeeded(stream, projects) if projects is not None else Otherwise()
-    return stream[-1]._replace(kind="why", data=_data(reasons, change, stream))
-
-
-def _data(reasons: "Why", change: "Otherwise", stream: "Stream") -> dict[str, Any]:
-    from sar_compiler.views import why as views
-
-    return {
-        **views.why_data(reasons),
-        "counterfactual": change.found and views.counterfactual_data(change.found, stream),
-        "counterfactual_missing": change.reason,
-    }
-
-
-def read_stream(place: Path) -> "Stream":
-    """Return the entries of a journal.
+def tell_why(options: argparse.Namespace) -> None:
+    """Print why the last run of a mission has failed, what would have succeeded, and what another run did otherwise.
 
     Raises:
-        JournalError: If it cannot be read.
+        JournalError: If a journal cannot be read.
     """
     from sar_compiler.journal.database import JournalFile
+    from sar_compiler.views.why import difference_data, difference_text
 
-    with closing(JournalFile.read(place)) as file:
-        return [*file.stream()]
+    with closing(JournalFile.read(options.journal)) as file, file.snapshot():
+        explained = Explanation.of(file, workspace(options), options.tree_file)
+    difference = None if options.against is None else _difference(options.journal, options.against)
+    if options.format == "json":
+        data = explained.data()
+        more = {"difference": difference_data(difference)} if options.against is not None else {}
+        print(as_json({**data, **more}))
+        return
+    print_text(explained.text())
+    if options.against is not None:
+        print_text(f"\n{difference_text(difference, (str(options.journal), str(options.against)))}")
+
+
+def _difference(place: Path, other_place: Path) -> "RunDifference | None":
+    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.views.why import first_difference
+
+    with closing(JournalFile.read(place)) as file, closing(JournalFile.read(other_place)) as other:
+        return first_difference(_tree_entries(file), _tree_entries(other))
 
 
 class Otherwise(NamedTuple):
@@ -112,32 +82,94 @@ class Otherwise(NamedTuple):
     found: "Counterfactual | None" = None
     reason: str = ""
 
-    def text(self, stream: "Stream") -> str:
-        """Return it in words."""
-        from sar_compiler.views.why import counterfactual_text
 
-        if self.found is not None:
-            return counterfactual_text(self.found, stream)
-        return in_one_line(f"What would have succeeded is not known: {self.reason}")
+class Explanation(NamedTuple):
+    """What was found out about the last run of a mission.
+
+    Attributes:
+        reasons: Why it has failed.
+        nodes: The nodes of its tree.
+        otherwise: What would have succeeded, if that was asked.
+    """
+
+    reasons: "Why"
+    nodes: "Sequence[NodeState]"
+    otherwise: Otherwise = Otherwise()
+
+    @classmethod
+    def of(
+        cls, file: "JournalFile", projects: "Workspace | None" = None, tree_file: Path | None = None
+    ) -> "Explanation":
+        """Return what is found out by a journal, which is read entry by entry.
+
+        Args:
+            file: The journal, in a snapshot.
+            projects: Loads the tree, if what would have succeeded is asked.
+            tree_file: Its file; by default the one that the run had.
+
+        Raises:
+            JournalError: If the journal cannot be read.
+        """
+        from sar_compiler.views.why import Inquiry, recorded
+
+        inquiry = Inquiry.of(_tree_entries(file))
+        reasons = inquiry.why()
+        if not reasons.chain or projects is None:
+            return cls(reasons, inquiry.state.nodes)
+        record = recorded(_tree_entries(file), inquiry.count)
+        change = what_would_have_succeeded(inquiry.state, record, projects, tree_file)
+        return cls(reasons, inquiry.state.nodes, change)
+
+    @property
+    def is_of_a_failure(self) -> bool:
+        """Whether a page tells it at the end of the run: it has failed."""
+        reasons = self.reasons
+        return bool(reasons.chain) and not reasons.went_on and reasons.outcome != "complete"
+
+    def text(self) -> str:
+        """Return it in words."""
+        from sar_compiler.views.why import counterfactual_text, why_text
+
+        change, reason = self.otherwise
+        if change is not None:
+            return why_text(self.reasons, counterfactual_text(change, self.nodes))
+        unknown = in_one_line(f"What would have succeeded is not known: {reason}") if reason else ""
+        return why_text(self.reasons, unknown)
+
+    def data(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        from sar_compiler.views.why import counterfactual_data, why_data
+
+        change, reason = self.otherwise
+        return {
+            **why_data(self.reasons),
+            "counterfactual": change and counterfactual_data(change, self.nodes),
+            "counterfactual_missing": reason,
+        }
+
+
+def _tree_entries(file: "JournalFile") -> "Iterator[JournalEntry]":
+    return file.last_run(without=OF_ROBOT)
 
 
 def what_would_have_succeeded(
-    stream: "Stream", projects: "Workspace", tree_file: Path | None = None
+    state: "MissionState",
+    record: "Iterable[RecordedTick]",
+    projects: "Workspace",
+    tree_file: Path | None = None,
 ) -> Otherwise:
     """Return what would have succeeded in place of the last run of a mission, whose root has failed.
 
     Args:
-        stream: The entries of the mission.
+        state: The state of the mission after that run.
+        record: The run, tick by tick; read once, if at all.
         projects: Loads the tree.
         tree_file: Its file; by default the one that the run had.
     """
     from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.verify.counterfactual import OtherTreeError, counterfactual
-    from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.why import recorded
 
-    state = MissionState.of(stream)
     about: Mapping[str, Any] = state.runs[-1].about
     file, tree_id, facts = tree_file or about.get("tree_file"), about.get("tree_id"), about.get("facts") or {}
     if file is None:
@@ -147,7 +179,7 @@ def what_would_have_succeeded(
         return Otherwise(reason=f"{path} is not there; say --tree-file TREE")
     try:
         stage = projects.load_file(path).stage(tree_id, StartValues(state.parameters, facts))
-        found = counterfactual(stage.play().simulated, recorded(stream), [each.name for each in state.nodes])
+        found = counterfactual(stage.play().simulated, record, [each.name for each in state.nodes])
     except OtherTreeError:
         return Otherwise(reason=f"{path} has another tree now; say --tree-file TREE")
     except TreeError as error:

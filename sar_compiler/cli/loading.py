@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.commands import print_error
-from sar_compiler.tree.gc_pause import gc_paused
+from sar_compiler.tree.gc_pause import LARGE, gc_paused
 
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
@@ -15,26 +15,35 @@ if TYPE_CHECKING:
     from sar_compiler.tree.forest import Read
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
+FORMAT_HELP = "for people (default text), or for scripts"
+PROJECT_OPTIONS = "options that add to the project's configuration"
+"""The title of these options in `--help`; the page of the commands says them once."""
 
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration."""
-    add_nodes(parser)
-    add_models(parser)
-    parser.add_argument(
+    options = add_vocabulary_options(parser)
+    options.add_argument(
         "--include-path",
         action="append",
         default=[],
         type=Path,
         metavar="FOLDER",
-        help="a further folder that files may be included from (besides the file's own); may be repeated",
+        help="a further folder that tree files may be included from (besides the file's own); may be repeated",
     )
-    add_trust(parser)
 
 
-def add_models(parser: argparse.ArgumentParser) -> None:
-    """Add `--model`."""
-    parser.add_argument(
+def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._ArgumentGroup":
+    """Add those of these options that decide which nodes there are; return their group."""
+    options = parser.add_argument_group(PROJECT_OPTIONS)
+    options.add_argument(
+        "--nodes",
+        action="append",
+        default=[],
+        metavar="PKG.MOD",
+        help="load a module of leaves (installed, or in the current folder); may be repeated",
+    )
+    options.add_argument(
         "--model",
         action="append",
         default=[],
@@ -43,27 +52,13 @@ def add_models(parser: argparse.ArgumentParser) -> None:
         help="a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
         "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated",
     )
-
-
-def add_nodes(parser: argparse.ArgumentParser) -> None:
-    """Add `--nodes`."""
-    parser.add_argument(
-        "--nodes",
-        action="append",
-        default=[],
-        metavar="PKG.MOD",
-        help="load a module of leaves (installed, or in the current folder); may be repeated",
-    )
-
-
-def add_trust(parser: argparse.ArgumentParser) -> None:
-    """Add `--trust`."""
-    parser.add_argument(
+    options.add_argument(
         "--trust",
         action="store_true",
         help="run the modules of leaves that the project's own configuration names and brings along, now and until "
         "one of them changes",
     )
+    return options
 
 
 def add_mission(parser: argparse.ArgumentParser) -> None:
@@ -89,8 +84,8 @@ def workspace(
         read: Reads one tree file, if it is not to be read as it is.
         found_models: Palettes that lie in the folders of the tree files.
     """
-    # The collector would look several times through what is imported, and find nothing; so it would at the end.
-    with gc_paused():
+    # The collector would look several times through what is imported, and find nothing; so it would afterwards and at the end.
+    with gc_paused(LARGE):
         from sar_compiler.project import Workspace
         from sar_compiler.tree.reading import read_tree_file
     atexit.register(gc.freeze)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from sar_compiler.cli.arguments import Parser, count, pair_of_ports, port, seed, speed
+from sar_compiler.cli.arguments import REPORT_FORMS, Parser, count, pair_of_ports, port, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
 from sar_compiler.cli.supervision import Supervision, own_supervision
 from sar_compiler.cli.terminal import findings_as_text
@@ -18,6 +18,7 @@ from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.leaving import leave
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
+from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
 from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class Options:
         sim: The world to simulate; None for an existing robot.
         seed: The seed of the simulation's noise.
         speed: Upper limit of simulated seconds per second.
+        like: How the stand-in for Nav2 drives.
         until: The condition that ends the run; None leaves it to the tree.
         view: How to show the mission: `text`, `web` or `none`.
         web_port: The port of the page; None for the usual one.
@@ -74,6 +76,7 @@ class Options:
     sim: str | None
     seed: int
     speed: float
+    like: str
     until: "Until | None"
     view: str
     web_port: int | None
@@ -129,7 +132,7 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
     if options.supervise is not None and options.supervision is None:
         from sar_compiler.cli.supervisor import supervise
 
-        return supervise(argv, options.supervise, signals)
+        return supervise(argv, options.supervise, signals, options.report)
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.cli.run_mission import run_mission
@@ -164,7 +167,12 @@ def _options(argv: Sequence[str]) -> Options:
     given = parser.parse_args(split.own)
     if given.tree == "":
         parser.error("the name of the tree file is empty")
-    for option, value in (("--speed", given.speed), ("--fault", given.fault or None), ("--seed", given.seed)):
+    for option, value in (
+        ("--speed", given.speed),
+        ("--fault", given.fault or None),
+        ("--seed", given.seed),
+        ("--like", given.like),
+    ):
         if given.sim is None and value is not None:
             parser.error(f"{option} is for the simulator: add --sim")
     for is_wrong, message in _contradictions(given):
@@ -174,6 +182,7 @@ def _options(argv: Sequence[str]) -> Options:
         "tree": given.tree or "",
         "seed": given.seed or 0,
         "speed": given.speed or 1.0,
+        "like": given.like or QUICK_NAME,
         "until": Until(given.until) if given.until else None,
         "ros": split.ros,
     }
@@ -249,6 +258,17 @@ def _looks_like_a_tree(world: str) -> bool:
     return is_tree and not is_world
 
 
+_EPILOG = (
+    "Everything after --ros-args is for ROS 2: -p name:=value, -r from:=to, -r __ns:=/robot1. "
+    "Exit status: 0 if the mission is complete (a tree of no mission: the root has succeeded, or what --until names has come); "
+    "1 if it has failed or is incomplete, and the summary says what is missing (with --check: if a place is not where the robot can go); "
+    "2 for wrong usage, an invalid tree or parameter, or a journal of a mission that is not over: nothing has moved; "
+    "3 if something that the mission needs did not appear in time; "
+    "4 if it was stopped and a goal may still be active, which is named: the robot may still be moving; "
+    "129, 130 or 143 if SIGHUP, SIGINT or SIGTERM stopped it before completion, and every goal was seen to have ended."
+)
+
+
 def _parser() -> Parser:
     # py_trees, which comes with it, cannot be imported where standard output is closed.
     from sar_compiler.missions.ending import Until
@@ -256,7 +276,7 @@ def _parser() -> Parser:
     parser = Parser(
         PROG,
         "Run a mission: check the tree, wait for what it needs, tick it.",
-        epilog="Everything after --ros-args is for ROS 2: -p name:=value, -r from:=to, -r __ns:=/robot1.",
+        epilog=_EPILOG,
     )
     parser.add_argument(
         "tree",
@@ -267,31 +287,46 @@ def _parser() -> Parser:
     parser.add_argument(
         "--tree", dest="tree_id", metavar="ID", help="the tree to run (default: the one the file executes)"
     )
-    parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
+    parser.add_argument(
+        "--params", type=Path, metavar="FILE", help="a ROS 2 parameter file (default: the mission's own)"
+    )
     parser.add_argument(
         "--sim",
         nargs="?",
         const=_DEFAULT_WORLD,
         metavar="WORLD",
-        help="simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers",
+        help="simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers in this process; "
+        "without it, they must run already",
     )
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)"
     )
-    parser.add_argument("--speed", type=speed, metavar="N", help="simulated seconds per second, at most")
+    parser.add_argument(
+        "--speed",
+        type=speed,
+        metavar="N",
+        help="with --sim: simulated seconds per second, at most; time slows rather than skipping a step (default 1)",
+    )
+    parser.add_argument(
+        "--like",
+        choices=MANNER_NAMES,
+        help="with --sim: how Nav2's stand-in drives, to the point (quick, the default) or as Nav2 does with the shipped "
+        "parameters (nav2)",
+    )
     parser.add_argument(
         "--until",
         choices=[until.value for until in Until],
-        help="when to end: the root succeeds or fails (end; default for trees and missions without an end of their "
-        "own), the mission is complete (default with --sim), the root succeeds, or fails, or never (default otherwise)",
+        help="when to end: once the root succeeds or fails (end; default for trees and missions without an end of their "
+        "own); once the mission is complete, or can no longer become so (complete; default with --sim); once the root succeeds, or "
+        "fails, each round that ends otherwise being logged (success, failure); or never (forever; default otherwise)",
     )
     add_mission(parser)
     parser.add_argument(
         "--view",
         choices=("text", "web", "none"),
         default="none",
-        help="show the mission while it runs: in place on a terminal, else a line for each change; or on a page for a browser on "
-        "this machine",
+        help="show the mission while it runs: in place on a terminal, else a line for each change (text); on a page for a browser on "
+        "this machine (web); or not (default none)",
     )
     parser.add_argument(
         "--web-port",
@@ -313,19 +348,24 @@ def _parser() -> Parser:
     parser.add_argument(
         "--publish",
         action="store_true",
-        help="publish behavior_tree_log, /diagnostics, and latched the tree, its state, and markers for RViz",
+        help="publish the tree's log (behavior_tree_log), /diagnostics, and, latched, the tree, its state and markers for RViz",
     )
     parser.add_argument(
         "--record",
         type=Path,
         metavar="FILE.mcap",
-        help="record the mission in a new file: its topics, the tree's log, the mission's log",
+        help="record the mission in a new MCAP file: its topics, the tree's log, the mission's log",
     )
     parser.add_argument(
-        "--summary", choices=("text", "json"), default="text", help="sum up for people, or for scripts"
+        "--summary",
+        choices=("text", "json"),
+        default="text",
+        help="sum up for people (default text), or for scripts in one line: status, reason, duration in seconds, figures",
     )
     parser.add_argument(
-        "--check", action="store_true", help="check that everything the mission needs is there, then end"
+        "--check",
+        action="store_true",
+        help="wait until everything that the mission needs is there, plan its way on the map, then end; nothing moves",
     )
     parser.add_argument(
         "--guardian",
@@ -337,7 +377,7 @@ def _parser() -> Parser:
         "--engine",
         choices=ENGINES,
         default=ENGINES[0],
-        help="what ticks the tree: the project's own runner (default), or py_trees_ros where it is installed",
+        help="what ticks the tree: the project's runner (default own), or py_trees_ros where that is installed",
     )
     parser.add_argument(
         "--journal",
@@ -352,12 +392,15 @@ def _parser() -> Parser:
         default=[],
         type=Path,
         metavar="FILE",
-        help="write a report when the run has ended, in the form of the file's ending: .html, .json, .geojson, .cot, .cap; "
-        "may be repeated",
+        help=f"write a report when the run has ended, {REPORT_FORMS}; may be repeated",
     )
     parser.add_argument("--no-journal", action="store_true", help="write no journal")
     begun = parser.add_mutually_exclusive_group()
-    begun.add_argument("--resume", action="store_true", help="go on with the mission in the journal")
+    begun.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the mission in the journal; goals still under way are cancelled first",
+    )
     begun.add_argument(
         "--new", action="store_true", help="begin anew, and keep an unfinished journal under another name"
     )
@@ -375,12 +418,12 @@ def _parser() -> Parser:
         action="append",
         default=[],
         metavar="SPEC",
-        help="let the simulation misbehave, for instance report_survivor:drop=2; may be repeated",
+        help="with --sim: let something go wrong, for instance navigate_to_pose:reject=1; may be repeated",
     )
     parser.add_argument(
         "--traceback",
         action="store_true",
-        help="show the traceback of a leaf that fails (the line of its own method is always named)",
+        help="show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)",
     )
     add_version(parser)
     add_project_options(parser)

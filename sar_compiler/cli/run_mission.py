@@ -40,6 +40,7 @@ from sar_compiler.ros.arguments import (
     parameter_files,
     security_arguments,
 )
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
@@ -49,7 +50,7 @@ from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.leaves.interfaces import declared_types
 from sar_compiler.ros.middleware import ros_up
-from sar_compiler.ros.parameter_file import sections_elsewhere
+from sar_compiler.ros.parameter_file import ParameterPlaces, sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.ros.parameters import DataNode, flat_parameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
@@ -117,7 +118,7 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
         ros.callback(node.destroy_node)
         if options.traceback:
             show_tracebacks(node)
-        reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
+        reader = _parameter_reader(options, node)
         begun, parameters, notes = begin_run(mission, reader, binding)
         fixed = fixed_parameters(mission, binding)
         journal = stack.enter_context(open_run_journal(options, mission, node))
@@ -145,7 +146,7 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
         )
         tree = compile_tree(binding, run.context, reader.parameters)
         journal.describe(tree, loaded.path)
-        watchers.show(tree, begun or MissionRun())
+        watchers.show(tree)
         for note in notes:
             node.get_logger().warning(in_one_line(note))
         try:
@@ -208,9 +209,11 @@ def _require_navigation(tree: CompiledTree, world: "World") -> None:
         raise NotReadyError([line], None)
 
 
-def _sections_elsewhere(options: "Options", node: Node) -> str:
-    files = parameter_files(options.ros, options.params)
-    return sections_elsewhere(files, node.get_fully_qualified_name())
+def _parameter_reader(options: "Options", node: Node) -> ParameterReader:
+    files, name = parameter_files(options.ros, options.params), node.get_fully_qualified_name()
+    return ParameterReader(
+        flat_parameters(node), sections_elsewhere(files, name), ParameterPlaces(files, name)
+    )
 
 
 @contextmanager
@@ -243,6 +246,7 @@ def _simulation(
     options: "Options", world: "World", node: Node, mission: MissionRun | None, faults: Sequence[Fault]
 ) -> "Iterator[Simulation]":
     """Start the world, the stand-in for Nav2 and the mission's servers in this process."""
+    from sar_compiler.sim.placement import Placement
     from sar_compiler.sim.simulation import Simulation
 
     plan = FaultPlan(faults, mission.places() if mission is not None else None)
@@ -251,6 +255,7 @@ def _simulation(
     try:
         simulation = Simulation(
             world,
+            [Placement("", like=options.like)],
             speed=options.speed,
             seed=options.seed,
             faults=plan,
@@ -415,9 +420,12 @@ class _TreeRun:
             self._begin_watching(tree)
             self._started = self._clock.now()
             engine.tick_tock(1000.0 / self.parameters.tick_rate_hz)
-            while self._result is None and engine.failure is None and not self._over:
-                self._turn(executor)
-                self.watchers.refresh(self._clock.now())
+            with AWAKE.turning(self.node.get_logger().warning):
+                while self._result is None and engine.failure is None and not self._over:
+                    AWAKE.now()
+                    self._turn(executor)
+                    self.watchers.refresh(self._clock.now())
+                    self._give_way_where_deaf()
             elapsed = self._clock.now() - self._started
             self._come_to_rest(engine, executor)
         except SetupFailedError as error:
@@ -445,6 +453,10 @@ class _TreeRun:
         self.journal.end(status, reason, is_over=over, is_stopped=self.signals.came)
         self.watchers.end()
         return status
+
+    def _give_way_where_deaf(self) -> None:
+        if self.options.supervision is not None and self._watch is not None and self._watch.deafness:
+            self.options.supervision.tell_deaf()
 
     def _come_to_rest(self, engine: Engine, executor: SingleThreadedExecutor) -> None:
         """Stop the tree, and wait until its goals have ended and, as far as the odometry says it, the robot stands."""
@@ -523,7 +535,8 @@ class _TreeRun:
             said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": engine.count}
             if supervision is not None:
                 said["deaths"] = list(supervision.deaths)
-            self.output.say(json_text({**said, "figures": dict(mission.figures())}))
+            figures = {each.name: each.value for each in mission.display().figures}
+            self.output.say(json_text({**said, "figures": figures}))
         return status
 
     def _status(self, engine: Engine) -> int:

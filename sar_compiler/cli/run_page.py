@@ -5,9 +5,10 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.cli.journal_why import read_stream, why_entry
+from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.commands import print_error
-from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import RUN_ENDED, JournalEntry
+from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, RecordedFeed
 from sar_compiler.web.page_server import PageServer
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
     from sar_compiler.missions.verbs import Verb
+    from sar_compiler.project import Workspace
 
 # How often journals of other processes are looked at, in seconds; they are written once a second.
 _LOOK_SEC = 0.5
@@ -46,7 +48,6 @@ def serve_run(
         node
     )  # its own, for it is read in the server's thread; the mission's says what becomes of it
     hello: dict[str, object] = {
-        "mode": "live",
         "robots": [node.get_fully_qualified_name()],
         "verbs": [_form(verb) for verb in verbs],
     }
@@ -75,14 +76,12 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
         JournalError: If one cannot be read.
         PageError: If the port cannot be had.
     """
+    from sar_compiler.missions.displaying import displayed
     from sar_compiler.project import Workspace
+    from sar_compiler.web.recording import Recording
 
-    robots = []
-    for path in paths:
-        stream = read_stream(path)
-        told = why_entry(stream, Workspace())
-        robots.append(stream if told is None else [*stream, told])
-    with _told_of(RecordedFeed(robots, {"mode": "replay", "robots": _names(paths)}), port) as server:
+    recording = Recording(paths, lambda path: _why_of(_explained(path, Workspace())), displayed)
+    with _told_of(RecordedFeed(recording, {"robots": _names(paths)}), port) as server:
         server.wait()
 
 
@@ -97,7 +96,7 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
     from sar_compiler.journal.following import JournalFollower
 
     followers = [JournalFollower(path) for path in paths]
-    hello: dict[str, object] = {"mode": "live", "robots": _names(paths)}
+    hello: dict[str, object] = {"robots": _names(paths)}
     running = [False for _ in paths]
     feed = LiveFeed(hello, lambda: {"running": running}, len(paths))
     with _told_of(feed, port) as server:
@@ -107,11 +106,19 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
                 running[robot] = is_locked(follower.path)
                 for entry in follower.news():
                     feed.take(entry, robot)
-                    if (
-                        entry.kind == RUN_ENDED
-                        and (told := why_entry(read_stream(follower.path))) is not None
-                    ):
-                        feed.take(told, robot)
+                    if entry.kind == RUN_ENDED and (why := _why_of(_explained(follower.path))) is not None:
+                        feed.tell_why(why, robot)
+
+
+def _explained(path: Path, workspace: "Workspace | None" = None) -> Explanation:
+    from sar_compiler.journal.database import JournalFile
+
+    with closing(JournalFile.read(path)) as file, file.snapshot():
+        return Explanation.of(file, workspace)
+
+
+def _why_of(explained: Explanation) -> dict[str, Any] | None:
+    return explained.data() if explained.is_of_a_failure else None
 
 
 class _TellsWhy:
@@ -123,14 +130,15 @@ class _TellsWhy:
 
     def __init__(self, feed: LiveFeed) -> None:
         self._feed = feed
-        self._entries: list[JournalEntry] = []
+        self._inquiry = Inquiry()
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run."""
-        if entry.kind not in OF_ROBOT:
-            self._entries.append(entry)
-        if entry.kind == RUN_ENDED and (told := why_entry(self._entries)) is not None:
-            self._feed.take(told)
+        self._inquiry.take(entry)
+        if entry.kind == RUN_ENDED:
+            why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
+            if why is not None:
+                self._feed.tell_why(why)
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """`--report` of `sar-run`, and `sar-journal report`."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
 
 from sar_compiler.cli.writing import WriteError, write_text
@@ -8,6 +9,7 @@ from sar_compiler.commands import print_error
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.missions.displaying import displayed
 from sar_compiler.views.reports import report_text, require_form
 
 
@@ -30,7 +32,7 @@ class RunReport:
         for file in files:
             require_form(file, place)
         self._files = files
-        self._state = MissionState.of(earlier)
+        self._state = MissionState.of(displayed(earlier))
         self.take = self._state.take
 
     def write(self) -> None:
@@ -44,6 +46,21 @@ class RunReport:
                 print_error(f"sar-run: {error}")
             except Exception as error:  # noqa: BLE001 - nor does it change what the mission has come to
                 print_error(f"sar-run: the report {file} could not be made: {error!r}")
+
+
+def report_journal(journal: Path, files: Sequence[Path]) -> None:
+    """Write the reports of the mission that a journal has.
+
+    Raises:
+        SarError: If the journal cannot be read; or as `write_reports`.
+        ImportError: If a library of theirs is not installed; then none is written.
+    """
+    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.views.mission_report import georeference
+
+    with closing(JournalFile.read(journal)) as file:
+        state = MissionState.of(displayed(file.stream()))
+    write_reports(state, files, georeference(state))
 
 
 def write_reports(state: MissionState, files: Sequence[Path], place: Georeference | None) -> None:

@@ -15,6 +15,7 @@ from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.missions.displaying import displayed
 from sar_compiler.views.mission_view import Line, change_text, full_height, screen
 
 # How often the screen is drawn, at most, in seconds of the steady clock.
@@ -50,7 +51,7 @@ class RunView(ABC):
 
     def begin(self, earlier: Iterable[JournalEntry]) -> None:
         """Take what earlier runs of the mission have done, before anything else."""
-        self._state = MissionState.of(earlier)
+        self._state = MissionState.of(displayed(earlier))
 
     @abstractmethod
     def take(self, entry: JournalEntry) -> None:
@@ -147,7 +148,7 @@ class RunScreen(RunView):
             _stop_process()
 
     def _stop(self) -> None:
-        """Stop as anybody does, with the terminal as it was; then go on with what stands there now."""
+        """Handle SIGTSTP: restore the terminal, stop, and redraw when continued."""
         self._is_to_stop = False
         self._leave()
         _stop_process()

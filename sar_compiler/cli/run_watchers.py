@@ -94,8 +94,8 @@ class RunWatchers:
         """Yield those who follow the journal."""
         yield from filter(None, (self._recording, self._publisher))
 
-    def show(self, tree: CompiledTree, mission: MissionRun) -> None:
-        """Take the tree that is to be run, and its mission.
+    def show(self, tree: CompiledTree) -> None:
+        """Take the tree that is to be run.
 
         Raises:
             SarError: If somebody cannot be shown it.
@@ -110,7 +110,7 @@ class RunWatchers:
             if self._recording is not None:
                 self._recording.show(numbered)
             if self._options.publish:
-                self._publisher = MissionPublisher(self._node, numbered, mission.landmarks, mission.figures)
+                self._publisher = MissionPublisher(self._node, numbered)
 
     def _published(self, tree: CompiledTree, port: int) -> "Groot2Publisher":
         from sar_compiler.monitoring.groot2_publisher import Groot2PortError, Groot2Publisher

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,9 +16,18 @@ from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
-from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME, Placement, PlacementError, parse_placement
+from sar_compiler.sim.placement import (
+    MANNER_NAMES,
+    PARTS,
+    QUICK_NAME,
+    ROBOT,
+    Placement,
+    PlacementError,
+    parse_placement,
+)
 
 if TYPE_CHECKING:
+    from sar_compiler.cli.sim_parts import PartProcesses
     from sar_compiler.sim.simulation import Simulation
 
 # How often to look whether the simulation is still alive, seconds.
@@ -38,7 +48,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(argv: Sequence[str]) -> int:
     split = split_arguments(argv)
-    options = _parser().parse_args(split.own)
+    parser = _parser()
+    options = parser.parse_args(split.own)
+    if options.command == "run" and options.fault and (options.separate or options.only):
+        parser.error("--fault is for a simulation in one process; of several, kill the one that is to fail")
     if options.command == "run":
         return _run(options, split.ros)
     interruptible()
@@ -61,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         type=speed,
         default=1.0,
         metavar="N",
-        help="simulated seconds per second, at most (default 1)",
+        help="simulated seconds per second, at most; time slows rather than skipping a step (default 1)",
     )
     live.add_argument(
         "--robot",
@@ -79,15 +92,15 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="SPEC",
-        help="misbehave: navigate_to_pose:abort=ZONE, :abort@ZONE,drives=SECONDS, :code=NUMBER[@ZONE][,after=SECONDS], "
-        ":late=SECONDS, :reject=COUNT, :die[@ZONE][,back=SECONDS], amcl:die[@ZONE][,back=SECONDS]; may be repeated. "
+        help="let something go wrong: navigate_to_pose:abort=PLACE, :abort@PLACE,drives=SECONDS, :code=NUMBER[@PLACE][,after=SECONDS], "
+        ":late=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
         "Each robot of several does so, and counts for itself",
     )
     live.add_argument(
         "--like",
         choices=MANNER_NAMES,
         default=QUICK_NAME,
-        help="how Nav2's stand-in drives: to the point and giving up at once (quick, the default), or as Nav2 does with the "
+        help="how Nav2's stand-in drives: to the point and giving up at once (default quick), or as Nav2 does with the "
         "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and recoveries, which move the robot",
     )
     live.add_argument(
@@ -99,7 +112,20 @@ def _parser() -> argparse.ArgumentParser:
     live.add_argument(
         "--localised",
         action="store_true",
-        help="the localisation knows where the robots are without being told: for robots that go on where they stood",
+        help="let the localisation know where the robots are without being told: for robots that go on where they stood",
+    )
+    parts = live.add_mutually_exclusive_group()
+    parts.add_argument(
+        "--separate",
+        action="store_true",
+        help="run localisation (amcl), planner and controller (controller_server) and navigator (bt_navigator) in processes of "
+        "their own, which can be killed alone; their ids are printed",
+    )
+    parts.add_argument(
+        "--only",
+        choices=PARTS,
+        metavar="PART",
+        help=f"run one of these processes alone, such as one that was killed: {', '.join(PARTS)}",
     )
     text = "Drive through a world with a lidar, and write the map made on the way."
     survey = commands.add_parser("map", help=text, description=text)
@@ -118,10 +144,10 @@ def _parser() -> argparse.ArgumentParser:
             nargs="?",
             default=DEFAULT_WORLD,
             metavar="WORLD",
-            help=f"file or shipped world (default {DEFAULT_WORLD})",
+            help=f"a world's file, or the name of a shipped world (default {DEFAULT_WORLD})",
         )
         command.add_argument(
-            "--seed", type=seed, default=0, metavar="N", help="seed of all noise (default 0)"
+            "--seed", type=seed, default=0, metavar="N", help="the seed of all noise (default 0)"
         )
     return parser
 
@@ -168,6 +194,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     signals = StopSignals()
     require_middleware()
     from sar_compiler.cli.sim_isolation import look_around
+    from sar_compiler.cli.sim_parts import other_parts, run_part
     from sar_compiler.sim.fleet import check_placements
     from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.kept_places import KeptPlaces
@@ -176,30 +203,42 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
 
     world = find_world(options.world)
     robots = options.robot or [Placement("")]
+    if options.only not in {None, ROBOT}:
+        robots = [replace(each, localised=options.localised, like=options.like) for each in robots]
+        return run_part(options, robots, ros_arguments, signals)
     kept = KeptPlaces(options.keep, world.name) if options.keep is not None else None
     if kept is not None:
         robots = kept.placed(robots)
-    robots = [replace(each, localised=options.localised, like=options.like) for each in robots]
+    in_parts = options.separate or options.only is not None
+    robots = [
+        replace(each, localised=options.localised, like=options.like, separate=in_parts) for each in robots
+    ]
     check_placements(world, robots)
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()
     with ros_up(arguments) as context:
-        look_around(signals, context=context, actions=[robot.action for robot in robots])
+        actions = [robot.action for robot in robots if options.only is None]
+        look_around(signals, context=context, actions=actions)
         if signals.came:
             return OK
-        faults = FaultPlan(options.fault)
         simulation = Simulation(
-            world, robots, context=context, speed=options.speed, faults=faults, seed=options.seed
+            world,
+            robots,
+            context=context,
+            speed=options.speed,
+            faults=FaultPlan(options.fault),
+            seed=options.seed,
         )
         if kept is not None:
             simulation.keep_places(kept)
-        with simulation:
+        others = other_parts(options, robots, ros_arguments) if options.separate else nullcontext()
+        with simulation, others as parts:
             print(
                 f"sar-sim: '{world.name}' runs{_with(robots)}, "
                 f"at most {options.speed:g} times as fast as real time",
                 flush=True,
             )
-            return _wait(simulation, signals)
+            return _wait(simulation, signals, parts)
 
 
 def _with(robots: Sequence[Placement]) -> str:
@@ -207,11 +246,13 @@ def _with(robots: Sequence[Placement]) -> str:
     return f" with {' and '.join(names)}" if names else ""
 
 
-def _wait(simulation: "Simulation", signals: StopSignals) -> int:
+def _wait(simulation: "Simulation", signals: StopSignals, parts: "PartProcesses | None") -> int:
     """Wait until the process is asked to stop; raise the simulation's error if it fails first."""
     while not signals.wait(_LOOK_SEC):
         if simulation.failure is not None:
             raise simulation.failure
+        if parts is not None:
+            parts.look()
     return OK
 
 

@@ -32,7 +32,14 @@ def add_sim_sweep(parser: argparse.ArgumentParser) -> None:
     add("--world", action="append", metavar="W", help=text)
     text = f"what goes wrong in one flight, as --fault of sar-run has it, or {_NO_FAULTS}; may be repeated"
     add("--faults", action="append", metavar="'SPEC SPEC'", help=text)
-    add("--param", action="append", default=[], type=varied, metavar="NAME=A,B", help="vary a ROS parameter")
+    add(
+        "--param",
+        action="append",
+        default=[],
+        type=varied,
+        metavar="NAME=A,B",
+        help="vary a ROS parameter: each value in turn; may be repeated",
+    )
     add("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
     text = f"simulated seconds per second, at most (default {_SPEED:g})"
     add("--speed", type=speed, default=_SPEED, metavar="N", help=text)

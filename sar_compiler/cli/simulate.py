@@ -65,7 +65,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
         "--format",
         choices=("text", "json", "junit"),
         default="text",
-        help="for people, for scripts, or for continuous integration",
+        help="for people (default text), for scripts, or for continuous integration",
     )
     parser.set_defaults(run=simulate_file)
 

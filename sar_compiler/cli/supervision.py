@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-ALIVE, ENDING, JOURNAL = b".", b"=", b"/"
-"""The signs of a run, each the first letter of a line: it lives, it comes to its end, and where its journal is. One more is the
-guardian's (`ros.guardian.ADRIFT_SIGN`)."""
+ALIVE, ENDING, JOURNAL, DEAF = b".", b"=", b"/", b"?"
+"""The signs of a run, each the first letter of a line: it lives, it comes to its end, where its journal is, and that it hears nothing.
+One more is the guardian's (`ros.guardian.ADRIFT_SIGN`)."""
 
 _VARIABLE = "SAR_SUPERVISION"
 PERIOD_SEC = 1.0
@@ -40,6 +40,10 @@ class Supervision(NamedTuple):
     def tell_journal(self, place: Path) -> None:
         """Tell where the journal is."""
         self._write(JOURNAL + json.dumps(str(place.resolve())).encode())
+
+    def tell_deaf(self) -> None:
+        """Tell that another process has to go on."""
+        self._write(DEAF)
 
     def tell_end(self) -> None:
         """Tell that the run has ended, and has only to be written and taken down."""

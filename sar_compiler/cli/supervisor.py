@@ -12,8 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.supervision import ALIVE, ENDING, JOURNAL, Supervision
+from sar_compiler.cli.supervision import ALIVE, DEAF, ENDING, JOURNAL, Supervision
 from sar_compiler.commands import print_error
+from sar_compiler.errors import SarError
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.ros.guardian import ADRIFT_SIGN
 from sar_compiler.ros.signals import StopSignals
@@ -38,16 +39,17 @@ _PROGRAM = (
 )
 
 
-def supervise(argv: Sequence[str], limit: int, signals: StopSignals) -> int:
+def supervise(argv: Sequence[str], limit: int, signals: StopSignals, reports: Sequence[Path] = ()) -> int:
     """Run a mission to its end, and resume it if it dies; return the exit status.
 
-    What counts as its death: a signal that nobody has asked for, status 3, and 10 s without a sign of life, after which it is
-    killed. Then its guardian cancels its goals; when their ends are seen and the journal is free, the next run begins.
+    What counts as its death: a signal that nobody has asked for, status 3, and 10 s without a sign of life, or a sign that it hears
+    nothing, after which it is killed. Then its guardian cancels its goals; when their ends are seen and the journal is free, the next run begins.
 
     Args:
         argv: The command line.
         limit: How often it is begun again, at most.
         signals: The requests to stop, which are passed on.
+        reports: What a run writes at its end.
     """
     deaths: list[str] = []
     has_begun = False
@@ -62,6 +64,7 @@ def supervise(argv: Sequence[str], limit: int, signals: StopSignals) -> int:
         if signals.came and death:
             return signals.exit_status
         if not death:
+            life.report(reports)
             return signals.exit_status if signals.came and status > 128 else status  # noqa: PLR2004
         if len(deaths) == limit:
             print_error(f"sar-run: the mission has died ({death}), and was begun again {limit} times already")
@@ -101,7 +104,8 @@ class _Life:
         self._poll = select.poll()
         self._poll.register(self._signs, select.POLLIN)
         self._rest = b""
-        self._is_open, self._has_spoken, self._is_frozen = True, False, False
+        self._is_open, self._has_spoken = True, False
+        self._is_frozen = self._is_deaf = False
         self._limit_sec = _PATIENCE_SEC
         self._heard_at = time.monotonic()
         self._place: Path | None = None
@@ -119,8 +123,8 @@ class _Life:
             if signals.came and not is_asked:
                 is_asked = True
                 self._ask(signals)
-            if now - self._heard_at > self._limit_sec:
-                self._is_frozen = True
+            if self._is_deaf or now - self._heard_at > self._limit_sec:
+                self._is_frozen = not self._is_deaf
                 self._process.kill()
                 self._process.wait()
         self._wait_until(lambda: not self._is_open, _GUARDIAN_SEC)
@@ -135,11 +139,24 @@ class _Life:
         ended = self._run_in_journal()
         if ended is not None and ended.status is not None and ended.status != NOT_READY:
             return ended.status, ""
+        if self._is_deaf:
+            return NOT_READY, "it heard nothing of Nav2, which the ROS graph shows"
         if self._is_frozen:
             return 128 + signal.SIGKILL, f"no sign of life for {self._limit_sec:g} s"
         if status < 0:
             return 128 - status, f"by {signal.Signals(-status).name}"
         return status, "what it needs was not there: status 3" if status == NOT_READY else ""
+
+    def report(self, files: Sequence[Path]) -> None:
+        """Write the reports of a run that has ended, and whose process has died before it could."""
+        if not files or self._place is None or self._process.returncode >= 0:
+            return
+        from sar_compiler.cli.run_report import report_journal
+
+        try:
+            report_journal(self._place, files)
+        except (SarError, ImportError) as error:
+            print_error(f"sar-run: the mission has ended, and its report could not be made: {error}")
 
     @property
     def has_begun(self) -> bool:
@@ -177,6 +194,8 @@ class _Life:
             self._limit_sec = _SILENCE_SEC
         elif line.startswith(ENDING):
             self._limit_sec = _PATIENCE_SEC
+        elif line.startswith(DEAF):
+            self._is_deaf = True
         elif line.startswith(JOURNAL):
             self._place = Path(json.loads(line[1:]))
         self.is_adrift = self.is_adrift or line.startswith(ADRIFT_SIGN)

@@ -32,16 +32,23 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
     add("file", metavar="FILE", help=FILE_HELP)
     text = "the leaves' answers, each with its chance; or a folder of such files; may be repeated"
     add("--scenario", action="append", default=[], type=Path, metavar="S.yaml", help=text)
-    text = "the chance of an unusual answer from a leaf that the scenario does not mention (default 0)"
+    text = "the chance (0 to 1) of an unusual answer from a leaf that the scenario does not mention; with commas, one after the other (default 0)"
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
-    add("--param", action="append", default=[], type=varied, metavar="NAME=A,B", help="vary a parameter")
-    text = "vary the initial value of a fact"
+    add(
+        "--param",
+        action="append",
+        default=[],
+        type=varied,
+        metavar="NAME=A,B",
+        help="vary a parameter: each value in turn; may be repeated",
+    )
+    text = "vary the initial value of a fact: each value in turn; may be repeated"
     add("--set", action="append", default=[], type=varied, metavar="FACT=A,B", help=text)
-    text = "count an event, such as 'NavigateToZone halted'; may be repeated"
+    text = "count an event, such as 'NavigateTo halted'; may be repeated"
     add("--count", action="append", default=[], metavar="EVENT", help=text)
     add("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
     add("--ticks", type=count, metavar="N", help="stop a run after N ticks")
-    text = "end when this is true (default: when the root has succeeded or failed)"
+    text = "end a run when this is true (default: when the root has succeeded or failed)"
     add("--until", type=script, metavar="SCRIPT", help=text)
     add_project_options(parser)
     add_sweep_options(parser, runs=1000, half_width=0.02)

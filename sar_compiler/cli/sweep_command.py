@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import count, seed
+from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_text
 
@@ -27,7 +28,7 @@ Written = tuple[Path, str]
 def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width: float) -> None:
     """Add the options that both commands have; *runs* and *half_width* are the defaults of two."""
     add = parser.add_argument
-    text = f"play each combination at most N times (default {runs})"
+    text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
     text = f"end a row once half the width of its interval is at most W (default {half_width:g}; 0: never)"
     add("--half-width", type=_probability, default=half_width, metavar="W", help=text)
@@ -35,15 +36,15 @@ def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width:
     add("--confidence", type=_confidence, default=0.95, metavar="C", help=text)
     text = "status 0 if every interval lies at or above this rate (default: if no run has failed)"
     add("--at-least", type=_probability, metavar="RATE", help=text)
-    text = "the seed of the first run of each combination (default 0)"
+    text = "the seed of the first run of each combination; the next runs have the next numbers (default 0)"
     add("--seed", type=seed, default=0, metavar="N", help=text)
-    text = "how many runs to play at the same time (default: as many as there are cores)"
+    text = "how many runs go on at the same time (default: as many as there are cores)"
     add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help=text)
-    text = "play on a Dask cluster instead: the address of its scheduler, such as tcp://host:8786"
+    text = "run on a Dask cluster instead: the address of its scheduler, such as tcp://host:8786"
     add("--dask", metavar="ADDRESS", help=text)
-    text = "where to write the smallest scenario that fails, if any does"
+    text = "where to write the smallest failure, if there is one (default: the tree's name with _failing behind it)"
     add("-o", "--output", type=Path, metavar="FAILING", help=text)
-    add("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
+    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
 
 
 def probabilities(text: str) -> tuple[float, ...]:

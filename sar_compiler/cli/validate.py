@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ from sar_compiler.tree.showing import visible
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
-    from sar_compiler.checks.verify.trying import TrialBudget
+    from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.project import LoadedTree, Workspace
     from sar_compiler.tree.diagnostic import Diagnostic
     from sar_compiler.tree.model import TreeFile
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 _TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
 _STDIN, _STDIN_NAME = "-", Path("<stdin>")
 _FAILED = "internal-error"
-_TICKS, _TICKS_OF_ALL = 8192, 81_920
-"""How many ticks are tried of a file, and of all files of a command: the same on every machine."""
+_FILES_TRIED = 10
+"""For how many files there is work enough to try their runs to the end of what may be tried of one."""
 _ROUNDS = 20
 """The largest number of passes: a fix may reveal another mistake."""
 
@@ -35,35 +35,34 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", metavar="FILE", help=more)
     add_project_options(parser)
     add_mission(parser)
-    parser.add_argument("--strict", action="store_true", help="count warnings as errors")
+    parser.add_argument("--strict", action="store_true", help="count warnings as errors in the exit status")
     trial = parser.add_mutually_exclusive_group()
     trial.add_argument(
         "--deep",
         type=seconds,
         metavar="SEC",
-        help="try the runs of each file for so long, for errors that a tick raises (default: some thousand ticks)",
+        help="try the runs of each file for SEC seconds, for errors that a tick raises (default: as far as a fixed amount of work goes)",
     )
-    trial.add_argument("--no-deep", action="store_true", help="try no runs")
-    parser.add_argument("--fix", action="store_true", help="fix obvious slips first, in the files")
+    trial.add_argument("--no-deep", action="store_true", help="try no runs for errors that a tick raises")
     parser.add_argument(
-        "--all", action="store_true", help="as text and for GitHub, tell each place, and not each cause once"
+        "--fix", action="store_true", help="first correct plain slips, in the files themselves"
+    )
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="in text and for GitHub, tell each place, instead of each cause once",
     )
     parser.add_argument(
         "--format",
         choices=FORMATS,
         default=_TEXT,
-        help="for people, for scripts, for code scanning, or as annotations of GitHub Actions",
+        help="for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions",
     )
     parser.set_defaults(run=validate_files)
 
 
 def validate_files(arguments: argparse.Namespace) -> int:
-    """Print the findings about files, and return the exit status.
-
-    Raises:
-        UnreadableFileError: If a palette cannot be read, so that the files cannot be checked.
-        WriteError: If a fixed file cannot be written.
-    """
+    """Print the findings about files, and return the exit status."""
     from sar_compiler.tree.diagnostic import Severity
 
     validation = _Validation(arguments)
@@ -84,7 +83,7 @@ class _Validation:
 
     Attributes:
         findings: What was found, each finding once.
-        unreadable: How many of the files and folders could not be read.
+        unreadable: How often files and folders could not be read, checked or written.
     """
 
     def __init__(self, arguments: argparse.Namespace) -> None:
@@ -97,7 +96,9 @@ class _Validation:
         self._clean: list[Path] = []
         self._said: set[object] = set()
         self._fixable = 0
-        self._ticks = 0
+        self._fixes: dict[object, Fix] = {}
+        self._work = 0
+        self._raising: set[object] = set()
         self._stdin: bytes | None = None
         self._found_in_folders: set[Path] = set()
         self._found_models: list[Path] = []
@@ -156,93 +157,104 @@ class _Validation:
 
     def mend(self) -> None:
         """Apply all possible fixes to the files; what is wrong otherwise is found when they are looked at."""
+        for path in self._files:
+            if path != _STDIN_NAME:
+                self._guard(path, self._mend_file, "mending")
+        self._workspace = self._new_workspace()
+
+    def _mend_file(self, path: Path) -> None:
         from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
-        for path in self._files:
-            for _ in range(_ROUNDS if path != _STDIN_NAME else 0):
-                try:
-                    tree = self._workspace.load_file(path)
-                    tree.project.findings  # noqa: B018 - where a palette is malformed, no file is looked at
-                except (TreeError, UnreadableFileError):
-                    break
-                if not self._mended(tree):
-                    break
-        self._workspace = self._new_workspace()
+        for _ in range(_ROUNDS):
+            try:
+                tree = self._workspace.load_file(path)
+                tree.project.findings  # noqa: B018 - where a palette is malformed, no file is looked at
+            except (TreeError, UnreadableFileError):
+                return
+            if not self._mended(tree):
+                return
 
     def look(self) -> None:
         """Check the files, each whatever becomes of the others."""
         for path in self._files:
-            self._look_at(path)
+            self._guard(path, self._check, "check")
 
-    def _look_at(self, path: Path) -> None:
+    def _guard(self, path: Path, what: Callable[[Path], None], name: str) -> None:
+        """Do something with a file; if that fails, there is something to say about the other files all the same."""
+        from sar_compiler.errors import SarError
+        from sar_compiler.tree.diagnostic import TreeError
+
         try:
-            self._check(path)
-        except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the other files
+            what(path)
+        except TreeError as error:
+            self._report(error.findings)
+        except SarError as error:
+            self._tell(str(error))
+        except Exception as error:  # noqa: BLE001 - whatever it is
             from sar_compiler.checks.internal_errors import failure_of_file
 
-            self._report([failure_of_file(path, error)])
+            self._report([failure_of_file(path, error, name)])
 
     def _check(self, path: Path) -> None:
         from sar_compiler.tree.content import real_path
-        from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+        from sar_compiler.tree.diagnostic import TreeError
 
         try:
             tree = self._workspace.load_file(path)
-        except UnreadableFileError as error:
-            self._tell(str(error))
-            return
-        except TreeError as error:
+        except TreeError:
             self._checked += 1
-            self._report(error.findings)
-            return
+            raise
         self._checked += 1
-        try:
-            # A palette that is among the files is spoken of as such.
-            palettes = tree.project.findings
-            self._report(each for each in palettes if real_path(Path(each.source.path)) not in self._places)
-        except TreeError as error:
-            self._report(error.findings)
-            return
-        found = [*tree.findings, *tree.mission_findings]
+        # A palette that is among the files is spoken of as such.
+        palettes = tree.project.findings
+        self._report(each for each in palettes if real_path(Path(each.source.path)) not in self._places)
+        found = tree.findings
         self._report(found)
-        found += self._tried(tree)
+        found = [*found, *tree.mission_findings, *self._tried(tree)]
         self._report(found)
-        self._count_fixable(tree)
+        self._note_fixes(tree)
         if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
             self._clean.append(path)
 
     def _tried(self, tree: "LoadedTree") -> "list[Diagnostic]":
         """Return what a tick of some run of a file raises, as far as runs are tried."""
-        deep, left = self.arguments.deep, _TICKS_OF_ALL - self._ticks
-        if self.arguments.no_deep or (deep is None and left <= 0):
+        deep = self.arguments.deep
+        if self.arguments.no_deep:
             return []
         budgets: list[TrialBudget] = []
 
         def budget() -> "TrialBudget":
-            from sar_compiler.checks.verify.trying import TrialBudget
+            from sar_compiler.checks.trying import WORK, TrialBudget
 
-            budgets.append(TrialBudget(min(_TICKS, left) if deep is None else None, deep))
+            left = WORK * _FILES_TRIED - self._work
+            budgets.append(TrialBudget(min(WORK, left) if deep is None else None, deep))
             return budgets[0]
 
         found = tree.try_runs(budget)
-        self._ticks += sum(each.spent for each in budgets)
-        return found
+        self._work += sum(each.spent for each in budgets)
+        # A tree of a file that others include is tried in each of them.
+        new = [each for each in found if (each.source.path, each.span) not in self._raising]
+        self._raising.update((each.source.path, each.span) for each in new)
+        return new
 
     def _report(self, findings: "Iterable[Diagnostic]") -> None:
         """Report findings, each once: a file may be included by several, or have trees that several use."""
         new = []
         for finding in findings:
-            key = (finding.source.path, finding.span, finding.code, finding.message)
-            if key not in self._said:
-                self._said.add(key)
+            if finding.identity not in self._said:
+                self._said.add(finding.identity)
                 new.append(finding)
         self.findings += new
 
-    def _count_fixable(self, tree: "LoadedTree") -> None:
-        if self.arguments.format == _TEXT and any(finding.suggestion for finding in tree.findings):
-            from sar_compiler.checks.fixing import fixes
+    def _note_fixes(self, tree: "LoadedTree") -> None:
+        """Keep how the findings of a file can be fixed, where the form tells it."""
+        form = self.arguments.format
+        if form in (_TEXT, _SARIF) and any(finding.suggestion for finding in tree.findings):
+            from sar_compiler.checks.fixing import each_fix, fixes
 
-            self._fixable += len(fixes(tree.source, tree.tree_file, tree.findings))
+            file = tree.source, tree.tree_file, tree.findings
+            self._fixable += len(fixes(*file))
+            self._fixes.update((fix.finding.identity, fix) for fix in each_fix(*file))
 
     @property
     def _told(self) -> "Sequence[Diagnostic]":
@@ -286,7 +298,7 @@ class _Validation:
         elif form == _SARIF:
             from sar_compiler.views.sarif import findings_as_sarif
 
-            print(findings_as_sarif(self.findings))
+            print(findings_as_sarif(self.findings, self._fixes))
         elif form == _GITHUB and self.findings:
             from sar_compiler.views.findings import findings_as_github
 

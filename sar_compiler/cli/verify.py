@@ -10,7 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import count
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
+from sar_compiler.cli.loading import (
+    FILE_HELP,
+    FORMAT_HELP,
+    add_mission,
+    add_params,
+    add_project_options,
+    workspace,
+)
 from sar_compiler.cli.terminal import ProgressLine, findings_as_text
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE, print_error, print_text
 
@@ -33,7 +40,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--properties",
         metavar="P.yaml",
-        help="what must hold in every run (default: what the mission brings)",
+        help="a file of properties, which must hold in every run (default: what the mission brings)",
     )
     parser.add_argument(
         "--tree", metavar="ID", help="the tree to verify (default: the one the file executes)"
@@ -44,13 +51,13 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=_assignment,
         metavar="FACT=VALUE",
-        help="the initial value of a fact, such as zones_left=4; may be repeated",
+        help="the initial value of a fact, such as points_left=4; may be repeated",
     )
     parser.add_argument(
         "--export",
         type=Path,
         metavar="PREFIX",
-        help="write the states and ticks for other tools, as PRISM's explicit files PREFIX.sta, .tra and .lab; in a "
+        help="write the states and ticks for PRISM and Storm, as the explicit files PREFIX.sta, .tra and .lab; in a "
         "folder, they are named after the tree",
     )
     add_params(parser)
@@ -59,7 +66,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         type=count,
         default=_MAX_STATES,
         metavar="N",
-        help=f"explore at most N states (default {_MAX_STATES})",
+        help=f"explore at most N states, and leave open what would take more (default {_MAX_STATES})",
     )
     parser.add_argument(
         "--jobs",
@@ -70,9 +77,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     )
     add_project_options(parser)
     add_mission(parser)
-    parser.add_argument(
-        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
-    )
+    parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=verify_file)
 
 
@@ -191,7 +196,7 @@ def _typed(pairs: "list[tuple[str, str]]") -> "Document | None":
 def _assignment(text: str) -> tuple[str, str]:
     name, sign, value = text.partition("=")
     if not (name.strip() and sign and value.strip()):
-        message = f"'{text}' is not FACT=VALUE, such as zones_left=4"
+        message = f"'{text}' is not FACT=VALUE, such as points_left=4"
         raise argparse.ArgumentTypeError(message)
     return name.strip(), value.strip()
 

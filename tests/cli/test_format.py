@@ -7,6 +7,13 @@ import pytest
 from tests.cli import running
 
 ROUGH = {"xml": "<root a='1'><!-- why -->\n<A/></root>", "yaml": "root: {a: '1', children: [A]}  # why\n"}
+DECLARED = {
+    "utf-8": "UTF-8",
+    "utf-8-sig": "UTF-8",
+    "utf-16": "UTF-16",
+    "utf-16-be": "UTF-16",
+    "iso-8859-1": "ISO-8859-1",
+}
 NEAT = {
     "xml": '<?xml version="1.0" encoding="UTF-8"?>\n<root a="1">  <!-- why -->\n  <A/>\n</root>\n',
     "yaml": "root:\n  a: 1\n  children:\n    - A\n# why\n",
@@ -47,11 +54,28 @@ def test_shipped_trees_are_in_canonical_form(capsys):
     assert run(capsys, "--check", *sorted(Path("trees").iterdir())) == (0, "", "")
 
 
-def test_line_ends_and_a_byte_order_mark_are_part_of_the_form(capsys, tmp_path):
-    path = tmp_path / "tree.yaml"
-    path.write_bytes(b"\xef\xbb\xbfroot:\r\n  a: 1\r\n")
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "iso-8859-1"])
+def test_encoding_byte_order_mark_and_line_ends_stay_as_they_are(capsys, rough, encoding, end):
+    form = rough.suffix[1:]
+    if (form, encoding) == ("yaml", "iso-8859-1"):
+        pytest.skip("YAML is Unicode")
+    mark = "\ufeff" if encoding == "utf-16-be" else ""
+    declared = "" if form == "yaml" else f'<?xml version="1.0" encoding="{DECLARED[encoding]}"?>'
+    before = f"{declared}\n{ROUGH[form].replace('why', 'wä€r' if 'utf' in encoding else 'wär')}"
+    rough.write_bytes((mark + before.replace("\n", end)).encode(encoding))
+    neat = NEAT[form].replace("why", "wä€r" if "utf" in encoding else "wär")
+    after = mark + neat.replace("UTF-8", DECLARED[encoding]).replace("\n", end)
+    assert run(capsys, rough) == (0, f"{rough}: written anew\n", "")
+    assert rough.read_bytes() == after.encode(encoding)
+    assert run(capsys, "--check", rough) == (0, "", "")
+
+
+def test_what_the_encoding_of_a_file_has_no_sign_for_stays_a_reference(capsys, tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_bytes(b'<?xml version="1.0" encoding="latin-1"?><root a="&#8364;\xe4"/>')
     assert run(capsys, path)[0] == 0
-    assert path.read_bytes() == b"root:\n  a: 1\n"
+    assert path.read_bytes() == b'<?xml version="1.0" encoding="latin-1"?>\n<root a="&#8364;\xe4"/>\n'
 
 
 def test_a_malformed_file_is_left_alone_and_the_others_are_written(capsys, rough, tmp_path):

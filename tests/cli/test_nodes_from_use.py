@@ -100,6 +100,22 @@ def test_with_the_palette_nothing_is_unknown_any_more(capsys):
     assert (status, "unknown" in out) == (0, False)
 
 
+def test_trees_that_are_in_no_file_of_the_folder_are_in_the_palette_without_ports(capsys):
+    uses = (
+        '<SubTree ID="Go there" at="{pose}"/><SubTree ID="Go there"/><SubTree ID="Held"/><SubTree ID="Rest"/>'
+    )
+    write("ws/uses.xml", document(f"<Sequence>{uses}</Sequence>"))
+    write(
+        "ws/rest.xml", '<root BTCPP_format="4"><BehaviorTree ID="Rest"><AlwaysSuccess/></BehaviorTree></root>'
+    )
+    write("held.xml", '<root BTCPP_format="4"><TreeNodesModel><SubTree ID="Held"/></TreeNodesModel></root>')
+    assert models(capsys, "--model", "held.xml")["Go there"] == ("SubTree", {})
+    assert not {"Held", "Rest"} & models(capsys, "--model", "held.xml").keys()
+    Path("palette.xml").write_text(run(capsys, "nodes", "--from-use", "ws")[1], encoding="utf-8")
+    status, out, _ = run(capsys, "validate", "--model", "palette.xml", "ws")
+    assert (status, "unknown-tree" in out) == (0, False)
+
+
 def test_a_file_that_cannot_be_read_is_passed_over_and_named(capsys):
     write("ws/broken.xml", document("<Sequence>"))
     status, out, err = run(capsys, "nodes", "--from-use", "ws")

@@ -1,7 +1,10 @@
 """The reports of a run, and of a journal: what becomes of the others if one of them cannot be made or written."""
 
+import re
+
 import pytest
 
+from sar_compiler.cli.arguments import REPORT_FORMS
 from sar_compiler.cli.run_report import RunReport, write_reports
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
@@ -54,3 +57,7 @@ def test_of_a_journal_none_is_written_if_one_cannot_be_made(breaking, files):
     with pytest.raises(ZeroDivisionError):
         write_reports(MissionState.of([BEGAN]), files[::-1], None)
     assert not any(file.exists() for file in files)
+
+
+def test_the_help_names_every_form_of_a_report():
+    assert re.findall(r"\.\w+", REPORT_FORMS) == [*reports.FORMS]

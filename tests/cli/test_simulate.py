@@ -378,8 +378,9 @@ def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
     ("text", "said"),
     [
         ("/**: {ros__parameters: {x: [1, a]}}", "params.yaml:1:32: 'x' mixes a whole number with text"),
-        ("/**: {ros__parameters: {patience: long}}", "parameter zone_order: is missing"),
-        (PARAMS.replace("b]", "c]"), "parameter zone_order: names 'c', which has no pose"),
+        ("/**: {ros__parameters: {patience: long}}", "params.yaml:1:25: parameter zone_order: is missing"),
+        (PARAMS.replace("b]", "c]"), "params.yaml:3:21: parameter zone_order: names 'c', which has no pose"),
+        (PARAMS.replace("y: 0", "z: 0"), "\n  {path}:6:17: zones.a.y: is missing"),
         (PARAMS.replace("0.6", "long"), "error[wrong-value]: duration"),
         ("/robot1/search_and_rescue: {ros__parameters: {x: 1}}", "this node is /search_and_rescue"),
         (None, "No such file or directory"),
@@ -391,4 +392,11 @@ def test_a_wrong_parameter_file_has_status_2_and_its_mistakes(capsys, patient, s
         path.unlink()
     status, out, err = run(capsys, *patient)
     assert (status, out) == (2, "")
-    assert said in err
+    assert said.format(path=path) in err
+
+
+def test_a_parameter_that_is_nearly_what_a_run_takes_is_told_where_it_stands(capsys, patient, scenario):
+    path = scenario(PARAMS.replace("tick_rate_hz", "tick_rate"), "params.yaml")
+    assert run(capsys, *patient)[2] == (
+        f"note: {path}:3:41: parameter 'tick_rate' is not read; did you mean 'tick_rate_hz'?\n"
+    )

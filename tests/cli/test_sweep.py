@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
+from tests.processes import children_of
 from tests.slowness import without_progress
 from tests.trees import document
 from tests.waiting import News
@@ -67,11 +68,10 @@ def test_one_process_several_and_a_cluster_give_the_same(capsys):
         assert run(capsys, *wanted, "--dask", cluster.scheduler_address) == one
 
 
-def children_of(process):
-    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="ascii").split()
+def workers_of(process):
     return [
-        int(each)
-        for each in listed
+        each
+        for each in children_of(process.pid)
         if "spawn_main" in Path(f"/proc/{each}/cmdline").read_text(encoding="utf-8")
     ]
 
@@ -84,8 +84,8 @@ def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
     try:
         news = News()
         with news:
-            news.wait_until(lambda: len(children_of(process)) == 2, lambda: "the two workers do not start")
-        for worker in children_of(process):
+            news.wait_until(lambda: len(workers_of(process)) == 2, lambda: "the two workers do not start")
+        for worker in workers_of(process):
             os.kill(worker, signal.SIGKILL)
         out, err = process.communicate()
     finally:

@@ -34,6 +34,37 @@ _ARTIFACT = {
     "additionalProperties": False,
 }
 _PHYSICAL = {"type": "object", "properties": {"artifactLocation": _ARTIFACT, "region": _REGION}}
+_REPLACEMENT = {
+    "type": "object",
+    "required": ["deletedRegion"],
+    "properties": {
+        "deletedRegion": _REGION,
+        "insertedContent": {
+            "type": "object",
+            "properties": {"text": {"type": "string"}},
+            "additionalProperties": False,
+        },
+    },
+    "additionalProperties": False,
+}
+_CHANGE = {
+    "type": "object",
+    "required": ["artifactLocation", "replacements"],
+    "properties": {
+        "artifactLocation": _ARTIFACT,
+        "replacements": {"type": "array", "minItems": 1, "items": _REPLACEMENT},
+    },
+    "additionalProperties": False,
+}
+_FIX = {
+    "type": "object",
+    "required": ["artifactChanges"],
+    "properties": {
+        "description": _MESSAGE,
+        "artifactChanges": {"type": "array", "minItems": 1, "uniqueItems": True, "items": _CHANGE},
+    },
+    "additionalProperties": False,
+}
 _RESULT = {
     "type": "object",
     "required": ["message", "ruleId"],
@@ -45,6 +76,7 @@ _RESULT = {
             "type": "array",
             "items": {"type": "object", "properties": {"physicalLocation": _PHYSICAL}},
         },
+        "fixes": {"type": "array", "items": _FIX, "uniqueItems": True},
     },
 }
 _RULE = {

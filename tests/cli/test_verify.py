@@ -109,7 +109,7 @@ def test_leaves_of_one_name_are_told_apart_by_what_is_around_them(run):
     )
     properties = "properties: {p: {at_end: root == 'SUCCESS'}}"
     out = run(tree, "--properties", "{folder}/p.yaml", p=properties)[1]
-    assert "1  Not/NavigateToBase unavailable, Sequence/NavigateToBase unavailable" in out
+    assert "1  Not/NavigateToBase aborted, Sequence/NavigateToBase aborted" in out
 
 
 def test_the_shipped_mission_is_held_against_the_shipped_properties(capsys):
@@ -186,7 +186,9 @@ def test_a_tree_without_a_mission_takes_parameters_as_keys(run):
     params = "sar_run: {ros__parameters: {goal: 2, tick_rat_hz: 1.0}}"
     status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params)
     assert status == 0
-    assert err.endswith("params.yaml: parameter 'tick_rat_hz' is not read; did you mean 'tick_rate_hz'?\n")
+    assert err.endswith(
+        "params.yaml:1:38: parameter 'tick_rat_hz' is not read; did you mean 'tick_rate_hz'?\n"
+    )
     status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params.replace("sar_run", "other"))
     assert "the file's sections are for /other; this node is /sar_run\n" in err
 
@@ -242,9 +244,17 @@ def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
     status, out, err = run(document("<OwnSequence><AdvanceZone/></OwnSequence>"), *nodes)
     assert (status, err) == (0, "")
     assert "5 answers: 5 proved" in out
-    status, out, err = run(document("<OwnThread><AdvanceZone/></OwnThread>"), *nodes)
+    status, out, err = run(document("<TickingMystery><AdvanceZone/></TickingMystery>"), *nodes)
     assert (status, out) == (1, "")
-    assert "nothing can be decided: 'OwnThread' is a tests.checks.verify.own_controls.OwnThread, whose" in err
+    assert "error[only-described]: <TickingMystery> has methods of its own" in err
+
+
+def test_a_file_of_properties_says_what_stands_for_a_class_with_methods_of_its_own(run):
+    nodes = ("--nodes", "tests.checks.verify.own_controls", "--properties", "{folder}/p.yaml")
+    tree = document("<TickingMystery><AdvanceZone/></TickingMystery>")
+    status, out, err = run(tree, *nodes, p="controls: {TickingMystery: Sequence}")
+    assert (status, err) == (0, "")
+    assert "4 answers: 4 proved" in out
 
 
 def test_a_condition_that_cannot_be_evaluated_everywhere_is_named(run):

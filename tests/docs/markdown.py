@@ -95,14 +95,17 @@ def links(page: Path) -> list[tuple[int, str]]:
     return [(number, target) for number, line in prose(page) for target in _LINK.findall(_uncoded(line))]
 
 
+def headings(page: Path) -> list[tuple[str, str]]:
+    """Return the headings of a page, each behind what GitHub makes an anchor of."""
+    found = [_HEADING.match(line) for _, line in prose(page)]
+    return [(_slug(heading[2]), heading[2]) for heading in found if heading]
+
+
 def anchors(page: Path) -> set[str]:
     """Return the anchors that GitHub makes of a page's headings."""
     made: dict[str, int] = {}
-    for _, line in prose(page):
-        heading = _HEADING.match(line)
-        if heading:
-            slug = _slug(heading[2])
-            made[slug] = made.get(slug, -1) + 1
+    for slug, _ in headings(page):
+        made[slug] = made.get(slug, -1) + 1
     return {
         f"{slug}-{number}" if number else slug for slug, most in made.items() for number in range(most + 1)
     }

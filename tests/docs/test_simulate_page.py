@@ -1,14 +1,11 @@
 """The page about simulating does what it says, and leaves nothing out."""
 
-import argparse
 import json
 from pathlib import Path
 
-from sar_compiler.cli.simulate import add_simulate
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.testing import simulate
 from tests.docs.markdown import blocks, codes, tables
-from tests.docs.test_tables_and_drawings import options_of
 from tests.docs.test_worked_pages import LEAVES, follow
 from tests.trees import document
 
@@ -39,13 +36,6 @@ def test_every_expectation_is_in_the_table():
 def test_every_key_of_a_step_is_shown():
     shown = " ".join(first_codes("What leaves answer"))
     assert [key for key in SCHEMA["definitions"]["step"]["properties"] if f"{key}:" not in shown] == []
-
-
-def test_every_option_is_in_the_table():
-    command = argparse.ArgumentParser()
-    add_simulate(command)
-    own = set(options_of(command)) - {"--nodes", "--model", "--include-path", "--trust", "--scenario"}
-    assert {code.split()[0] for code in first_codes("The command") if code.startswith("--")} == own
 
 
 GRAB = '''

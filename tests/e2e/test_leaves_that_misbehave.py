@@ -119,13 +119,18 @@ def test_the_calls_that_led_to_a_failure_are_shown_where_they_are_asked_for(fly)
         ("time_limit:=5.0", "parameter 'time_limit' is not read; did you mean 'time_limit_sec'?"),
     ],
 )
-def test_a_parameter_that_is_nearly_what_a_tree_takes_is_warned_of(start, given, note):
+@pytest.mark.parametrize("is_in_file", [False, True])
+def test_a_parameter_that_is_nearly_what_a_tree_takes_is_warned_of(start, tmp_path, given, note, is_in_file):
     folder = Path("examples/drive_to_goal")
+    name, _, value = given.partition(":=")
+    written = tmp_path / "own.yaml"
+    written.write_text(f"/**: {{ros__parameters: {{{name}: {value}}}}}\n", encoding="utf-8")
+    of_file = ["--ros-args", "--params-file", written]
     run = start(
         "sar-run", folder / "drive_to_goal.xml", "--nodes", "examples.drive_to_goal.leaves",
-        "--params", folder / "params.yaml", "--ros-args", "-p", given,
+        "--params", folder / "params.yaml", *(of_file if is_in_file else ["--ros-args", "-p", given]),
     )  # fmt: skip
-    run.wait_for(note)
+    run.wait_for(f"{written}:1:25: {note}" if is_in_file else f" {note}")
     run.wait_for("Waiting for")
     run.stop()
     assert run.output.count("is not read") == 1, run.output

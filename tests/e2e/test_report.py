@@ -25,14 +25,15 @@ def test_a_flight_is_reported_with_its_map_its_way_and_who_was_found(start, tmp_
     run = start("sar-run", "--sim", "--speed", "20", *asked, "--ros-args", "-p", "zone_order:=[zone_a]", *GEO)
     assert run.end() == 0, run.output
     data = json.loads(out[1].read_text(encoding="utf-8"))
-    (survivor,) = data["survivors"]
-    assert (survivor["name"], survivor["zone"], survivor["report"]) == (
+    (survivor,) = data["landmarks"]["survivors"]
+    assert (survivor["name"], survivor["within"], survivor["report"]) == (
         "survivor_1",
         "zone_a",
         "acknowledged",
     )
-    assert (data["outcome"], data["simulated"], data["home"]) == ("complete", True, True)
-    assert data["noted"] == []
+    assert (data["outcome"], data["simulated"]) == ("complete", True)
+    assert data["landmarks"]["base"][0]["state"] == "home"
+    assert data["facts"][-1]["text"] == "reached the base station"
     assert len(data["path"]) > 3
     assert 'href="data:image/png;base64,' in out[0].read_text(encoding="utf-8")
     assert geojson.loads(out[2].read_text(encoding="utf-8")).is_valid
@@ -57,11 +58,11 @@ def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_pat
     assert start("sar-run", "--sim", "--speed", "20", *again, *ros).end() == 0
     data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
     assert len(data["runs"]) == 2
-    assert {zone["name"]: zone["state"] for zone in data["zones"]} == {
+    assert {zone["name"]: zone["state"] for zone in data["landmarks"]["zones"]} == {
         "zone_a": "visited",
         "zone_b": "visited",
     }
-    assert [each["name"] for each in data["survivors"]] == ["survivor_1"]
+    assert [each["name"] for each in data["landmarks"]["survivors"]] == ["survivor_1"]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from tests.processes import Command, in_order
 pytestmark = pytest.mark.ros
 
 
-def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=()):
+def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameters=()):
     """Fly the resilient tree with faults to zones; return the run, ended, and its exit status."""
     options = [*options, *(word for fault in faults for word in ("--fault", fault))]
     run = Command(
@@ -22,6 +22,7 @@ def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=()):
         "--ros-args",
         "-p",
         f"zone_order:={zones}",
+        *parameters,
     )
     try:
         return run, run.end()
@@ -45,6 +46,17 @@ def test_without_faults_the_mission_says_and_does_what_the_contract_has():
     run, status = fly()
     assert status == 0, run.output
     assert [line for line in run.log if line in set(MISSION_LOG)] == MISSION_LOG
+
+
+def test_a_rehearsal_like_nav2_has_nav2_s_recoveries_and_codes():
+    wall = ("-p", "zones.zone_a.x:=3.0", "-p", "zones.zone_a.y:=-3.0")
+    run, status = fly(zones="[zone_a]", options=("--like", "nav2"), parameters=wall)
+    assert status == 1, run.output
+    assert (
+        len([line for line in run.log if line.startswith("Navigation to zone_a failed:") and "208" in line])
+        == 6
+    )
+    assert any("the robot backs up" in line for line in run.log), run.output
 
 
 def test_what_fails_once_is_tried_again_where_the_robot_is():

@@ -30,7 +30,7 @@ def test_groot2_sees_a_mission_and_may_hold_it_only_if_allowed(start, tree):
     port = free_port()
     run = start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("Wait RUNNING")
     with closing(Client(port)) as client:
-        assert client.statuses() == {1: RUNNING, 2: RUNNING}
+        client.see({1: RUNNING, 2: RUNNING})
         assert client.ask("D") == [b"[]"]
     run.stop()
     run = start("sar-run", tree, "--view", "text", "--groot2", port, "--groot2-hooks").wait_for(

@@ -125,9 +125,12 @@ def test_a_patrol_that_dies_is_resumed_without_a_second_photo_of_any_point(start
     assert run.end() == 0, run.output
     assert [line for line in run.log if line.startswith("Driving")] == ["Driving to yard..."]
     assert "Patrol: 3 of 3 photos" in run.output
-    noted = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["noted"]
-    assert [each["data"] for each in noted if each["kind"] == "photo_taken"] == [
+    data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    facts = data["facts"]
+    assert [each["data"] for each in facts if each["kind"] == "photo_taken"] == [
         {"photo": f"photo_{number}"}
         for number in (1, 2, 1)  # the camera has begun anew, too
     ]
-    assert [each["kind"] for each in noted].count("point_left") == 3
+    assert [each["kind"] for each in facts].count("point_left") == 3
+    assert [point["level"] for point in data["landmarks"]["points"]] == ["done"] * 3
+    assert [(figure["value"], figure["of"]) for figure in data["figures"]] == [(3, 3)]

@@ -37,6 +37,13 @@ def test_everything_that_is_started_shows_its_output_as_on_a_terminal(file: Laun
         assert said == ("'screen'", "True"), f"line {call.lineno}: {ast.unparse(call)}"
 
 
+def test_what_draws_in_place_is_told_that_its_lines_are_passed_on(file: LaunchFile):
+    for call in file.calls("Node"):
+        ours = pattern(keyword(call, "package")) == "sar_compiler"
+        if ours and any(matches(keyword(call, "executable"), each) for each in ("sar-run", "sar-sim")):
+            assert ast.unparse(keyword(call, "additional_env")) == "PASSED_ON", f"line {call.lineno}"
+
+
 def test_every_argument_that_is_looked_at_is_declared(file: LaunchFile):
     assert file.used() <= file.declared()
 

@@ -118,7 +118,7 @@ def test_bt_navigator_gives_its_servers_the_time_that_a_small_computer_needs(nam
 @pytest.mark.parametrize("name", COSTMAPS)
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("robot_radius", 0.22), ("resolution", 0.05), ("inflation_layer.inflation_radius", 0.30)],
+    [("robot_radius", 0.22), ("resolution", 0.05), ("inflation_layer.inflation_radius", 0.55)],
 )
 def test_both_costmaps_are_of_this_robot(name, key, value):
     assert costmap(name)[key] == value

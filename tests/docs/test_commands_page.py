@@ -1,0 +1,244 @@
+"""The page of the commands is made of their parsers: each command, argument, choice and default, as `--help` has it."""
+
+import argparse
+import os
+import re
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli import compile as sar_compile
+from sar_compiler.cli import journal_command as sar_journal
+from sar_compiler.cli import run as sar_run
+from sar_compiler.cli import sim as sar_sim
+from sar_compiler.cli.loading import PROJECT_OPTIONS, add_project_options
+from sar_compiler.missions import survivor_servers
+from sar_compiler.ros.serving import server_parser
+from sar_compiler.testing import RENEW
+from tests.docs.markdown import headings
+
+PAGE = Path("docs/commands.md")
+PARSERS = [
+    sar_compile._parser(),
+    sar_run._parser(),
+    sar_journal._parser(),
+    sar_sim._parser(),
+    server_parser(*survivor_servers.DETECT),
+    server_parser(*survivor_servers.REPORT),
+]
+# The pages that say more, by command, or command and option.
+MORE = {
+    "sar-compile validate": ["writing_a_tree.md", "configuration.md"],
+    "sar-compile validate --fix": ["configuration.md#what---fix-mends"],
+    "sar-compile validate --deep": ["findings/failing-tick.md"],
+    "sar-compile show": ["drawings.md"],
+    "sar-compile convert": ["yaml.md", "btcpp.md"],
+    "sar-compile simulate": ["simulate.md"],
+    "sar-compile sweep": ["sweep.md"],
+    "sar-compile verify": ["verify.md"],
+    "sar-compile explain": ["findings/README.md"],
+    "sar-compile nodes --from-use": [
+        "getting_started.md#the-first-five-minutes-with-somebody-elses-workspace"
+    ],
+    "sar-compile completion": ["installing.md#completion-in-the-shell"],
+    "sar-run": ["running.md"],
+    "sar-run --params": ["parameter_file.md"],
+    "sar-run --like": ["nav2.md#the-stand-in"],
+    "sar-run --mission": ["missions.md"],
+    "sar-run --view": ["watching.md", "page.md"],
+    "sar-run --groot2": ["other_tools.md#groot2"],
+    "sar-run --publish": ["other_tools.md#in-ros"],
+    "sar-run --record": ["other_tools.md#a-recording"],
+    "sar-run --check": ["mission.md#before-the-flight"],
+    "sar-run --guardian": ["security.md#the-guardian"],
+    "sar-run --engine": ["getting_started.md#what-ticks-the-tree"],
+    "sar-run --journal": ["journal.md"],
+    "sar-run --supervise": ["journal.md#a-supervisor"],
+    "sar-run --report": ["reports.md"],
+    "sar-run --fault": ["running.md#rehearsing-faults"],
+    "sar-journal": ["journal.md#sar-journal"],
+    "sar-journal why": ["why.md"],
+    "sar-journal report": ["reports.md"],
+    "sar-journal replay": ["page.md#replay-and-several-robots"],
+    "sar-sim run": ["nav2.md#the-stand-in", "world.md"],
+    "sar-sim map": ["map.md"],
+    "sar-sim sweep": ["sweep.md#in-the-simulator"],
+}
+HEAD = """# Commands
+
+All commands and their options, as `--help` has them. Every command has `--help` and `--version`, which also shows whether what ticks
+trees is compiled. Options are not abbreviated. [Completion](installing.md#completion-in-the-shell) in the shell knows them all.
+`…` behind an argument: it may be repeated.
+
+<!-- Made of the parsers by `make schemas`. -->
+"""
+SHARED = """## For every command that reads trees
+
+[A project's configuration](configuration.md) says the same once for all its trees.
+
+"""
+
+
+def page():
+    """Return the page, as the parsers make it."""
+    project = argparse.ArgumentParser(add_help=False)
+    add_project_options(project)
+    every = [section(parser, f"## {parser.prog}", parser.prog) for parser in PARSERS]
+    return "\n".join([HEAD, *every, f"{SHARED}{table(project, '')}\n"])
+
+
+def section(parser, heading, prog):
+    """Return what the page says of a command, and of each of its subcommands."""
+    about = f"{prose(parser.description)}{links_of(prog, ' See')}"
+    parts = [
+        heading,
+        about if about.endswith(".") else f"{about}.",
+        epilog(parser.epilog or ""),
+        table(parser, prog),
+    ]
+    commands = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    for name, command in commands[0].choices.items() if commands else ():
+        parts.append(section(command, f"### {prog} {name}", f"{prog} {name}"))
+    return "\n\n".join(part.rstrip("\n") for part in parts if part) + "\n"
+
+
+def epilog(text):
+    """Return what stands at the end of a help text; each exit status on a line of its own."""
+    told, sign, statuses = prose(text).partition("Exit status: ")
+    listed = re.sub(r"(?:^|; )(\d+\b)", r"\n- \1", statuses)
+    return f"{told}{sign.strip()}\n{listed}" if sign else told
+
+
+def table(parser, prog):
+    """Return the table of a parser's arguments; those that add to the project's configuration in one row."""
+    shared = [
+        action
+        for group in parser._action_groups
+        if group.title == PROJECT_OPTIONS and prog
+        for action in group._group_actions
+    ]
+    rows = [
+        f"| {named(action)} | {meaning(parser, action)}{links_of(' '.join([prog, *action.option_strings[:1]]), '; see')} |"
+        for action in arguments(parser)
+        if action not in shared
+    ]
+    if shared:
+        options = ", ".join(f"`{action.option_strings[0]}`" for action in shared)
+        rows.append(
+            f"| {options} | see [for every command that reads trees](#for-every-command-that-reads-trees) |"
+        )
+    return "\n".join(["| argument | means |", "|---|---|", *rows]) if rows else ""
+
+
+def arguments(parser):
+    """Return the arguments of a parser that no other command has just so."""
+    others = (argparse._SubParsersAction, argparse._HelpAction)
+    return [
+        each
+        for each in parser._actions
+        if not isinstance(each, others) and "--version" not in each.option_strings
+    ]
+
+
+def named(action):
+    """Return how an argument is written, with its value."""
+    value = action.metavar or "|".join(action.choices or ()) or action.dest.upper()
+    if action.nargs == 0:
+        value = ""
+    elif action.nargs == "?":
+        value = f"[{value}]"
+    repeated = action.nargs == "+" or isinstance(action, argparse._AppendAction)
+    value += "…" if repeated and value else ""
+    names = action.option_strings or [""]
+    return ", ".join(f"`{f'{name} {value}'.strip()}`" for name in names).replace("|", "\\|")
+
+
+def meaning(parser, action):
+    """Return what an argument means, and with which it cannot be used."""
+    others = [
+        f"`{other.option_strings[0]}`"
+        for group in parser._mutually_exclusive_groups
+        if action in group._group_actions
+        for other in group._group_actions
+        if other is not action
+    ]
+    text = prose(action.help.replace("; may be repeated", ""))
+    return f"{text}; not with {' or '.join(others)}" if others else text
+
+
+def prose(text):
+    """Return a text of `--help` for Markdown, with the options in it as code."""
+    text = re.sub(r"(?<![\w-])-(-[a-z]\w*)+(-\w+)*", lambda found: f"`{found[0]}`", text)
+    return text.replace("<", "\\<").replace("|", "\\|")
+
+
+def links_of(key, before):
+    """Return the links to the pages that say more, with what stands before them; nothing where there are none."""
+    found = [f"[{title(goal)}]({goal})" for goal in MORE.get(key, ())]
+    return f"{before} {', '.join(found)}" if found else ""
+
+
+def title(goal):
+    """Return the heading that a link leads to."""
+    path, _, anchor = goal.partition("#")
+    found = headings(PAGE.parent / path)
+    return next(text for slug, text in found if anchor in ("", slug))
+
+
+def test_the_page_is_made_of_the_parsers_and_reviewed():
+    made = page()
+    if os.environ.get(RENEW):
+        PAGE.write_text(made, encoding="utf-8")
+    assert PAGE.read_text(encoding="utf-8") == made, "renew it: make schemas"
+
+
+def test_every_console_command_is_on_the_page():
+    scripts = entry_points(group="console_scripts").names & {
+        each.name for each in entry_points(group="console_scripts") if each.value.startswith("sar_compiler.")
+    }
+    assert {parser.prog for parser in PARSERS} == scripts
+
+
+def every_parser(parser, prog):
+    yield prog, parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, command in action.choices.items():
+                yield from every_parser(command, f"{prog} {name}")
+
+
+EVERY = [pytest.param(parser, id=prog) for root in PARSERS for prog, parser in every_parser(root, root.prog)]
+
+
+@pytest.mark.parametrize("parser", EVERY)
+def test_every_argument_says_what_it_means_and_its_default(parser):
+    silent = [
+        named(action)
+        for action in arguments(parser)
+        if not action.help or (is_value(action.default) and not says(action.help, action.default))
+    ]
+    assert silent == []
+
+
+def is_value(default):
+    return default not in (None, False, [], argparse.SUPPRESS)
+
+
+def says(text, default):
+    """Return whether a help text says a default; that it is as many as there are processors, in words."""
+    value = ",".join(f"{each:g}" for each in default) if isinstance(default, tuple) else default
+    value = f"{value:g}" if isinstance(value, float) else value
+    return f"default {value}" in text or "(default: " in text
+
+
+def test_every_page_that_says_more_is_of_a_command_or_option_that_exists():
+    known = {prog for root in PARSERS for prog, _ in every_parser(root, root.prog)}
+    known |= {
+        f"{prog} {action.option_strings[0]}"
+        for root in PARSERS
+        for prog, parser in every_parser(root, root.prog)
+        for action in arguments(parser)
+        if action.option_strings
+    }
+    assert set(MORE) <= known
