@@ -285,3 +285,33 @@ def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for()
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("\n", "")
+
+
+HOW_TO_ADD = (
+    Path("docs/architecture.md")
+    .read_text(encoding="utf-8")
+    .partition("\n## How to add\n")[2]
+    .split("\n## ")[0]
+)
+# What looks like a file: with a folder, or with an ending.
+NAMED_FILE = re.compile(r"[\w.]+/[\w./-]*|[\w-]+\.(?:py|js|md|toml|yaml|xml|json|css|html)")
+NAMED_MODULE = re.compile(r"([a-z]\w*)((?:\.[a-z]\w*)+)")
+
+
+def find_named(name):
+    """Return what a name in the code font stands for: a path (capitals stand for anything), or a module of a room; None for no such name."""
+    if NAMED_FILE.fullmatch(name):
+        return [each for root in (Path(), PACKAGE) for each in root.glob(re.sub("[A-Z]{3,}", "*", name))]
+    module = NAMED_MODULE.fullmatch(name)
+    if module and (PACKAGE / module[1]).is_dir():
+        path = PACKAGE.joinpath(*name.split("."))
+        return [each for each in (path, path.with_suffix(".py")) if each.exists()]
+    return None
+
+
+@pytest.mark.parametrize("entry", HOW_TO_ADD.split("\n### ")[1:], ids=lambda entry: entry.partition("\n")[0])
+def test_every_file_named_under_how_to_add_exists(entry):
+    named = {name: find_named(name) for name in re.findall("`([^`\n]+)`", entry)}
+    files = {name: found for name, found in named.items() if found is not None}
+    assert files
+    assert [name for name, found in files.items() if not found] == []
