@@ -28,8 +28,7 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.nodes.registry import Named, Registry
 from sar_compiler.project import load
 from sar_compiler.project.simulated import Simulated, play_scenario
-from sar_compiler.views.outline import outline
-from sar_compiler.views.text import ascii_tree
+from sar_compiler.views.outline import ascii_tree, outline
 
 __all__ = [
     "RENEW",

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from sar_compiler.testing import compiled
-from sar_compiler.views.svg import svg
+from sar_compiler.views.drawing import svg
 
 TREES = {
     "trees/search_and_rescue.xml": (),

@@ -7,7 +7,7 @@ from typing import NoReturn
 from sar_compiler.commands import CommandParser
 
 REPORT_FORMS = "in the form of the file's ending: .html to print and hand on, .json, or in the world's coordinates .geojson, .cot, .cap"
-"""What the help says of the files of reports: the endings of `views.reports.FORMS`, which take too long to import for it."""
+"""What the help says of the files of reports: the endings of `views.mission_report.FORMS`, which take too long to import for it."""
 
 
 class Parser(CommandParser):

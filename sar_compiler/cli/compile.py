@@ -48,7 +48,7 @@ _STATUSES = (
     "Exit status: 0 if nothing was found; 1 for findings; 2 for wrong usage or a file that is missing or cannot be read; "
     "3 if a rule of the project's own failed (the other findings are told)."
 )
-# Each is a function of a module of `views` that has its name.
+# Each is a function of `views.drawing` that has its name.
 _PICTURES = ("svg", "mermaid", "dot")
 
 
@@ -145,15 +145,16 @@ def _show(arguments: argparse.Namespace) -> int:
 
         print(as_json(outline(tree)))
     elif form in _PICTURES:
-        view = importlib.import_module(f"sar_compiler.views.{form}")
-        drawing = getattr(view, form)(tree)
-        print(drawing, end="")
-        if form == "mermaid" and view.too_large(drawing):
+        from sar_compiler.views import drawing
+
+        picture = getattr(drawing, form)(tree)
+        print(picture, end="")
+        if form == "mermaid" and drawing.too_large(picture):
             print_error(
                 f"{PROG}: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit"
             )
     else:
-        from sar_compiler.views.text import ascii_tree, unicode_tree, with_tags
+        from sar_compiler.views.outline import ascii_tree, unicode_tree, with_tags
 
         print_text(with_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree), end="")
     return OK

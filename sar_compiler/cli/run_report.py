@@ -10,7 +10,7 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.displaying import displayed
-from sar_compiler.views.reports import report_text, require_form
+from sar_compiler.views.mission_report import report_text, require_form
 
 
 class RunReport:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.runtime.expressions import Script
-    from sar_compiler.views.junit import PlayedScenario
+    from sar_compiler.views.runs import PlayedScenario
 
 
 class ScenarioFolderError(SarError):
@@ -121,7 +121,7 @@ def _play(
     from sar_compiler.checks.simulate.scenario_files import read_scenario
     from sar_compiler.compiler.stand_ins import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.junit import PlayedScenario
+    from sar_compiler.views.runs import PlayedScenario
 
     try:
         play = stage.play() if path is None else read_scenario(path, stage)
@@ -164,7 +164,7 @@ def _trace_failure(run: "Run") -> "list[Failure]":
     """Compare the trace with the file that the scenario names, if any."""
     from sar_compiler.checks.golden import difference
     from sar_compiler.checks.simulate.judging import Failure
-    from sar_compiler.views.trace import trace
+    from sar_compiler.views.runs import trace
 
     expect = run.scenario.expect
     different = difference(expect.trace, trace(run), "the trace now") if expect.trace else None
@@ -172,9 +172,7 @@ def _trace_failure(run: "Run") -> "list[Failure]":
 
 
 def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argparse.Namespace) -> None:
-    from sar_compiler.views.junit import junit
-    from sar_compiler.views.runs import runs_as_json
-    from sar_compiler.views.trace import coverage_text, trace, verdict
+    from sar_compiler.views.runs import coverage_text, junit, runs_as_json, trace, verdict
 
     shown = coverage if arguments.coverage else None
     if arguments.format == "json":

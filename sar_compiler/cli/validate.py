@@ -261,7 +261,7 @@ class _Validation:
         """The findings as people are told them."""
         if self.arguments.all or len(self.findings) <= 1:
             return self.findings
-        from sar_compiler.views.causes import by_cause
+        from sar_compiler.views.findings import by_cause
 
         return by_cause(self.findings)
 
@@ -296,7 +296,7 @@ class _Validation:
 
             print(findings_as_json(self.findings))
         elif form == _SARIF:
-            from sar_compiler.views.sarif import findings_as_sarif
+            from sar_compiler.views.findings import findings_as_sarif
 
             print(findings_as_sarif(self.findings, self._fixes))
         elif form == _GITHUB and self.findings:

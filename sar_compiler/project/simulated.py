@@ -13,7 +13,7 @@ from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
 from sar_compiler.checks.simulate.scenario_files import Play, read_scenario, understand
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
-from sar_compiler.views.trace import failure_line, trace
+from sar_compiler.views.runs import failure_line, trace
 
 if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree

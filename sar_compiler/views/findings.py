@@ -1,16 +1,27 @@
-"""Findings for editors and continuous integration, as JSON and as commands of GitHub Actions; pages about their kinds."""
+"""Findings: each cause once for people; for editors and continuous integration as JSON, SARIF and commands of GitHub Actions."""
 
-from collections.abc import Iterable
+import urllib.parse
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sar_compiler.resources import shipped
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity
+from sar_compiler.tree.kinds import KINDS, SEVERITIES
 from sar_compiler.tree.showing import visible
+from sar_compiler.tree.source import Source, Span
 from sar_compiler.views.plain import as_json
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.fixing import Fix
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
 # The characters that would end a message, and those that would end a property as well.
-_IN_MESSAGES = {"%": "%25", "\r": "%0D", "\n": "%0A"}
-_IN_PROPERTIES = {**_IN_MESSAGES, ":": "%3A", ",": "%2C"}
+_ALWAYS = {"%": "%25", "\r": "%0D", "\n": "%0A"}
+_IN_MESSAGES = str.maketrans(_ALWAYS)
+_IN_PROPERTIES = str.maketrans({**_ALWAYS, ":": "%3A", ",": "%2C"})
 
 
 def findings_as_json(findings: Iterable[Diagnostic]) -> str:
@@ -50,13 +61,9 @@ def _command(finding: Diagnostic) -> str:
     else:
         properties["endLine"] = span.end_line
     properties["title"] = finding.code
-    listed = ",".join(f"{name}={_escaped(str(value), _IN_PROPERTIES)}" for name, value in properties.items())
+    listed = ",".join(f"{name}={str(value).translate(_IN_PROPERTIES)}" for name, value in properties.items())
     message = "\n".join(map(visible, (finding.message, finding.advice))).rstrip()
-    return f"::{_COMMANDS[finding.severity]} {listed}::{_escaped(message, _IN_MESSAGES)}"
-
-
-def _escaped(text: str, escapes: dict[str, str]) -> str:
-    return "".join(escapes.get(character, character) for character in text)
+    return f"::{_COMMANDS[finding.severity]} {listed}::{message.translate(_IN_MESSAGES)}"
 
 
 def page_of(code: str) -> str:
@@ -66,3 +73,146 @@ def page_of(code: str) -> str:
         ResourceError: If it is not installed.
     """
     return shipped("docs/findings", f"{code}.md").read_text("utf-8")
+
+
+FEW = 3
+"""The most places of a cause in one file, and the most messages of one, that are told by themselves."""
+
+_NAMED = 8
+
+
+def by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Return one finding for each cause, at its first place, with how many more there are.
+
+    Up to `FEW` places in one file are findings of their own; so are the messages of a cause that has up to `FEW`.
+    """
+    causes = _groups(findings, lambda each: (each.cause, each.severity))
+    return [told for group in causes for told in _of_one_cause(group)]
+
+
+def _groups(findings: Iterable[Diagnostic], key: Callable[[Diagnostic], Hashable]) -> list[list[Diagnostic]]:
+    """Return findings in groups of equal keys, in the order of the first ones."""
+    groups: dict[Hashable, list[Diagnostic]] = {}
+    for each in findings:
+        groups.setdefault(key(each), []).append(each)
+    return list(groups.values())
+
+
+def _of_one_cause(group: Sequence[Diagnostic]) -> list[Diagnostic]:
+    by_message = _groups(group, lambda each: each.message)
+    cause = group[0].common_cause
+    if cause is not None and len(by_message) > FEW:
+        return [replace(group[0], message=_listed(cause, group), suggestion=None)]
+    return [told for places in by_message for told in _of_one_message(places)]
+
+
+def _of_one_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
+    files = {each.source.path for each in places}
+    if len(places) <= FEW and len(files) == 1:
+        return places
+    first, others = places[0], places[1:]
+    near = ", ".join(f"{each.source.path}:{each.span.line}" for each in others[:FEW])
+    more = ", ..." if others[FEW:] else ""
+    where = f"and in {_count(len(others), 'more place')}: {near}{more}"
+    return [replace(first, message=f"{first.message}; {where}")]
+
+
+def _listed(cause: Cause, group: Iterable[Diagnostic]) -> str:
+    """Return the sentence that lists what a cause is about, the most frequent first."""
+    counts = Counter(each.common_cause.subject for each in group if each.common_cause)
+    named = ", ".join(f"'{subject}' ({number:,})" for subject, number in counts.most_common(_NAMED))
+    others = f" and {len(counts) - _NAMED:,} more" if len(counts) > _NAMED else ""
+    return f"{cause.text}: {named}{others}, in {_count(counts.total(), 'place')}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+_LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
+
+
+def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, "Fix"]) -> str:
+    """Return findings as a SARIF log with one run; columns count units of UTF-16, the standard's default.
+
+    Args:
+        findings: The findings.
+        fixes: How some of them are mended without asking, by their `identity`.
+    """
+    from importlib.metadata import version
+
+    codes = sorted({finding.code for finding in findings})
+    driver = {
+        "name": "sar-compile",
+        "version": version("sar_compiler"),
+        "rules": [_rule(code) for code in codes],
+    }
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "utf16CodeUnits",
+        "newlineSequences": ["\r\n", "\r", "\n"],
+        "results": list(_results(findings, codes, fixes)),
+    }
+    return as_json({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]})
+
+
+def _rule(code: str) -> dict[str, object]:
+    page = page_of(code)
+    return {
+        "id": code,
+        "shortDescription": {"text": KINDS[code]},
+        "help": {"text": page, "markdown": page},
+        "defaultConfiguration": {"level": _LEVELS[SEVERITIES[code]]},
+    }
+
+
+def _results(
+    findings: Iterable[Diagnostic], codes: Sequence[str], fixes: Mapping[object, "Fix"]
+) -> Iterable[dict[str, object]]:
+    for finding in findings:
+        source = finding.source
+        location = {
+            "artifactLocation": _artifact(source.path),
+            "region": _region(source, finding.span),
+        }
+        fix = fixes.get(finding.identity)
+        yield {
+            "ruleId": finding.code,
+            "ruleIndex": codes.index(finding.code),
+            "level": _LEVELS[finding.severity],
+            "message": {"text": f"{finding.message}\n{finding.advice}".rstrip()},
+            "locations": [{"physicalLocation": location}],
+            "properties": {"cause": finding.cause},
+            **({"fixes": [_fix(fix)]} if fix is not None else {}),
+        }
+
+
+def _fix(fix: "Fix") -> dict[str, object]:
+    source = fix.finding.source
+    replacement = {
+        "deletedRegion": _region(source, source.span(fix.start, fix.end)),
+        "insertedContent": {"text": fix.text},
+    }
+    change = {"artifactLocation": _artifact(source.path), "replacements": [replacement]}
+    return {"description": {"text": fix.finding.advice}, "artifactChanges": [change]}
+
+
+def _region(source: Source, span: Span) -> dict[str, int]:
+    return {
+        "startLine": span.line,
+        "startColumn": _column(source, span.line, span.column),
+        "endLine": span.end_line,
+        "endColumn": _column(source, span.end_line, span.end_column),
+    }
+
+
+def _column(source: Source, line: int, column: int) -> int:
+    """Return a column in units of UTF-16, from 1."""
+    return len(source.line(line)[: column - 1].encode("utf-16-le", "surrogatepass")) // 2 + 1
+
+
+def _artifact(path: str) -> dict[str, str]:
+    if Path(path).is_absolute():
+        return {"uri": Path(path).as_uri()}
+    return {"uri": urllib.parse.quote(Path(path).as_posix()), "uriBaseId": "%SRCROOT%"}

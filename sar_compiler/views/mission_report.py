@@ -1,12 +1,19 @@
-"""The report of a mission as plain data: what the forms in which it is written have in common."""
+"""The report of a mission: as plain data, which its forms have in common, and as text by the ending of the file."""
 
+import os
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
+from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.errors import SarError
-from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState
 from sar_compiler.journal.situation import FactTime, Landmark, Level
+from sar_compiler.nodes.imports import load
+from sar_compiler.tree.content import real_path
+from sar_compiler.views.plain import as_json
 
 
 class ReportError(SarError):
@@ -142,3 +149,80 @@ def _node(node: NodeState) -> dict[str, Any]:
         "status": node.status or None,
         "message": node.message,
     }
+
+
+def json_report(state: MissionState) -> str:
+    """Return the report of a mission as JSON."""
+    return as_json(report_data(state)) + "\n"
+
+
+class ReportForm(NamedTuple):
+    """A form of a report.
+
+    Attributes:
+        function: The import path of what returns the report of a mission, imported when one is written.
+        is_of_the_world: Whether it is in coordinates of the world.
+        libraries: What it takes besides.
+    """
+
+    function: str
+    is_of_the_world: bool = False
+    libraries: Sequence[str] = ()
+
+
+_EXCHANGE = "sar_compiler.views.report_exchange"
+FORMS: Mapping[str, ReportForm] = {
+    ".html": ReportForm("sar_compiler.views.report_html:html_report"),
+    ".json": ReportForm("sar_compiler.views.mission_report:json_report"),
+    ".geojson": ReportForm(f"{_EXCHANGE}:geojson_report", is_of_the_world=True, libraries=["geojson"]),
+    ".cot": ReportForm(f"{_EXCHANGE}:cot_report", is_of_the_world=True),
+    ".cap": ReportForm(f"{_EXCHANGE}:cap_report", is_of_the_world=True, libraries=["cap_tools", "xsdata"]),
+}
+"""The forms of reports by the endings of their files."""
+
+
+def require_form(file: Path, place: Georeference | None) -> None:
+    """Check that a report can be written, before there is anything to report.
+
+    Args:
+        file: Where it is to be written.
+        place: Where the map lies on the earth, if that is known.
+
+    Raises:
+        ReportError: If it cannot.
+        ImportError: If a library that it takes is not installed.
+    """
+    form = FORMS.get(file.suffix.lower())
+    if form is None:
+        message = f"a report ends in {', '.join(FORMS)}, and {file} does not"
+        raise ReportError(message)
+    if form.is_of_the_world and place is None:
+        message = (
+            f"{file} has coordinates of the world, which takes {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} in the "
+            "parameter file: where the origin of the frame map lies, in degrees, and where its x axis points, clockwise from "
+            "north"
+        )
+        raise ReportError(message)
+    for library in (*(() if place is None else ("pyproj",)), *form.libraries):
+        import_module(library)
+    obstacle = _obstacle(file.absolute())
+    if obstacle:
+        message = f"{file} cannot be written: {obstacle}"
+        raise ReportError(message)
+
+
+def _obstacle(file: Path) -> str:
+    """Return why a file cannot be written, as far as that is known before; empty if nothing is known."""
+    if not file.parent.is_dir():
+        return f"there is no folder {file.parent}"
+    if file.is_dir():
+        return "it is a folder"
+    # A device is written to; a file is put in the place of the one that is there.
+    written = file if file.exists() and not file.is_file() else real_path(file).parent
+    return "" if os.access(written, os.W_OK) else f"{written} may not be written to"
+
+
+def report_text(state: MissionState, file: Path | str) -> str:
+    """Return the report of a mission in the form of a file."""
+    text: str = load(FORMS[Path(file).suffix.lower()].function)(state)
+    return text

@@ -1,10 +1,14 @@
-"""A compiled tree as plain data: what `show --format json` prints and golden tests compare."""
+"""A compiled tree as plain data, which `show --format json` prints and golden tests compare, and as text."""
 
+from collections.abc import Callable
 from typing import Any
 
+import py_trees
 from py_trees.behaviour import Behaviour
+from py_trees.composites import Composite
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.runtime.walking import pre_order
 from sar_compiler.views.plain import plain
 
 # These are keys of their own in the outline, where readers expect them.
@@ -33,3 +37,39 @@ def _outline(tree: CompiledTree, behaviour: Behaviour) -> dict[str, Any]:
     node["file"] = element.source.path
     node["line"] = element.line
     return node
+
+
+# As text, in the notation that py_trees users know.
+
+
+def unicode_tree(root: Behaviour) -> str:
+    """Draw a tree."""
+    return _drawn(py_trees.display.unicode_tree, root)
+
+
+def ascii_tree(root: Behaviour) -> str:
+    """Draw a tree with ASCII characters only; see `unicode_tree`."""
+    return _drawn(py_trees.display.ascii_tree, root)
+
+
+def with_tags(drawing: str, tree: CompiledTree) -> str:
+    """Add to the drawing of a tree what its leaves and decorators are, where their names do not say it."""
+    lines, behaviours = drawing.rstrip("\n").split("\n"), list(pre_order(tree.root))
+    if len(behaviours) != len(lines):  # a constructor has given a name of several lines
+        return drawing
+    return "".join(f"{line}{_tag(each, tree)}\n" for line, each in zip(lines, behaviours, strict=True))
+
+
+def _tag(behaviour: Behaviour, tree: CompiledTree) -> str:
+    bound = tree.origins[behaviour.id].bound
+    tag = bound.spec.tag
+    # A wrapper that an attribute asks for has a name of its own; a composite has its sign.
+    is_other = behaviour.name != bound.name or isinstance(behaviour, Composite)
+    if is_other or behaviour.name in (tag, f"{tag}?"):
+        return ""
+    called = bound.element.attributes["ID"] if bound.subtree is not None else behaviour.name
+    return f"  <{tag}>" if called == behaviour.name else f'  <{tag} ID="{called}">'
+
+
+def _drawn(draw: Callable[[Behaviour], str], root: Behaviour) -> str:
+    return draw(root).rstrip("\n") + "\n"

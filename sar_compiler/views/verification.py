@@ -9,7 +9,7 @@ from sar_compiler.checks.verify.traces import Trace, TraceTick, ValueChange
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, Event, StubLeaf
 from sar_compiler.views.plain import as_json, plain
-from sar_compiler.views.trace import leaf_labels
+from sar_compiler.views.runs import leaf_labels
 
 _WIDTH = 110
 

@@ -10,7 +10,7 @@ import pytest
 
 from sar_compiler.cli.compile import main
 from sar_compiler.testing import compiled
-from sar_compiler.views.text import unicode_tree, with_tags
+from sar_compiler.views.outline import unicode_tree, with_tags
 from tests.cli.running import run
 from tests.trees import document
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.testing import compiled
-from sar_compiler.views.dot import dot
-from sar_compiler.views.mermaid import mermaid
-from sar_compiler.views.text import unicode_tree, with_tags
+from sar_compiler.views.drawing import dot, mermaid
+from sar_compiler.views.outline import unicode_tree, with_tags
 from tests.docs.markdown import PAGES, blocks
 
 PAGE = Path("docs/drawings.md")

@@ -20,7 +20,7 @@ from sar_compiler.testing import compiled
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.xml import parse_xml
-from sar_compiler.views.text import unicode_tree
+from sar_compiler.views.outline import unicode_tree
 from tests.docs.markdown import blocks, codes, tables
 
 README = Path("README.md")

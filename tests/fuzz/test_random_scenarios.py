@@ -14,7 +14,7 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
-from sar_compiler.views.trace import trace
+from sar_compiler.views.runs import trace
 
 SCENARIOS = [path.read_text(encoding="utf-8") for path in sorted(Path("examples/scenarios").glob("*.yaml"))]
 PIECES = [

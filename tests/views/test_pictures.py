@@ -12,10 +12,7 @@ from lxml import etree
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.testing import compiled
-from sar_compiler.views.dot import dot
-from sar_compiler.views.drawing import Shape, drawn_nodes
-from sar_compiler.views.mermaid import mermaid, too_large
-from sar_compiler.views.svg import _NARROW, _placed, svg
+from sar_compiler.views.drawing import _NARROW, Shape, _placed, dot, drawn_nodes, mermaid, svg, too_large
 from tests.trees import document, forest_of
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -21,11 +21,10 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.displaying import displayed
-from sar_compiler.views.mission_report import ReportError, report_data
+from sar_compiler.views.mission_report import FORMS, ReportError, report_data, report_text, require_form
 from sar_compiler.views.report_exchange import cot_report
 from sar_compiler.views.report_html import html_report
 from sar_compiler.views.report_map import report_map
-from sar_compiler.views.reports import FORMS, report_text, require_form
 
 NASTY = "<script>alert('x')</script>&\x1b[2J"
 VIENNA = {"georeference.lat": 48.2, "georeference.lon": 16.37, "georeference.heading": 90.0}

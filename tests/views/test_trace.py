@@ -5,9 +5,15 @@ from xml.etree import ElementTree as ET
 
 from sar_compiler.checks.simulate.coverage import Coverage
 from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.views.junit import PlayedScenario, junit
-from sar_compiler.views.runs import runs_as_json
-from sar_compiler.views.trace import coverage_text, leaf_labels, trace, verdict
+from sar_compiler.views.runs import (
+    PlayedScenario,
+    coverage_text,
+    junit,
+    leaf_labels,
+    runs_as_json,
+    trace,
+    verdict,
+)
 from tests.checks.simulate.stage import played
 
 WAITS = """
