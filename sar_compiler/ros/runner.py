@@ -14,7 +14,7 @@ import py_trees
 import rclpy
 from py_trees.behaviour import Behaviour
 from py_trees.common import Duration, Status
-from py_trees.visitors import DisplaySnapshotVisitor, SnapshotVisitor, VisitorBase
+from py_trees.visitors import DisplaySnapshotVisitor, VisitorBase
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.node import Node
@@ -81,10 +81,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._live: LiveTree | None = None
         self._hooks: TickHooks | None = None
         self._held: Generator[None, None, None] | None = None
-        self._snapshot: SnapshotVisitor | None = None
         if unicode_tree_debug:
-            self._snapshot = DisplaySnapshotVisitor()
-            self.add_visitor(self._snapshot)
+            self.add_visitor(DisplaySnapshotVisitor())
         self.node: Node | None = None
         self.last_status = Status.INVALID
         self.failure: Exception | None = None
@@ -96,17 +94,6 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._ticks_left = py_trees.trees.CONTINUOUS_TICK_TOCK
         self._running = self._ticking = self._stopped = self._shut_down = self._woken = False
         self.post_tick_handlers.append(self._remember_status)
-
-    @property
-    def snapshot_visitor(self) -> SnapshotVisitor:
-        """The nodes that were ticked last, by their ids; from the first time on that it is asked for."""
-        if self._snapshot is None:
-            self._snapshot = SnapshotVisitor()
-            for behaviour in self.root.iterate():
-                if behaviour.status != Status.INVALID:
-                    self._snapshot.run(behaviour)
-            self.add_visitor(self._snapshot)
-        return self._snapshot
 
     @property
     def running(self) -> bool:
