@@ -40,9 +40,9 @@ class Kind(str, Enum):
 
     def takes(self, children: int) -> bool:
         """Return whether BehaviorTree.CPP reads such a node with a number of children."""
-        if self.is_leaf:
-            return children == 0
-        return children == 1 or (children > 1 and self is Kind.CONTROL)
+        if self is Kind.CONTROL:
+            return children > 0
+        return children == (0 if self.is_leaf else 1)
 
 
 class Direction(str, Enum):

@@ -137,11 +137,14 @@ MISTAKES = {
         ("unread-key", 4, 15, None),
         "'a' is written here, and nothing ever reads it",
     ),
-    "an assignment in a condition": (
-        '<Sequence>\n<Script code="a := 1"/>\n<Success _skipIf="a = 2"/>\n</Sequence>',
-        ("assignment-as-condition", 5, 21, "=="),
-        "'=' gives 'a' a value, where a condition is wanted",
-    ),
+    **{
+        f"an assignment in {attribute}": (
+            f'<Sequence>\n<Script code="a := 1"/>\n<Success {attribute}="a = 2"/>\n</Sequence>',
+            ("assignment-as-condition", 5, 14 + len(attribute), "=="),
+            "'=' gives 'a' a value, where a condition is wanted",
+        )
+        for attribute in ("_failureIf", "_successIf", "_skipIf", "_while")
+    },
     "an assignment to a variable that nobody makes, in a condition": (
         '<Precondition if="a = 1 &lt; 2; a = 2"><Success/></Precondition>',
         ("assignment-as-condition", 3, 35, "=="),

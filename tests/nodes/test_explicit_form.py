@@ -5,6 +5,7 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.diagnostic import Severity
 from tests.trees import errors, forest
 
 REGISTRY = default_registry()
@@ -27,6 +28,22 @@ def found(body):
 )
 def test_a_node_may_be_written_with_its_kind(body):
     assert found(body) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "tag", "read"),
+    [
+        ("Control", "Success", (1, 2, 3)),
+        ("Decorator", "Success", (1,)),
+        ("Action", "Inverter", (0,)),
+        ("Condition", "Success", (0,)),
+    ],
+)
+def test_a_wrong_kind_is_an_error_where_behaviortree_cpp_wants_other_children(kind, tag, read):
+    for children in range(4):
+        findings = check(forest(f'<{kind} ID="{tag}">{"<Success/>" * children}</{kind}>'), REGISTRY)
+        (finding,) = [each for each in findings if each.code == "wrong-kind"]
+        assert (finding.severity is Severity.WARNING) == (children in read)
 
 
 def test_both_forms_compile_to_the_same():

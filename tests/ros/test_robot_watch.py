@@ -162,6 +162,20 @@ def test_a_plan_is_not_told_after_the_end_of_its_goal(watched):
     assert len(watched.told("plan")) == 1
 
 
+@pytest.mark.parametrize(("count", "told"), [(1, 1), (200, 200), (201, 101), (1000, 201)])
+def test_of_a_long_plan_some_200_points_are_told_and_the_goal_among_them(watched, count, told):
+    from geometry_msgs.msg import PoseStamped
+    from nav_msgs.msg import Path
+
+    plan = Path(poses=[PoseStamped() for _ in range(count)])
+    for number, stamped in enumerate(plan.poses):
+        stamped.pose.position.x = float(number)
+    watched.watch._take("plan", plan)
+    (points,) = [data["points"] for data in watched.told("plan")]
+    assert len(points) == told
+    assert (points[0], points[-1]) == ((0.0, 0.0), (count - 1.0, 0.0))
+
+
 def test_of_others_warnings_only_so_many_and_so_much_is_written(watched):
     from rcl_interfaces.msg import Log
 

@@ -76,6 +76,12 @@ def test_the_page_is_served_with_a_policy_that_lets_nothing_else_in(live):
     assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self'")
     assert "unsafe" not in policy
     assert (headers["X-Content-Type-Options"], headers["Referrer-Policy"]) == ("nosniff", "no-referrer")
+    assert (headers["Cross-Origin-Opener-Policy"], headers["Cross-Origin-Resource-Policy"]) == (
+        "same-origin",
+        "same-origin",
+    )
+    # No browser shows the page of another mission, or of an older version, from its store.
+    assert headers["Cache-Control"] == "no-store"
 
 
 def test_the_page_names_nothing_outside_itself(live):
