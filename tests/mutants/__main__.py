@@ -14,7 +14,8 @@ from tests.mutants.equivalent import EQUIVALENT
 from tests.mutants.mutating import Mutant, mutants_of
 from tests.mutants.running import Bench
 
-PACKAGES = ("sar_compiler/checks", "sar_compiler/nodes", "sar_compiler/compiler")
+_ROOMS = ("checks", "cli", "compiler", "journal", "monitoring", "nodes", "project", "ros", "views", "web")
+PACKAGES = tuple(f"sar_compiler/{room}" for room in _ROOMS)
 
 
 def all_mutants(root: Path, paths: list[str]) -> list[Mutant]:

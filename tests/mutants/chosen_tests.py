@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-CHOSEN, NOTED = "MUTANTS_CHOSEN", "MUTANTS_NOTED"
-"""The environment variables that name a file with what to run, and one for what came of it."""
+CHOSEN, NOTED, PROCESSES = "MUTANTS_CHOSEN", "MUTANTS_NOTED", "MUTANTS_PROCESSES"
+"""The environment variables that name a file with what to run, one for what came of it, and how processes are measured."""
+CURRENT = "PYTEST_CURRENT_TEST"
+"""The variable in which pytest tells the processes of a test which one and which part of it began them."""
 _seconds: dict[str, float | None] = {}
 
 
@@ -23,12 +25,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items[:] = [*(by_id[each] for each in asked["chosen"] if each in by_id), *new]
 
 
+def pytest_runtest_setup() -> None:
+    """Have the processes that tests begin measured: not those in which the tests are run."""
+    if PROCESSES in os.environ:
+        os.environ["COVERAGE_PROCESS_START"] = os.environ[PROCESSES]
+
+
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Note how many seconds a test took; None if it failed."""
     before = _seconds.get(report.nodeid, 0.0)
     _seconds[report.nodeid] = None if before is None or report.failed else before + report.duration
 
 
-def pytest_sessionfinish() -> None:
-    """Write what was noted."""
-    Path(os.environ[NOTED]).write_text(json.dumps(_seconds), encoding="utf-8")
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Write what was noted, also of what was run by workers."""
+    if not hasattr(session.config, "workerinput"):
+        Path(os.environ[NOTED]).write_text(json.dumps(_seconds), encoding="utf-8")

@@ -17,11 +17,21 @@ from typing import Any
 
 from coverage import CoverageData
 
-from tests.mutants.chosen_tests import CHOSEN, NOTED
+from tests.mutants.chosen_tests import CHOSEN, CURRENT, NOTED, PROCESSES
 from tests.mutants.mutating import Mutant
 
 _NOT_COPIED = shutil.ignore_patterns(".git", ".venv*", ".*_cache", ".hypothesis", "__pycache__", "build")
-_PYTEST = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "chosen_tests", "-m", "not ros and not slow")
+_PYTEST = (
+    "-m",
+    "pytest",
+    "-q",
+    "-p",
+    "no:cacheprovider",
+    "-p",
+    "chosen_tests",
+    "-m",
+    "not slow and not nav2",
+)
 # The first round has the quickest tests, of so many seconds together; most mutants do not live longer.
 _FIRST_SEC = 3.0
 # The last round has tests that only seem to have nothing to do with the mutant.
@@ -79,37 +89,55 @@ class Bench:
     def _collect(self, packages: Sequence[str]) -> dict[str, float | None]:
         """Return how many seconds each test takes, None if it fails; run those whose file is new, and note what they reach."""
         self._cache.mkdir(parents=True, exist_ok=True)
-        notes, settings = self._cache / "notes.json", self._cache / "coverage.ini"
+        notes = self._cache / "notes.json"
         text = notes.read_text(encoding="utf-8") if notes.exists() else "[{}, {}]"
         collected, found = json.loads(text)
         self._collected: dict[str, str] = collected or self._modules
         files = sorted((self._copy / "tests").rglob("test_*.py"))
         hashes = {str(file.relative_to(self._copy)): _hash_of(file.read_bytes()) for file in files}
         known: dict[str, Any] = {file: own for file, own in found.items() if hashes.get(file) == own[0]}
-        if new := [file for file in hashes if file not in known]:
-            source = "".join(f"\n  {package}" for package in packages)
-            run = f"[run]\nrelative_files = true\ndata_file = {self._cache / 'reach'}\nsource ={source}\n"
-            settings.write_text(run, encoding="utf-8")
-            coverage = (
-                "--cov",
-                "--cov-append",
-                "--cov-context=test",
-                "--cov-report=",
-                f"--cov-config={settings}",
-            )
-            seconds, _ = self._run([*coverage, *new], None)
+        # Kept folder by folder: who is interrupted goes on where he was.
+        unknown = [file for file in hashes if file not in known]
+        for room, group in itertools.groupby(unknown, _room_of):
+            sys.stderr.write(f"measuring {room}\n")
+            new = list(group)
+            seconds = self._measure(packages, new)
             for file in new:
                 own = {test: sec for test, sec in seconds.items() if test.partition("::")[0] == file}
                 known[file] = [hashes[file], own]
             notes.write_text(json.dumps([self._collected, known]), encoding="utf-8")
         return {test: sec for _, own in known.values() for test, sec in own.items()}
 
+    def _measure(self, packages: Sequence[str], files: list[str]) -> dict[str, float | None]:
+        """Return how many seconds each test of some files takes, and keep which lines they and their processes reach."""
+        folder = Path(tempfile.mkdtemp(dir=self._copy.parent))
+        source = "".join(f"\n  {self._copy / package}" for package in packages)
+        for name, more in (("tests", ""), ("processes", f"parallel = true\ncontext = ${{{CURRENT}-}}\n")):
+            settings = f"[run]\ndata_file = {folder / name}_reach\n{more}source ={source}\n"
+            (folder / f"{name}.ini").write_text(settings, encoding="utf-8")
+        coverage = ("--cov", "--cov-context=test", "--cov-report=", f"--cov-config={folder / 'tests.ini'}")
+        workers = min(os.cpu_count() or 1, len(files))
+        parallel = ("-n", str(workers), "--dist", "worksteal") if workers > 1 else ()
+        variables = {PROCESSES: str(folder / "processes.ini")}
+        seconds, _ = self._run([*parallel, *coverage, *files], None, variables)
+        reach = CoverageData(str(self._cache / "reach"))
+        reach.read()
+        for file in folder.glob("*_reach*"):
+            data = CoverageData(str(file))
+            data.read()
+            reach.update(data, map_path=lambda path: os.path.relpath(path, self._copy))
+        # Some tests fail only because they are measured.
+        if failed := [test for test, sec in seconds.items() if sec is None]:
+            again, _ = self._run(_files_of(failed), None, self._ask(failed, list(seconds)))
+            seconds |= again
+        return seconds
+
     def _rounds(self, mutant: Mutant) -> list[list[str]]:
         """Return which tests to run: the quickest that reach the lines, then the others that do, then some more.
 
         The last round is for what is done but once in a process: only the first test seems to reach it.
         """
-        near, rooms = self._reaching(mutant), Path(mutant.path).parts[1:-1]
+        near, rooms = self.reaching(mutant), Path(mutant.path).parts[1:-1]
 
         def priority(test: str) -> tuple[int, float]:
             is_near = any(f"/{room}/" in test for room in rooms)
@@ -126,25 +154,36 @@ class Bench:
         count = bisect.bisect_right(ends, seconds)
         return tests[:count], tests[count:]
 
-    def _reaching(self, mutant: Mutant) -> set[str]:
+    def reaching(self, mutant: Mutant) -> set[str]:
+        """Return the tests that come to the lines of a mutant, themselves or by a process or a fixture."""
         contexts = self._reach.contexts_by_lineno(mutant.path)
         is_as_it_was = self._collected[mutant.path] == self._modules[mutant.path]
         lines = mutant.lines if is_as_it_was else ()
         on_lines = {test for line in lines for test in contexts.get(line, []) if test}
         # What is done when a module is imported is done for all who use the module.
         found = on_lines or {test for tests in contexts.values() for test in tests if test}
-        return {context.rpartition("|")[0] for context in found} & self._seconds.keys()
+        tests, begun = set(), set()
+        for test, phase in map(_test_and_phase, found):
+            tests.add(test)
+            if phase == "setup":
+                begun.add(test.partition("::")[0])
+        # What a fixture does, it may do for all tests of the file.
+        tests |= {test for test in self._seconds if test.partition("::")[0] in begun}
+        return tests & self._seconds.keys()
 
     def _failing(self, tests: list[str]) -> str:
-        asked = self._copy.parent / "asked.json"
-        asked.write_text(json.dumps({"chosen": tests, "known": list(self._known)}), encoding="utf-8")
-        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
         limit = _START_SEC + _SLOWER * sum(self._seconds[test] for test in tests)
-        noted, status = self._run(["-x", *files], limit, {CHOSEN: str(asked)})
+        noted, status = self._run(["-x", *_files_of(tests)], limit, self._ask(tests, list(self._known)))
         failed = [test for test, seconds in noted.items() if seconds is None]
         self._killers.update(failed)
         nothing_failed = status in (0, _NO_TESTS)
         return "" if nothing_failed else failed[0] if failed else _NO_END if status is None else _NO_START
+
+    def _ask(self, tests: list[str], known: list[str]) -> dict[str, str]:
+        """Return the variables that have pytest run some tests, and those that are not known."""
+        asked = self._copy.parent / "asked.json"
+        asked.write_text(json.dumps({"chosen": tests, "known": known}), encoding="utf-8")
+        return {CHOSEN: str(asked)}
 
     def _run(
         self, arguments: Sequence[str], limit_sec: float | None, variables: dict[str, str] | None = None
@@ -153,10 +192,11 @@ class Bench:
         notes = self._copy.parent / "noted.json"
         notes.write_text("{}", encoding="utf-8")
         path = os.pathsep.join([str(self._copy), str(Path(__file__).parent)])
+        kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
         process = subprocess.Popen(
             [sys.executable, *_PYTEST, *arguments],
             cwd=self._copy,
-            env={**os.environ, "PYTHONPATH": path, NOTED: str(notes), **(variables or {})},
+            env={**kept, "PYTHONPATH": path, NOTED: str(notes), **(variables or {})},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
@@ -170,6 +210,21 @@ class Bench:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
         return json.loads(notes.read_text(encoding="utf-8")), status
+
+
+def _room_of(file: str) -> str:
+    """Return the folder of `tests` that a file is in."""
+    return "/".join(Path(file).parent.parts[:2])
+
+
+def _files_of(tests: list[str]) -> list[str]:
+    return list(dict.fromkeys(test.partition("::")[0] for test in tests))
+
+
+def _test_and_phase(context: str) -> tuple[str, str]:
+    """Return what a context of coverage names: `test|setup`; `test (setup)` in a process that was begun then."""
+    test, _, phase = context.removesuffix(")").rpartition("|" if "|" in context[-10:] else " (")
+    return test, phase
 
 
 _NO_TESTS = 5

@@ -19,11 +19,27 @@ def is_late(ticks):
 '''
 
 TEST = """
+import subprocess
+import sys
+
+import pytest
+
 from toy import is_late
+
+@pytest.fixture(scope="module")
+def answer():
+    command = "import toy; print(toy.is_late(9))"
+    return subprocess.run([sys.executable, "-c", command], capture_output=True, text=True).stdout
 
 def test_the_fourth_tick_is_late():
     assert is_late(4)
     assert not is_late(3)
+
+def test_another_process_says_something(answer):
+    assert answer
+
+def test_another_process_answers(answer):
+    assert answer == "True\\n"
 """
 
 
@@ -42,7 +58,14 @@ def checkout_of(root, module, test):
 def test_a_mutant_that_a_test_finds_is_killed_and_one_that_none_finds_survives(tmp_path, capsys):
     checkout = checkout_of(tmp_path / "checkout", MODULE, TEST)
     with closing(Bench(checkout, ["toy"], tmp_path / "cache")) as bench:
-        (survivor,) = survivors_of(bench, all_mutants(checkout, ["toy"]))
+        mutants = all_mutants(checkout, ["toy"])
+        (survivor,) = survivors_of(bench, mutants)
+        # Who calls the function in a process, or has a fixture that does.
+        assert {test.partition("::")[2] for test in bench.reaching(mutants[-1])} == {
+            "test_the_fourth_tick_is_late",
+            "test_another_process_says_something",
+            "test_another_process_answers",
+        }
     assert survivor.change == "7 -> 8"
     told = capsys.readouterr().out
     assert "toy/__init__.py:2: 3 -> 4: killed by tests/test_toy.py::test_the_fourth_tick_is_late" in told
