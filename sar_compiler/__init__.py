@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.values import Milliseconds, Seconds
     from sar_compiler.project import LoadedTree, load
     from sar_compiler.project.simulated import Simulated
-    from sar_compiler.ros.errors import readable_ros_errors
+    from sar_compiler.ros.arguments import readable_ros_errors
     from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
     from sar_compiler.ros.leaves.errors import LeafDefinitionError
@@ -137,7 +137,7 @@ _MODULES = {
     "nodes.values": ("Milliseconds", "Seconds"),
     "project": ("LoadedTree", "load"),
     "project.simulated": ("Simulated",),
-    "ros.errors": ("readable_ros_errors",),
+    "ros.arguments": ("readable_ros_errors",),
     "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
     "ros.leaves.action_leaf": ("ActionLeaf",),
     "ros.leaves.errors": ("LeafDefinitionError",),

@@ -196,7 +196,7 @@ NAMED_ELSEWHERE = {
     "tree/model.py": {"SubTree"},  # a part of the file's grammar, before any node has a meaning
     "tree/matching.py": {"Condition"},  # the explicit form, <Condition ID="...">, not py_trees' decorator
     "nodes/spec.py": {"Condition"},  # the kind, likewise
-    "sim/manner.py": {
+    "sim/navigator.py": {
         "FollowPath"
     },  # the name that Nav2 gives a plugin of its controller, if its parameters do not
     "runtime/kernel/cells.py": {"ForEach"},  # the name of a class that an old py_trees does not have
@@ -242,7 +242,7 @@ SAID_ELSEWHERE = {
     "views/report_exchange.py": {"timezone", "RESCUE"},  # a category of the Common Alerting Protocol
     "views/report_html.py": {"astimezone"},
     "web/static/tree_view.js": {"Home"},  # a key of the keyboard
-    "sim/world_file.py": {"disaster_zone", "zones"},  # a shipped world; the key of its file
+    "sim/world.py": {"disaster_zone", "zones"},  # a shipped world; the key of its file
     "cli/sim_sweep.py": {"disaster_zone"},  # the world of --sim
     "cli/run.py": {"disaster_zone", "search_and_rescue"},  # the world of --sim, and the default tree
     "cli/console.py": {  # two commands that scripts rely on

@@ -11,7 +11,7 @@ from pathlib import Path
 import rclpy
 from nav_msgs.msg import Odometry
 
-from sar_compiler.sim.world_file import find_world
+from sar_compiler.sim.world import find_world
 
 WORLD = "disaster_zone"
 SURVIVORS = {"survivor_1": (-2.5, 3.2), "survivor_2": (4.1, -2.5)}

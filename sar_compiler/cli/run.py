@@ -15,8 +15,7 @@ from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
-from sar_compiler.ros.leaving import leave
-from sar_compiler.ros.middleware import require_middleware
+from sar_compiler.ros.middleware import leave, require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
 from sar_compiler.tree.gc_pause import gc_paused

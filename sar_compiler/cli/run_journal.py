@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from sar_compiler.cli.run import Options
     from sar_compiler.ros.engine import Engine
-    from sar_compiler.ros.requirements import Requirement
+    from sar_compiler.ros.readiness import Requirement
 
 
 class RunJournal:

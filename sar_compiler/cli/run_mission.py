@@ -38,12 +38,12 @@ from sar_compiler.ros.arguments import (
     names_parameter_file,
     node_arguments,
     parameter_files,
+    readable_ros_errors,
     security_arguments,
 )
 from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.clock import mission_clock
-from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
-from sar_compiler.ros.errors import readable_ros_errors
+from sar_compiler.ros.engine import Engine, EngineFactory, SetupFailedError, find_engine, send_cancels
 from sar_compiler.ros.failure_reports import described, failure_text, show_tracebacks, tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.guardian import Guardian
@@ -51,15 +51,12 @@ from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.leaves.interfaces import declared_types
 from sar_compiler.ros.middleware import ros_up
 from sar_compiler.ros.parameter_file import ParameterPlaces, sections_elsewhere
-from sar_compiler.ros.parameter_reader import ParameterReader
+from sar_compiler.ros.parameter_reader import ParameterReader, RunParameters
 from sar_compiler.ros.parameters import DataNode, flat_parameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
-from sar_compiler.ros.run_parameters import RunParameters
-from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.ros.sole_mission import LOOK_SEC, SoleMission
-from sar_compiler.ros.stopping import send_cancels
 from sar_compiler.ros.watch import Watch, refuse_parameters
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.skipping import was_skipped
@@ -193,7 +190,7 @@ def _world(options: "Options") -> "World | None":
     """Return the world to simulate, if any; a wrong name is reported before anything slow is done."""
     if options.sim is None:
         return None
-    from sar_compiler.sim.world_file import find_world
+    from sar_compiler.sim.world import find_world
 
     return find_world(options.sim)
 

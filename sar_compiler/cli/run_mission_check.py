@@ -12,11 +12,11 @@ from rclpy.node import Node
 
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.ros.leaves.interfaces import qos_profile
-from sar_compiler.ros.run_parameters import RunParameters
+from sar_compiler.ros.parameter_reader import RunParameters
 
 if TYPE_CHECKING:
     from sar_compiler.sim.occupancy import OccupancyMap
-    from sar_compiler.sim.route import Leg
+    from sar_compiler.sim.planner import Leg
     from sar_compiler.sim.world import World
 
 _MAP = "map"
@@ -39,7 +39,7 @@ class RouteReport:
     """
 
     def __init__(self, mission: MissionRun, parameters: RunParameters, occupancy: "OccupancyMap") -> None:
-        from sar_compiler.sim.route import plan_route
+        from sar_compiler.sim.planner import plan_route
 
         x, y, _ = parameters.initial_pose
         self._radius, self._speed = parameters.robot_radius_m, parameters.cruise_speed_mps

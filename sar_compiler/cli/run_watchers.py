@@ -77,8 +77,7 @@ class RunWatchers:
         return report
 
     def _opened(self, path: Path) -> "MissionRecording":
-        from sar_compiler.ros.mcap_recorder import RecordingError
-        from sar_compiler.ros.mission_recording import MissionRecording
+        from sar_compiler.ros.mission_recording import MissionRecording, RecordingError
 
         try:
             return self._stack.enter_context(closing(MissionRecording(self._node, path)))

@@ -170,7 +170,7 @@ def _map(options: argparse.Namespace) -> int:
     from sar_compiler.cli.writing import write_bytes
     from sar_compiler.sim.occupancy import map_files
     from sar_compiler.sim.survey import survey
-    from sar_compiler.sim.world_file import find_world
+    from sar_compiler.sim.world import find_world
 
     world = find_world(options.world)
     line = ProgressLine("sar-sim")
@@ -195,11 +195,10 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     require_middleware()
     from sar_compiler.cli.sim_isolation import look_around
     from sar_compiler.cli.sim_parts import other_parts, run_part
-    from sar_compiler.sim.fleet import check_placements
     from sar_compiler.sim.isolation import stay_on_this_machine
-    from sar_compiler.sim.kept_places import KeptPlaces
-    from sar_compiler.sim.simulation import Simulation
-    from sar_compiler.sim.world_file import find_world
+    from sar_compiler.sim.placement import KeptPlaces
+    from sar_compiler.sim.simulation import Simulation, check_placements
+    from sar_compiler.sim.world import find_world
 
     world = find_world(options.world)
     robots = options.robot or [Placement("")]

@@ -98,7 +98,7 @@ def run_part(
     """Be one part of a simulation whose world is in another process; return the exit status."""
     from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.separate import SeparatePart
-    from sar_compiler.sim.world_file import find_world
+    from sar_compiler.sim.world import find_world
 
     world, parent = find_world(options.world), os.environ.get(_PARENT)
     if parent is not None:

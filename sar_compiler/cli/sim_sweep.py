@@ -94,7 +94,7 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
 def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:
     from sar_compiler.project import Workspace
     from sar_compiler.ros.faults import NAVIGATION_FAULTS, parse_fault
-    from sar_compiler.sim.world_file import find_world
+    from sar_compiler.sim.world import find_world
 
     loaded = Workspace(additions(options)).load(options.tree)
     mission = loaded.mission(loaded.binding())

@@ -4,8 +4,13 @@ from typing import NamedTuple
 
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.ros.parameter_reader import ParameterReader, lookalikes
-from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
+from sar_compiler.ros.parameter_reader import (
+    RUN_PARAMETER_NAMES,
+    ParameterReader,
+    RunParameters,
+    lookalikes,
+    read_run,
+)
 
 # The node of a tree that belongs to no mission.
 _PLAIN_NODE_NAME = "sar_run"

@@ -14,12 +14,12 @@ from py_trees.visitors import VisitorBase
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, Hook
-from sar_compiler.monitoring.groot2_protocol import (
+from sar_compiler.monitoring.groot2_requests import (
+    Groot2Hooks,
+    Hook,
     Request,
     RequestError,
     RequestKind,
-    error_reply,
     header,
     read_request,
     reply,
@@ -27,8 +27,7 @@ from sar_compiler.monitoring.groot2_protocol import (
     snapshot,
     transition,
 )
-from sar_compiler.monitoring.numbered_tree import NumberedTree
-from sar_compiler.monitoring.status_changes import StatusChange, StatusChanges
+from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.runtime.blackboard import MissingEntryError
 
@@ -90,9 +89,8 @@ class Groot2Publisher:
         self._transitions: deque[bytes] = deque(maxlen=_LONGEST_RECORDING)
         self._recording_began = 0
         self._is_recording = False
-        self._hooks: Groot2Hooks | None = None
-        if hooks:
-            self._hooks = Groot2Hooks(self._tree, self._tell_of, tell, patience_sec)
+        self._may_hook = hooks
+        self._hooks = Groot2Hooks(self._tree, self._tell_of, tell, patience_sec)
         self._answers: Mapping[RequestKind, Callable[[Request], bytes | None]] = {
             RequestKind.FULL_TREE: lambda _: self._xml,
             RequestKind.STATUS: self._statuses,
@@ -100,12 +98,17 @@ class Groot2Publisher:
             RequestKind.TOGGLE_RECORDING: self._toggle_recording,
             RequestKind.GET_TRANSITIONS: self._take_transitions,
             RequestKind.BREAKPOINT_REACHED: _not_asked,
-            **_hook_answers(self._hooks),
+            RequestKind.HOOK_INSERT: self._changing_hooks(self._hooks.insert),
+            RequestKind.HOOK_REMOVE: self._changing_hooks(self._hooks.remove),
+            RequestKind.BREAKPOINT_UNLOCK: self._changing_hooks(self._hooks.unlock),
+            RequestKind.HOOKS_DUMP: lambda _: self._hooks.dump().encode(),
+            RequestKind.REMOVE_ALL_HOOKS: lambda _: self._hooks.remove_all(),
+            RequestKind.DISABLE_ALL_HOOKS: lambda _: self._hooks.enable(enabled=False),
         }
         self._context = zmq.Context()
         try:
-            self._server = self._bound(zmq.REP, port)
-            self._publisher = self._bound(zmq.PUB, port + 1)
+            self._server = self._bind(zmq.REP, port)
+            self._publisher = self._bind(zmq.PUB, port + 1)
         except BaseException:
             self._context.destroy(linger=0)
             raise
@@ -116,7 +119,7 @@ class Groot2Publisher:
         self._thread: Thread | None = Thread(target=self._serve, name="groot2", daemon=True)
         self._thread.start()
 
-    def _bound(self, kind: int, port: int) -> "zmq.Socket[bytes]":
+    def _bind(self, kind: int, port: int) -> "zmq.Socket[bytes]":
         if not 0 < port <= _LAST_PORT:
             message = f"there is no port {port}: it is a number from 1 to {_LAST_PORT - 1}, and the next one is used as well"
             raise Groot2PortError(message)
@@ -136,7 +139,7 @@ class Groot2Publisher:
         Raises:
             TypeError: If hooks are allowed, and it cannot be held: only a `TreeRunner` can.
         """
-        if self._hooks is not None:
+        if self._may_hook:
             hook, wake = getattr(ticking, "hook", None), getattr(ticking, "wake", None)
             if hook is None or wake is None:
                 message = f"hooks=True: a {type(ticking).__name__} cannot be held in the middle of a tick; a TreeRunner can"
@@ -150,8 +153,7 @@ class Groot2Publisher:
         thread, self._thread = self._thread, None
         if thread is None:
             return
-        if self._hooks is not None:
-            self._hooks.remove_all()
+        self._hooks.remove_all()
         self._stopping.send(_STOPPED)
         thread.join()
         self._context.destroy(linger=0)
@@ -175,20 +177,33 @@ class Groot2Publisher:
         poller.register(self._server, zmq.POLLIN)
         poller.register(self._stopped, zmq.POLLIN)
         while True:
-            ready = dict(poller.poll(None if self._hooks is None else _LOOK_MSEC))
+            ready = dict(poller.poll(_LOOK_MSEC if self._may_hook else None))
             if self._stopped in ready:
                 return
-            if self._hooks is not None:
+            if self._may_hook:
                 (self._hooks.heard if ready else self._hooks.look)()
             if ready:
-                self._server.send_multipart(self._answered(self._server.recv_multipart()))
+                self._server.send_multipart(self._reply(self._server.recv_multipart()))
 
-    def _answered(self, frames: list[bytes]) -> list[bytes]:
+    def _reply(self, frames: list[bytes]) -> list[bytes]:
         try:
             request = read_request(frames)
             return reply(request, self._id, self._answers[request.kind](request))
         except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
-            return error_reply(error)
+            return [b"error", str(error).encode("utf-8", "replace")]
+
+    def _changing_hooks(self, change: Callable[[str], None]) -> Callable[[Request], None]:
+        """Return the answer to a request that changes hooks; to remove them all is always possible."""
+
+        def answer(request: Request) -> None:
+            if not self._may_hook:
+                message = (
+                    "hooks are not allowed here: sar-run --groot2-hooks, or Groot2Publisher(..., hooks=True)"
+                )
+                raise RequestError(message)
+            change(request.payload)
+
+        return answer
 
     def _statuses(self, _: Request) -> bytes:
         with self._lock:  # not for longer: the tick waits for it
@@ -229,33 +244,8 @@ class Groot2Publisher:
         return taken
 
 
-def _hook_answers(hooks: Groot2Hooks | None) -> dict[RequestKind, Callable[[Request], bytes | None]]:
-    """Return the answers to what is asked about hooks; to remove them all is always possible."""
-    if hooks is None:
-        changing = (RequestKind.HOOK_INSERT, RequestKind.HOOK_REMOVE, RequestKind.BREAKPOINT_UNLOCK)
-        return {
-            **dict.fromkeys(changing, _refuse),
-            RequestKind.HOOKS_DUMP: lambda _: b"[]",
-            RequestKind.REMOVE_ALL_HOOKS: lambda _: None,
-            RequestKind.DISABLE_ALL_HOOKS: lambda _: None,
-        }
-    return {
-        RequestKind.HOOK_INSERT: lambda request: hooks.insert(request.payload),
-        RequestKind.HOOK_REMOVE: lambda request: hooks.remove(request.payload),
-        RequestKind.BREAKPOINT_UNLOCK: lambda request: hooks.unlock(request.payload),
-        RequestKind.HOOKS_DUMP: lambda _: hooks.dump().encode(),
-        RequestKind.REMOVE_ALL_HOOKS: lambda _: hooks.remove_all(),
-        RequestKind.DISABLE_ALL_HOOKS: lambda _: hooks.enable(enabled=False),
-    }
-
-
 def _not_asked(_: Request) -> None:
     message = "Request not recognized"
-    raise RequestError(message)
-
-
-def _refuse(_: Request) -> None:
-    message = "hooks are not allowed here: sar-run --groot2-hooks, or Groot2Publisher(..., hooks=True)"
     raise RequestError(message)
 
 

@@ -135,7 +135,7 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     from rclpy.node import Node
     from rclpy.signals import SignalHandlerOptions
 
-    from sar_compiler.ros.leaving import leave
+    from sar_compiler.ros.middleware import leave
 
     context = Context()
     arguments = ["--ros-args", *security] if security else []

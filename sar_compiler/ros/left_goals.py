@@ -16,7 +16,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT
 from sar_compiler.ros.leaves.goal_statuses import FINAL, UNKNOWN
 from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
-from sar_compiler.ros.requirements import Requirement
+from sar_compiler.ros.readiness import Requirement
 
 # A cancel that is not answered, or not followed, is repeated after so many seconds of the steady clock.
 _PERIOD_SEC = 1.0

@@ -1,16 +1,113 @@
-"""What is known of a lifecycle node; `RobotEstimate.lifecycle` has one for each node of a robot."""
+"""What is known of a lifecycle node, which is asked again and again without blocking; `RobotEstimate.lifecycle` has one for each."""
 
 import math
+import time
 from typing import TYPE_CHECKING, Any
 
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 
-from sar_compiler.ros.asked import Asked, with_full_name
 from sar_compiler.ros.awake import AWAKE
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from rclpy.task import Future
+
+_ASK_PERIOD_SEC = 0.5
+# How long a client that was made anew may take to find its server.
+_MEETING_SEC = 1.0
+
+
+class Asked:
+    """A service that is asked again and again for its answer of now.
+
+    An answer that is lost, as may happen while the two sides still discover each other, is not waited for.
+
+    Args:
+        node: The node to ask with.
+        service_type: The Python class of the service, whose request is empty.
+        name: Its relative name.
+
+    Attributes:
+        answer: The last answer; None while there is none, or since one was lost.
+        is_silent: Whether the last question was not answered in time.
+        deadline_sec: How long an answer may take, seconds.
+        known_at: Of when that is, steady seconds: when the question was put, or was given up; before everything while nothing
+            is known.
+        silent_since: When the first of those questions was put that were not answered in a row, as `known_at`; None if the last one was.
+        answered_at: When the last answer came, as `AwakeTime.stood_still_at` has it.
+    """
+
+    deadline_sec: float = 2.0
+
+    def __init__(self, node: "Node", service_type: Any, name: str) -> None:
+        self.answer: Any = None
+        self.is_silent = False
+        self.known_at = self.answered_at = self._renewed_at = -math.inf
+        self.silent_since: float | None = None
+        self._node = node
+        self._type, self._name = service_type, name
+        self._client: Any = node.create_client(service_type, name)
+        self._call: Future | None = None
+        self._asked_at = -math.inf
+        self._is_there = True
+
+    @property
+    def is_there(self) -> bool:
+        """Whether there is a server."""
+        return bool(self._client.service_is_ready())
+
+    def is_awaited(self, since: float = -math.inf) -> bool:
+        """Return whether there is a server of which nothing is known as of a time, steady seconds, or later."""
+        return self._is_there and (self.known_at == -math.inf or self.known_at < since)
+
+    def ask(self, since: float = -math.inf) -> bool:
+        """Take the answer, and ask again if it is due, or if all that is known is of before *since*; return whether there is a server."""
+        now = AWAKE.now()
+        self._is_there = self.is_there
+        if not self._is_there:
+            if now - self._renewed_at < _MEETING_SEC:
+                self._is_there = True
+                return True
+            self._drop()
+            self.answer, self.is_silent, self.known_at, self.silent_since = None, False, -math.inf, None
+            return False
+        self._take_answer()
+        if self._call is None and (now - self._asked_at >= _ASK_PERIOD_SEC or self._asked_at < since):
+            self._asked_at = now
+            self._call = self._client.call_async(self._type.Request())
+        return True
+
+    def close(self) -> None:
+        """Destroy the client."""
+        self._drop()
+        self._node.destroy_client(self._client)
+
+    def _take_answer(self) -> None:
+        if self._call is None:
+            return
+        if self._call.done():
+            self.answer, self.is_silent, self.known_at = self._call.result(), False, self._asked_at
+            self._call = None
+            self.silent_since, self.answered_at = None, time.monotonic()
+        elif (now := AWAKE.now()) - self._asked_at > self.deadline_sec:
+            self.answer, self.is_silent, self.known_at = None, True, now
+            self.silent_since = self.silent_since or self._asked_at
+            # A server that has not found the client's reader drops every answer to it; it may find another one's.
+            self.close()
+            self._client = self._node.create_client(self._type, self._name)
+            self._renewed_at = now
+
+    def _drop(self) -> None:
+        call, self._call = self._call, None
+        if call is not None:
+            self._client.remove_pending_request(call)
+
+
+def with_full_name(name: str, resolved: str) -> str:
+    """Return a name, followed by its resolved form in brackets if that is not obvious."""
+    return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
+
 
 _KNOWN = {State.PRIMARY_STATE_ACTIVE: "active", State.PRIMARY_STATE_INACTIVE: "inactive"}
 

@@ -1,15 +1,22 @@
-"""ROS, up for a while; and whether the middleware that `RMW_IMPLEMENTATION` asks for is installed.
+"""ROS, up for a while: what is looked at before it starts, and the end of a process that has used it.
 
-That is looked at before rcl ends the process over it.
+Whether the middleware that `RMW_IMPLEMENTATION` asks for is installed is looked at before rcl ends the process over it. What Fast DDS
+keeps in shared memory for a process, half a megabyte, one that was killed leaves there for good; it is removed here.
 """
 
+import atexit
+import ctypes
+import fcntl
 import os
+import signal
 import sys
+import threading
+import time
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from sar_compiler.errors import SarError
 
@@ -60,8 +67,7 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
     from rclpy.context import Context
     from rclpy.signals import SignalHandlerOptions
 
-    from sar_compiler.ros.errors import readable_ros_errors
-    from sar_compiler.ros.shared_memory import remove_what_the_dead_left
+    from sar_compiler.ros.arguments import readable_ros_errors
 
     remove_what_the_dead_left()
     context = Context()
@@ -81,3 +87,85 @@ def _installed() -> Iterator[str]:
         folder = Path(prefix) / _INDEX
         if prefix and folder.is_dir():
             yield from (path.name for path in folder.iterdir() if path.name != _LOADER)
+
+
+_FOLDER = Path("/dev/shm")  # noqa: S108 - where Linux has it
+# The file of a segment's lock, which its process holds as long as it lives, is called like the segment, with this ending.
+_LOCK = "_el"
+# A port, unlike a segment, is called by a number: whoever starts next may be about to take the same one.
+_PORTS = "fastrtps_port"
+# Between the making of the file and its lock is a moment; seconds.
+_NEW_SEC = 60.0
+
+
+def remove_what_the_dead_left(folder: Path = _FOLDER) -> int:
+    """Remove the segments of this user's processes that are dead; return how many there were.
+
+    A segment whose lock somebody holds is left alone, and so is whatever is younger than a minute, or another user's.
+    So are ports: a process that starts takes over those of the dead, under a mutex of Fast DDS'. It would find such a port's
+    lock taken while it is being looked at here, or hold the lock of a file that is no longer there, and another process
+    would listen at the same port. Segments have names by chance, which nobody takes again.
+
+    Args:
+        folder: Where segments are.
+    """
+    locks = (lock for lock in folder.glob(f"fastrtps_*{_LOCK}") if not lock.name.startswith(_PORTS))
+    return sum(map(_remove_if_dead, locks))
+
+
+def _remove_if_dead(lock: Path) -> bool:
+    with suppress(OSError):  # it is held, or somebody else has just removed it
+        about = lock.lstat()
+        if about.st_uid != os.geteuid() or time.time() - about.st_mtime < _NEW_SEC:
+            return False
+        descriptor = os.open(lock, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock.with_name(lock.name.removesuffix(_LOCK)).unlink(missing_ok=True)
+            lock.unlink()
+        finally:
+            os.close(descriptor)
+        return True
+    return False
+
+
+_CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
+# How long ROS may take to be taken down, seconds.
+_TAKING_DOWN_SEC = 3.0
+
+
+def leave(status: int, take_down: Callable[[], object]) -> NoReturn:
+    """End this process, whose work is done and written, with its status.
+
+    ROS is taken down all the same: a participant that ends in order leaves the graph of others at once, and its memory in
+    `/dev/shm`. But what is native in it has crashed there where servers had died, and must not change the status: a crash
+    or a hang ends the process as its end would have.
+
+    Args:
+        status: The exit status.
+        take_down: Takes ROS down.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    # What the end of the interpreter does, which there is none of.
+    threading._shutdown()  # type: ignore[attr-defined]  # noqa: SLF001 - others' threads may have work to finish
+    atexit._run_exitfuncs()  # noqa: SLF001
+    libc = ctypes.CDLL(None)
+    _flush(libc)
+    # Python's own handlers would run after what crashed has returned; this one does in the thread that did.
+    handler = ctypes.CFUNCTYPE(None, ctypes.c_int)(lambda _: os._exit(status))
+    for number in (*_CRASHES, signal.SIGALRM):
+        libc.signal(number, handler)
+    signal.setitimer(signal.ITIMER_REAL, _TAKING_DOWN_SEC)
+    with suppress(Exception):
+        take_down()
+    _flush(libc)
+    os._exit(status)
+
+
+def _flush(libc: ctypes.CDLL) -> None:
+    """Write out what is buffered: Python's streams, and ROS' files of its log."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(Exception):
+            stream.flush()
+    libc.fflush(None)

@@ -1,4 +1,4 @@
-"""A mission as a citizen of ROS: its tree's log and state, diagnostics, markers."""
+"""A mission as a citizen of ROS: its tree's log (in the messages of Nav2's) and state, diagnostics, markers."""
 
 import math
 import time
@@ -8,7 +8,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
-from nav2_msgs.msg import BehaviorTreeLog
+from nav2_msgs.msg import BehaviorTreeLog, BehaviorTreeStatusChange
 from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 from rclpy.duration import Duration
@@ -19,12 +19,72 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.situation import CHANGED, Landmark, Situation
-from sar_compiler.monitoring.numbered_tree import NumberedTree
+from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
 from sar_compiler.ros.failure_reports import described
-from sar_compiler.ros.tree_log import TOPIC, TreeLog
-from sar_compiler.runtime.kernel.cells import RUNNING
+from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
+
+TOPIC = "behavior_tree_log"
+
+
+class TreeLog:
+    """Publishes the changes of each tick.
+
+    Args:
+        node: The node whose time the messages have.
+        tree: The tree.
+        tell: Called with each message, in the thread that ticks.
+
+    Attributes:
+        statuses: The status of each node, by its number.
+    """
+
+    def __init__(self, node: Node, tree: NumberedTree, tell: Callable[[BehaviorTreeLog], object]) -> None:
+        self._node, self._tree, self._tell = node, tree, tell
+        self._events: list[BehaviorTreeStatusChange] = []
+        self._changes = StatusChanges(tree, self._note)
+        self.statuses = self._changes.statuses
+
+    def watch(self, engine: Engine) -> None:
+        """Watch what ticks the tree."""
+        engine.add_visitor(self._changes)
+        engine.add_post_tick_handler(self._after_tick)
+
+    def end(self) -> None:
+        """Report how it has ended; nothing is ticked any more."""
+        self._changes.finalise()
+        self._tell_events()
+
+    def state(self) -> BehaviorTreeLog:
+        """Return a message with the status of every node."""
+        events = [self._event(StatusChange(uid, now, now)) for uid, now in enumerate(self.statuses) if uid]
+        return BehaviorTreeLog(timestamp=self._now(), event_log=events)
+
+    def _note(self, change: StatusChange) -> None:
+        self._events.append(self._event(change))
+
+    def _event(self, change: StatusChange) -> BehaviorTreeStatusChange:
+        seconds, nanoseconds = divmod(time.time_ns(), 10**9)
+        return BehaviorTreeStatusChange(
+            timestamp=Time(sec=seconds, nanosec=nanoseconds),
+            node_name=self._tree.nodes[change.uid - 1].name,
+            uid=change.uid,
+            previous_status=WORDS[change.before] or "IDLE",
+            current_status=WORDS[change.status] or "IDLE",
+        )
+
+    def _after_tick(self, _: BehaviourTree) -> None:
+        self._tell_events()
+
+    def _tell_events(self) -> None:
+        if self._events:
+            events, self._events = self._events, []
+            self._tell(BehaviorTreeLog(timestamp=self._now(), event_log=events))
+
+    def _now(self) -> Time:
+        return self._node.get_clock().now().to_msg()
+
 
 # Seconds of the steady clock between two messages that nothing new has happened for.
 _PERIOD_SEC = 1.0

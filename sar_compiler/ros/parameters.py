@@ -7,7 +7,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sar_compiler.ros.errors import RosArgumentError, readable_ros_errors
+from sar_compiler.ros.arguments import RosArgumentError, readable_ros_errors
 
 
 class DataNode(Node):

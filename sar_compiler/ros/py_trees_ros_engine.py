@@ -13,11 +13,9 @@ from py_trees.behaviours import Dummy
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from sar_compiler.ros.depth import require_tickable_depth
+from sar_compiler.ros.engine import give_up, require_tickable_depth, settle, shut_down, stop_behaviours
 from sar_compiler.ros.failure_reports import tell_failure
-from sar_compiler.ros.run_parameters import SETTLE_SEC
-from sar_compiler.ros.setting_up import give_up
-from sar_compiler.ros.stopping import settle, shut_down, stop_behaviours
+from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 
 # The parameters that the class declares on its node, even if given on the command line.

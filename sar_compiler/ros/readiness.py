@@ -1,27 +1,364 @@
 """Waiting, before the first tick, for the resources that a tree's leaves declare."""
 
+import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.qos import QoSProfile
+from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.awake import AWAKE
 from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
-from sar_compiler.ros.requirements import (
-    ClockRuns,
-    InitialPose,
-    Localised,
-    MisplacedRobotError,
-    NavigatorActive,
-    NodeActive,
-    OneServer,
-    Published,
-    Requirement,
-)
+from sar_compiler.ros.lifecycle_state import Asked, with_full_name
+from sar_compiler.ros.nav2_log import nav2_log
+from sar_compiler.ros.poses import estimated_pose, turn_by
+from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.tree.showing import in_one_line
+
+InitialPose = tuple[float, float, float]
+"""x and y in metres, yaw in radians."""
+
+_INITIAL_POSE_PERIOD_SEC = 1.0
+# How long a localisation is listened to before it is told a pose: twice what half of the participants take to meet.
+_LISTEN_SEC = 1.0
+# A pose that is this near to the initial one is the same, metres and radians.
+_AGREES_M, _AGREES_RAD = 0.5, 0.5
+
+# Nav2's bring-up: its lifecycle manager, and the nodes that it activates before the navigator, in this order.
+_MANAGER = "lifecycle_manager_navigation"
+_BEFORE_NAVIGATOR = (
+    "controller_server",
+    "smoother_server",
+    "planner_server",
+    "route_server",
+    "behavior_server",
+    "velocity_smoother",
+    "collision_monitor",
+)
+# What a bring-up without an initial pose fails at.
+_WAITS_FOR_POSE = ("planner_server", "activate")
+
+
+class Requirement(ABC):
+    """A requirement that must be fulfilled before the first tick.
+
+    Attributes:
+        ends_by_itself: Whether it is there in the end whatever anybody does: no time limit counts meanwhile.
+    """
+
+    ends_by_itself = False
+
+    @abstractmethod
+    def missing(self) -> str | None:
+        """Take the next step, and describe what is missing; None if nothing is."""
+
+    def close(self) -> None:  # noqa: B027 - most have created nothing
+        """Destroy what was created on the node."""
+
+
+class OneServer(Requirement):
+    """An action or a service that must have exactly one server.
+
+    Args:
+        node: The node that will call it.
+        kind: `action` or `service`.
+        name: Its relative name.
+        type_name: Its type, `package/srv/Name`; None for any.
+
+    Attributes:
+        is_action: Whether it is an action.
+        title: Its kind and name.
+    """
+
+    def __init__(self, node: Node, kind: str, name: str, type_name: str | None = None) -> None:
+        self._node = node
+        self._type = type_name
+        self.is_action = kind == "action"
+        self._service = node.resolve_service_name(f"{name}/_action/send_goal" if kind == "action" else name)
+        self._resolved = self._service.removesuffix("/_action/send_goal")
+        self.title = f"{kind} {with_full_name(name, self._resolved)}"
+
+    @property
+    def contested(self) -> bool:
+        """Whether several servers would accept the same call."""
+        return int(self._node.count_services(self._service)) > 1
+
+    def missing(self) -> str | None:
+        """Describe a missing server, one of another type, or several of them; None for exactly one."""
+        servers = int(self._node.count_services(self._service))
+        if servers == 1:
+            types = _types_served(self._node, self._service) if self._type else ()
+            return _wrong_type(self.title, "served", types, self._type)
+        if not servers:
+            return f"{self.title}: no server"
+        number, which = ("two", "one") if servers == 2 else (servers, "all but one")  # noqa: PLR2004
+        return f"{self.title}: {number} servers answer to {self._resolved}: stop {which}"
+
+
+class Published(Requirement):
+    """A topic that must have a publisher.
+
+    Args:
+        node: The node that will subscribe to it.
+        name: Its relative name.
+        type_name: Its type, `package/msg/Name`; None for any.
+    """
+
+    def __init__(self, node: Node, name: str, type_name: str | None = None) -> None:
+        self._node = node
+        self._type = type_name
+        self._topic = node.resolve_topic_name(name)
+        self.title = f"topic {with_full_name(name, self._topic)}"
+
+    def missing(self) -> str | None:
+        """Describe a missing publisher, or that there are only those of another type; None if there is one."""
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
+        if not publishers:
+            return f"{self.title}: no publisher"
+        return _wrong_type(self.title, "published", [each.topic_type for each in publishers], self._type)
+
+
+class ClockRuns(Requirement):
+    """Simulated time that must have started."""
+
+    def __init__(self, node: Node) -> None:
+        self._clock = node.get_clock()
+
+    def missing(self) -> str | None:
+        """Describe a missing clock; None once there is a time."""
+        came = not self._clock.ros_time_is_active or self._clock.now().nanoseconds > 0
+        return None if came else "use_sim_time is set and no /clock has come"
+
+
+class MisplacedRobotError(SarError):
+    """A localised robot that a mission would tell another pose.
+
+    Attributes:
+        place: Where it is by its localisation: x, y (m) and yaw (rad), frame `map`; None if it has one, and does not say which.
+        pose: Where the mission begins.
+    """
+
+    def __init__(self, place: InitialPose | None, pose: InitialPose) -> None:
+        self.place, self.pose = place, pose
+        start = f"initial_pose ({pose[0]:.2f}, {pose[1]:.2f})"
+        where, value = "knows where the robot is, by its transforms", ""
+        if place is not None:
+            far = math.dist(place[:2], pose[:2])
+            where = f"has the robot at ({place[0]:.2f}, {place[1]:.2f}), {far:.2f} m from {start}"
+            value = f"-p initial_pose.x:={place[0]:.2f} -p initial_pose.y:={place[1]:.2f}, or "
+        super().__init__(
+            f"the localisation {where}: it is not told another pose. Go on with the mission that was interrupted "
+            f"(--resume), drive back first, or say where the robot is ({value}-p set_initial_pose:=false to begin where "
+            f"it stands; where the localisation is wrong, in RViz: 2D Pose Estimate)"
+        )
+
+
+class Localised(Requirement):
+    """A localisation that must have a pose, the initial one unless it has another already.
+
+    A localisation that has a pose is told another one only if that is nearly the same; far from it the start is refused. The
+    pose is published until an answer arrives: an old pose, kept by the publisher for late subscribers, does not confirm this one.
+
+    Args:
+        node: The node to publish with.
+        pose: The robot's pose, in the frame `map`.
+        begins_anew: Whether the localisation is known to have none, as that of a simulation that has just begun.
+    """
+
+    def __init__(self, node: Node, pose: InitialPose, *, begins_anew: bool = False) -> None:
+        self._node = node
+        self._pose = pose
+        self._robot = robot_estimate(node)
+        self._heard_of_at = -math.inf if begins_anew else math.inf
+        self._sent_at = -math.inf
+        self._answered = False
+        self._answers, self._poses = (
+            with_full_name(topic, node.resolve_topic_name(topic)) for topic in ("amcl_pose", "initialpose")
+        )
+        self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
+
+    def missing(self) -> str | None:
+        """Publish the pose if it is due, and describe a missing answer; None once there is one.
+
+        Raises:
+            MisplacedRobotError: If the localisation has a pose that is far from the initial one.
+        """
+        self._answered = self._answered or self._is_answered() or self._keeps_its_own()
+        if self._answered:
+            return None
+        now = AWAKE.now()
+        heard = self._publisher.get_subscription_count() > 0
+        if heard and self._has_been_listened_to(now) and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
+            self._sent_at = now
+            self._publisher.publish(self._message())
+        x, y, yaw = self._pose
+        deaf = "" if heard else f", and nobody listens to {self._poses}"
+        return f"topic {self._answers}: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
+
+    def close(self) -> None:
+        """Destroy the publisher."""
+        self._node.destroy_publisher(self._publisher)
+
+    @property
+    def _has_asked(self) -> bool:
+        return self._sent_at > -math.inf
+
+    def _is_answered(self) -> bool:
+        return self._has_asked and self._robot.pose_at >= self._sent_at
+
+    def _keeps_its_own(self) -> bool:
+        """Return whether the localisation has a pose at the initial place, with another yaw.
+
+        Raises:
+            MisplacedRobotError: If it has one elsewhere.
+        """
+        if self._has_asked or not self._robot.is_localised:
+            return False
+        place = self._robot.place()
+        if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
+            raise MisplacedRobotError(place, self._pose)
+        turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
+        if not turned <= _AGREES_RAD:
+            self._node.get_logger().warning(
+                f"The localisation keeps its yaw of {place[2]:.2f} rad, which is not that of initial_pose ({self._pose[2]:.2f})."
+            )
+        return not turned <= _AGREES_RAD
+
+    def _has_been_listened_to(self, now: float) -> bool:
+        """Return whether a localisation that has a pose would have said so: what it keeps for latecomers has had time to come."""
+        if self._heard_of_at == math.inf and self._node.count_publishers("amcl_pose"):
+            self._heard_of_at = now
+        return now - self._heard_of_at >= _LISTEN_SEC
+
+    def _message(self) -> PoseWithCovarianceStamped:
+        x, y, yaw = self._pose
+        message = estimated_pose(self._node, "map")
+        message.pose.pose.position.x, message.pose.pose.position.y = float(x), float(y)
+        turn_by(message.pose.pose.orientation, yaw)
+        return message
+
+
+class NodeActive(Requirement):
+    """A lifecycle node that must be active.
+
+    It is asked repeatedly, even after it was active: it may no longer be when the other requirements are fulfilled.
+
+    Args:
+        node: The node to ask with.
+        name: The relative name of the lifecycle node.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._lifecycle = robot_estimate(node).lifecycle(name)
+
+    def missing(self) -> str | None:
+        """Ask if it is due, and describe the last answer; None if that was `active`."""
+        return self._lifecycle.missing()
+
+
+class NavigatorActive(NodeActive):
+    """Nav2's navigator, which must be active; where it stays inactive, the reason is looked for.
+
+    Nav2's lifecycle manager activates its nodes in an order, the navigator late. Where one before it cannot be
+    activated, it gives up for good: the most frequent is `planner_server`, which waits for the frame `map`, thus for the
+    initial pose, no longer than `initial_transform_timeout`.
+
+    Args:
+        node: The node to ask with.
+        name: The relative name of the navigator.
+        tells_pose: Whether the localisation is told a pose meanwhile; if not, it is named where that is what is missing.
+    """
+
+    def __init__(self, node: Node, name: str, *, tells_pose: bool = True) -> None:
+        super().__init__(node, name)
+        self._node, self._estimate = node, robot_estimate(node)
+        self._log = nav2_log(node)
+        self._robot = None if tells_pose else self._estimate
+        self._manager: Asked | None = None
+
+    def missing(self) -> str | None:
+        """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
+        line, state = super().missing(), self._lifecycle.state
+        if line is None or state is None:
+            return line
+        return line + self._reason(state) + self._pose()
+
+    def close(self) -> None:
+        """Destroy the client."""
+        if self._manager is not None:
+            self._manager.close()
+
+    def _reason(self, state: str) -> str:
+        """Ask the manager, and the nodes that it activates before; return what they have answered."""
+        if self._manager is None:
+            self._manager = Asked(self._node, Trigger, f"{_MANAGER}/is_active")
+        self._manager.ask()
+        before = [self._estimate.lifecycle(name) for name in _BEFORE_NAVIGATOR]
+        for each in before:
+            each.missing()
+        states = {each.name: each.state for each in before if each.state is not None}
+        asleep = next((pair for pair in states.items() if pair[1] != "active"), None)
+        # It does not answer while it is at work.
+        if self._manager.answer is None or self._manager.answer.success:
+            return f"; {asleep[0]} is '{asleep[1]}', too" if asleep else ""
+        if {state, *states.values()} == {"unconfigured"} and not self._log.quote():
+            call = self._node.resolve_service_name(f"{_MANAGER}/manage_nodes")
+            return (
+                f"; {_MANAGER} has not started Nav2 up (autostart is off): "
+                f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
+            )
+        stuck, what = _stuck({**states, self._lifecycle.name: state})
+        said = self._log.quote(stuck)
+        pose = ", and give the initial pose within its initial_transform_timeout"
+        return (
+            f"; {_MANAGER} has given up starting Nav2 up, {stuck} failed to {what}{f' ({said})' if said else ''}: "
+            f"start Nav2 again{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
+        )
+
+    def _pose(self) -> str:
+        """Return that the localisation has no pose, where nobody tells it one: the nodes behind it wait for that."""
+        if self._robot is None or self._robot.is_localised or not self._node.count_publishers("amcl_pose"):
+            return ""
+        poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))
+        return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
+
+
+def _stuck(states: Mapping[str, str]) -> tuple[str, str]:
+    """Return the node that a bring-up has failed at, by the states in its order, and at which step: `configure` or `activate`."""
+    for state, step in (("unconfigured", "configure"), ("inactive", "activate")):
+        for name in states:
+            if states[name] == state:
+                return name, step
+    return next(name for name in states if states[name] != "active"), "activate"
+
+
+def _types_served(node: Node, service: str) -> set[str]:
+    """Return the types under which nodes serve a service, by its full name."""
+    types: set[str] = set()
+    for name, namespace in node.get_node_names_and_namespaces():
+        with suppress(NodeNameNonExistentError):  # it has gone meanwhile
+            served = dict(node.get_service_names_and_types_by_node(name, namespace))
+            types.update(served.get(service, ()))
+    # Whose a server is may be known later than the server; until then clients of the name count, too.
+    return types or set(dict(node.get_service_names_and_types()).get(service, ()))
+
+
+def _wrong_type(title: str, how: str, types: Iterable[str], wanted: str | None) -> str | None:
+    """Describe a resource that exists in other types only; None if it has the wanted one, or nothing is known."""
+    # The service of an action that takes goals is of a type of its own.
+    there = sorted({each.removesuffix("_SendGoal") for each in types})
+    if wanted is None or not there or wanted in there:
+        return None
+    return f"{title}: {how} as {', '.join(there)}, must be {wanted}"
+
 
 # How long a server that was killed still counts in the graph (20 s by default of the middleware), and a
 # little more: two servers may be one and the shadow of another.

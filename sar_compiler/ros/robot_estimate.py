@@ -13,8 +13,8 @@ from sar_compiler.ros.clock import ClockedTime
 from sar_compiler.ros.leaves.deadline import deadline_clock
 from sar_compiler.ros.leaves.interfaces import qos_profile
 from sar_compiler.ros.of_node import of_node
+from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.poses import yaw_of
-from sar_compiler.ros.run_parameters import SETTLE_SEC
 
 if TYPE_CHECKING:
     from rclpy.node import Node

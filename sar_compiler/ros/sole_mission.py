@@ -15,8 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.readiness import SHADOW_SEC
-from sar_compiler.ros.requirements import Requirement
+from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 
 # How long to look for another mission before the first message that changes anything, seconds, from when the last node came
 # into sight: twice what half of the participants take to meet.

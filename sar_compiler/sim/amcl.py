@@ -13,8 +13,8 @@ from sar_compiler.sim.geometry import ORIGIN, Pose2D, normalise_angle
 from sar_compiler.sim.messages import from_pose, to_grid, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
-from sar_compiler.sim.remote_robot import RemoteRobot
 from sar_compiler.sim.robot import Robot
+from sar_compiler.sim.robot_interface import RemoteRobot
 
 _MAP, _ODOM = "map", "odom"
 # One transform in this many steps (10 Hz at 0.05 s).

@@ -16,14 +16,12 @@ from rclpy.task import Future
 
 from sar_compiler.ros.faults import LOCALISATION, GoalFate, NavigationFaults
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
-from sar_compiler.sim.manner import QUICK, Manner, Recovery
 from sar_compiler.sim.messages import from_pose, to_duration, to_path, to_pose, to_stamp
-from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome, DriveProgress
+from sar_compiler.sim.navigator import QUICK, Drive, DriveEnd, DriveOutcome, DriveProgress, Manner, Recovery
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
-from sar_compiler.sim.remote_robot import RemoteRobot
 from sar_compiler.sim.robot import STAND
-from sar_compiler.sim.robot_interface import RobotInterface
+from sar_compiler.sim.robot_interface import RemoteRobot, RobotInterface
 
 NAVIGATE, FOLLOW = "navigate_to_pose", "follow_path"
 """The actions of Nav2's navigator and of its controller."""

@@ -10,9 +10,9 @@ from geometry_msgs.msg import Pose, PoseStamped, TransformStamped
 from nav_msgs.msg import OccupancyGrid, Path
 
 from sar_compiler.ros.poses import turn_by, yaw_of
+from sar_compiler.sim.follower import Path2D
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from sar_compiler.sim.path import Path2D
 
 NANOSECONDS = 1_000_000_000
 # A quaternion whose length is off by more than this is no rotation.

@@ -1,12 +1,17 @@
 """The whole simulator on ROS 2: the world, its robots with their stand-ins for Nav2, and the clock."""
 
+import itertools
 import logging
+import math
 import threading
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rclpy.clock import JumpHandle, JumpThreshold, ROSClock
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -16,21 +21,195 @@ from rclpy.utilities import get_default_context
 from rosgraph_msgs.msg import Clock
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan
-from sar_compiler.sim.fleet import make_robots, seed_of
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultPlan, NavigationFaults
+from sar_compiler.sim.amcl import Amcl
+from sar_compiler.sim.bt_navigator import BtNavigator
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.isolation import refuse_rivals
-from sar_compiler.sim.kept_places import KeptPlaces
 from sar_compiler.sim.messages import to_stamp
+from sar_compiler.sim.navigator import manner
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor
-from sar_compiler.sim.occupancy import read_map
-from sar_compiler.sim.placement import Placement
+from sar_compiler.sim.occupancy import OccupancyMap, read_map
+from sar_compiler.sim.placement import KeptPlaces, Placement, PlacementError
 from sar_compiler.sim.planner import Planner
-from sar_compiler.sim.simulated_robot import NavigationSetup, SimulatedRobot
+from sar_compiler.sim.robot import Robot
+from sar_compiler.sim.robot_interface import RobotInterface, TruePlaces
 from sar_compiler.sim.world import World
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+
+def check_placements(world: World, placements: Sequence[Placement]) -> None:
+    """Check that robots can start as they are placed.
+
+    Raises:
+        PlacementError: If two have the same name, or if one would start in contact with an obstacle or another
+            robot, or outside the world's map.
+        SarError: If the world's map cannot be read.
+    """
+    for name, count in Counter(placement.name for placement in placements).items():
+        if count > 1:
+            problem = f"{count} robots have this name; each needs one of its own, as its namespace"
+            raise PlacementError(name, problem)
+    radius = world.robot_radius
+    starts = [(placement.name, placement.start or world.start) for placement in placements]
+    for name, start in starts:
+        if not world.solid.clearance(start.x, start.y) > radius:
+            problem = (
+                f"would start in an obstacle, or touching one, at {_shown(start)}; "
+                f"its centre needs more than {radius:g} m around it"
+            )
+            raise PlacementError(name, problem)
+        _require_on_map(world, name, start)
+    for (one, here), (other, there) in itertools.combinations(starts, 2):
+        if not here.distance_to(there) > 2 * radius:
+            problem = (
+                f"would start at {_shown(there)}, touching robot '{one}' at {_shown(here)}; their centres "
+                f"need more than {2 * radius:g} m between them (give a start: {other}:X,Y)"
+            )
+            raise PlacementError(other, problem)
+
+
+def _require_on_map(world: World, name: str, start: Pose2D) -> None:
+    """Refuse a start pose that the localisation would refuse."""
+    if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
+        problem = f"would start at {_shown(start)}, which is outside the world's map (metres, frame map)"
+        raise PlacementError(name, problem)
+
+
+def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:
+    """Return robots that are solid to each other, in the order of their steps.
+
+    Raises:
+        PlacementError: If they cannot start as placed.
+    """
+    check_placements(world, placements)
+    robots = [
+        Robot(world, start=placement.start, odometry=placement.odometry, seed=seed_of(seed, number))
+        for number, placement in enumerate(placements)
+    ]
+    for robot in robots:
+        robot.meet(other for other in robots if other is not robot)
+    return robots
+
+
+def seed_of(seed: int, number: int) -> int:
+    """Return the seed of one robot's noise; that of the first (number 0) is that of a single robot."""
+    if number == 0:
+        return seed
+    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
+
+
+def _shown(start: Pose2D) -> str:
+    return f"({start.x:.2f}, {start.y:.2f})"
+
+
+_ALONE = Placement("")
+
+
+@dataclass(frozen=True)
+class NavigationSetup:
+    """The data shared by all robots' stand-ins for Nav2.
+
+    Attributes:
+        occupancy: The map.
+        planner: Plans the paths on it.
+        places: Positions of places, metres, frame `map`, for faults.
+        faults: The faults of navigation, the same for each robot.
+    """
+
+    occupancy: OccupancyMap
+    planner: Planner
+    places: Mapping[str, tuple[float, float]]
+    faults: Sequence[Fault]
+
+
+class SimulatedRobot:
+    """A robot with its node `rosbot` and, if there is a map, `amcl` and `bt_navigator`.
+
+    Args:
+        host: Creates the nodes, in the robot's namespace.
+        robot: The robot.
+        seed: Seed of its scanner's noise.
+        navigation: The data of its stand-in for Nav2; None for no navigation.
+        placement: What is said of its localisation and its drives.
+    """
+
+    def __init__(
+        self,
+        host: NodeHost,
+        robot: Robot,
+        *,
+        seed: int = 0,
+        navigation: NavigationSetup | None = None,
+        placement: Placement = _ALONE,
+    ) -> None:
+        self._host, self._robot = host, robot
+        self._interface = RobotInterface(host, robot, seed=seed)
+        self._places = TruePlaces(host, robot) if placement.separate else None
+        self._amcl: Amcl | None = None
+        self._navigator: BtNavigator | None = None
+        self._navigation, self._amcl_back_at = navigation, math.inf
+        if navigation is not None and not placement.separate:
+            self._amcl = Amcl(host, robot, navigation.occupancy, localised=placement.localised)
+            self._navigator = BtNavigator(
+                host,
+                self._interface,
+                navigation.planner,
+                lambda: None if self._amcl is None else self._amcl.pose(),
+                lose_localisation=self._lose_localisation,
+                places=navigation.places,
+                faults=NavigationFaults(navigation.faults),
+                manner=manner(placement.like),
+            )
+
+    @property
+    def pose(self) -> Pose2D:
+        """The true pose, frame `map`."""
+        return self._robot.state.pose
+
+    @property
+    def place(self) -> tuple[Pose2D, Pose2D]:
+        """The true pose, frame `map`, and that by the odometry."""
+        return self._robot.state.pose, self._robot.state.odometry
+
+    def move(self, duration: float) -> None:
+        """Move for *duration* seconds."""
+        self._robot.step(duration)
+
+    def sense(self, step: int, now_ns: int) -> None:
+        """Publish the sensor data at the end of step number *step*, at *now_ns* nanoseconds."""
+        self._interface.publish(step, now_ns)
+        if self._places is not None:
+            self._places.publish(now_ns)
+
+    def navigate(self, step: int, now_ns: int) -> None:
+        """Localise, and continue with the current goal."""
+        if self._navigation is not None and now_ns / 1e9 >= self._amcl_back_at:
+            self._amcl_back_at = math.inf
+            self._amcl = Amcl(self._host, self._robot, self._navigation.occupancy)
+        if self._amcl is not None:
+            self._amcl.step(step, now_ns)
+        if self._navigator is not None:
+            self._navigator.step(step, now_ns)
+
+    def stop(self) -> bool:
+        """End the current goal; return whether there was one, whose client is still to be notified."""
+        return self._navigator is not None and self._navigator.stop()
+
+    def _lose_localisation(self, until: float | None) -> None:
+        if self._amcl is not None:
+            self._amcl.die()
+            self._amcl = None
+        self._amcl_back_at = math.inf if until is None else until
+
+    def close(self) -> None:
+        """Destroy the nodes."""
+        if self._navigator is not None:
+            self._navigator.close()
+        self._host.destroy_all()
+
 
 STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9

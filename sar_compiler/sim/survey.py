@@ -1,17 +1,108 @@
-"""Mapping a world: the robot drives through it with its lidar, and the scans become the map."""
+"""Mapping a world: the robot drives through it with its lidar, and the scans become the map.
 
+Log-odds per cell: free along a ray, occupied at its end.
+"""
+
+import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sar_compiler.errors import SarError
-from sar_compiler.sim.follower import Follower, FollowerSettings
+from sar_compiler.sim.follower import Follower, FollowerSettings, Path2D
+from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.lidar import Lidar
-from sar_compiler.sim.mapper import Mapper
-from sar_compiler.sim.occupancy import OccupancyMap
-from sar_compiler.sim.path import Path2D
+from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from sar_compiler.sim.robot import Robot
-from sar_compiler.sim.world import World
+from sar_compiler.sim.world import Floats, World
+
+# The change of a cell's log-odds by a ray that ends in it, or passes through it.
+_HIT, _MISS = 0.85, -0.4
+# Bounds, so that a cell can still change its mind.
+_LEAST, _MOST = -4.0, 4.0
+# Log-odds of 65 % and 25 %: the thresholds of map_saver for occupied and free.
+_SURELY_OCCUPIED, _SURELY_FREE = math.log(0.65 / 0.35), math.log(0.25 / 0.75)
+# Unknown cells left around the area seen.
+_MARGIN = 6
+# Edge of a cell, metres.
+_RESOLUTION = 0.05
+# Half the edge of the square that can be mapped, metres; scan points beyond it are ignored.
+_REACH = 25.0
+_SIZE = 2 * round(_REACH / _RESOLUTION)
+
+
+class Mapper:
+    """Integrates scans taken at known poses.
+
+    Args:
+        lidar: The scanner that took them.
+        centre: The centre of the area that can be mapped, metres, frame `map`.
+    """
+
+    def __init__(self, lidar: Lidar, centre: Pose2D) -> None:
+        self._lidar = lidar
+        # The corner lies on a multiple of the resolution, so that the map's origin is a round number.
+        self._corner = (
+            _RESOLUTION * math.floor((centre.x - _REACH) / _RESOLUTION),
+            _RESOLUTION * math.floor((centre.y - _REACH) / _RESOLUTION),
+        )
+        self._odds = np.zeros((_SIZE, _SIZE))
+        self._seen = np.zeros((_SIZE, _SIZE), dtype=bool)
+
+    def integrate(self, pose: Pose2D, ranges: Floats) -> None:
+        """Add one scan.
+
+        Args:
+            pose: The scanner's pose, frame `map`.
+            ranges: The measured ranges, metres, shape (beams,), inf for nothing.
+        """
+        angles = self._lidar.angles + pose.yaw
+        along = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+        hits = np.isfinite(ranges)
+        ends = self._cells(pose, along[hits] * ranges[hits, None])
+        passed = self._passed(pose, along, np.where(hits, ranges, self._lidar.range_max))
+        passed = np.setdiff1d(passed, ends, assume_unique=True)
+        odds, seen = self._odds.reshape(-1), self._seen.reshape(-1)
+        for cells, change in ((passed, _MISS), (ends, _HIT)):
+            odds[cells] = np.clip(odds[cells] + change, _LEAST, _MOST)
+            seen[cells] = True
+
+    def result(self) -> OccupancyMap:
+        """Return the map of the area seen so far, cropped to it with a margin of unknown cells."""
+        rows, columns = np.nonzero(self._seen)
+        if not rows.size:
+            rows = columns = np.array([_SIZE // 2])
+        top, left = (max(int(index.min()) - _MARGIN, 0) for index in (rows, columns))
+        part = np.s_[top : int(rows.max()) + _MARGIN + 1, left : int(columns.max()) + _MARGIN + 1]
+        odds = self._odds[part]
+        cells = np.full(odds.shape, UNKNOWN, dtype=np.int8)
+        cells[odds <= _SURELY_FREE] = FREE
+        cells[odds >= _SURELY_OCCUPIED] = OCCUPIED
+        return OccupancyMap(
+            cells,
+            _RESOLUTION,
+            round(self._corner[0] + left * _RESOLUTION, 6),
+            round(self._corner[1] + top * _RESOLUTION, 6),
+        )
+
+    def _passed(self, pose: Pose2D, along: Floats, lengths: Floats) -> NDArray[np.int64]:
+        """Return the cells that the rays cross before their ends, without duplicates."""
+        spacing = _RESOLUTION / 2
+        steps = np.arange(0.0, float(lengths.max(initial=0.0)), spacing)
+        points = along[:, None, :] * steps[None, :, None]
+        before_end = steps[None, :] < lengths[:, None] - spacing
+        return self._cells(pose, points[before_end])
+
+    def _cells(self, pose: Pose2D, offsets: Floats) -> NDArray[np.int64]:
+        """Return the flat indices of the cells at *offsets* (metres, shape (n, 2)) from *pose*, without duplicates."""
+        columns = np.floor((pose.x + offsets[:, 0] - self._corner[0]) / _RESOLUTION).astype(np.int64)
+        rows = np.floor((pose.y + offsets[:, 1] - self._corner[1]) / _RESOLUTION).astype(np.int64)
+        inside = (rows >= 0) & (rows < _SIZE) & (columns >= 0) & (columns < _SIZE)
+        touched = np.zeros(_SIZE * _SIZE, dtype=bool)
+        touched[rows[inside] * _SIZE + columns[inside]] = True
+        return np.flatnonzero(touched)
+
 
 STEP_SEC = 0.05
 # One scan in this many steps goes into the map.

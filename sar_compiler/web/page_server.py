@@ -1,16 +1,211 @@
-"""The server of a page: on this machine only, in a thread of its own."""
+"""The server of a page, on this machine only, in a thread of its own: what it answers to browsers, and how it serves them."""
 
 import asyncio
+import json
+import math
 import secrets
 import socket
 import threading
+from collections.abc import Awaitable, Callable, Mapping
+from concurrent.futures import Future
+from hmac import compare_digest
+from importlib.resources import files
+from typing import Any, Protocol
 
 import uvicorn
+from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sar_compiler.errors import SarError
-from sar_compiler.web.feed import Feed
-from sar_compiler.web.page_app import Orders, page_app
+from sar_compiler.web.feed import Feed, RecordedFeed
+
+# Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
+_NAMES = ("127.0.0.1", "localhost", "[::1]")
+_LONGEST_ORDER = 10_000
+# How long an order may take, in seconds; the page waits somewhat longer (`orders.js`).
+_ANSWER_SEC = 10.0
+
+_TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
+_HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "Cache-Control": "no-store",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Orders(Protocol):
+    """Who carries out the operator's orders."""
+
+    def give(self, verb: str, values: Mapping[str, Any]) -> "Future[tuple[bool, str]]":
+        """Give an order, from any thread.
+
+        Returns:
+            Whether it was accepted, and what was said to it; cancelled, it is not carried out.
+
+        Raises:
+            SarError: If there is no such verb, or a value is wrong.
+        """
+
+
+def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
+    """Return the application: the page, its events, and the orders.
+
+    Args:
+        feed: What the page is told.
+        token: What whoever gives orders must know.
+        orders: Who carries them out; None if nobody does.
+    """
+    static = {path.name: path.read_bytes() for path in files(__package__).joinpath("static").iterdir()}
+
+    async def page(_: Request) -> Response:
+        return _static("index.html", static["index.html"])
+
+    async def file(request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in static:
+            raise HTTPException(404)
+        return _static(name, static[name])
+
+    async def events(_: Request) -> Response:
+        return StreamingResponse(feed.stream(), media_type="text/event-stream")
+
+    async def moment(request: Request) -> Response:
+        return await _moment(feed, request)
+
+    async def order(request: Request) -> Response:
+        if orders is None:
+            raise HTTPException(404)
+        given = request.headers.get("authorization", "")
+        if not compare_digest(given.encode(), f"Bearer {token}".encode()):
+            return _answer(403, "this page may only look: open the address that the run has printed")
+        values = await _values(request)
+        return await _carried_out(orders, request.path_params["verb"], values)
+
+    routes = [
+        Route("/", page),
+        Route("/static/{name}", file),
+        Route("/events", events),
+        Route("/moment", moment),
+        Route("/orders/{verb}", order, methods=["POST"]),
+    ]
+    return _Guard(Starlette(routes=routes, exception_handlers={HTTPException: _refused}))
+
+
+async def _moment(feed: Feed, request: Request) -> Response:
+    """Return what a recording shows at a time.
+
+    Raises:
+        HTTPException: If there is none, or the time is no number.
+    """
+    if not isinstance(feed, RecordedFeed):
+        raise HTTPException(404)
+    try:
+        time, since = float(request.query_params["time"]), int(request.query_params.get("since", 0))
+    except (KeyError, ValueError):
+        raise HTTPException(400) from None
+    if not math.isfinite(time):
+        raise HTTPException(400)
+    try:
+        return Response(await feed.moment(time, since), media_type="application/json")
+    except SarError as error:
+        return PlainTextResponse(f"{error}\n", 500)
+
+
+def _static(name: str, content: bytes) -> Response:
+    return Response(content, media_type=_TYPES[name.rpartition(".")[2]])
+
+
+async def _refused(_: Request, error: Exception) -> Response:
+    status = error.status_code if isinstance(error, HTTPException) else 500
+    return PlainTextResponse("there is nothing here\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
+
+
+def _answer(status: int, text: str) -> Response:
+    return JSONResponse({"accepted": False, "message": text}, status)
+
+
+async def _values(request: Request) -> Mapping[str, Any]:
+    """Return what an order comes with.
+
+    Raises:
+        HTTPException: If it is too long, or no JSON object.
+    """
+    if request.headers.get("content-type", "").partition(";")[0] != "application/json":
+        raise HTTPException(415)
+    text = b""
+    async for part in request.stream():
+        text += part
+        if len(text) > _LONGEST_ORDER:
+            raise HTTPException(413)
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError):
+        raise HTTPException(400) from None
+    if not isinstance(values, dict):
+        raise HTTPException(400)
+    return values
+
+
+async def _carried_out(orders: Orders, verb: str, values: Mapping[str, Any]) -> Response:
+    try:
+        given = orders.give(verb, values)
+        accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
+    except SarError as error:
+        return _answer(400, str(error))
+    except (TimeoutError, asyncio.TimeoutError):
+        if given.cancel():
+            return _answer(503, "the mission is busy: the order was not given")
+        return _answer(504, "the order was given, and is not answered yet: look at the log")
+    return JSONResponse({"accepted": accepted, "message": said})
+
+
+class _Guard:
+    """Refuses whoever does not come from this machine's own pages, and says of each answer what a browser may do with it.
+
+    Args:
+        app: What is guarded.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] != "http":
+            return
+        headers = Headers(scope=scope)
+        app = self._app if _is_own(headers) else PlainTextResponse("this is not for other sites\n", 403)
+        await app(scope, receive, _with_headers(send))
+
+
+def _is_own(headers: Headers) -> bool:
+    host, origin = headers.get("host", ""), headers.get("origin")
+    name, colon, port = host.rpartition(":")
+    if not colon or host.endswith("]"):
+        name, port = host, "80"
+    return name in _NAMES and port.isdecimal() and origin in (None, f"http://{host}")
+
+
+def _with_headers(send: Send) -> Callable[[Message], Awaitable[None]]:
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            MutableHeaders(scope=message).update(_HEADERS)
+        await send(message)
+
+    return sending
+
 
 PORT = 8043
 """The port, unless another one is asked for."""

@@ -15,7 +15,7 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.missions.search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.ros.run_parameters import RunParameters
+from sar_compiler.ros.parameter_reader import RunParameters
 from sar_compiler.testing import compiled
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.reading import read_tree_file

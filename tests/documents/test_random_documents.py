@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sar_compiler.checks.verify import parse_property_file
 from sar_compiler.documents.toml_files import read_toml
 from sar_compiler.documents.yaml_files import parse_yaml
-from sar_compiler.sim.world_file import load_world
+from sar_compiler.sim.world import load_world
 from sar_compiler.tree.diagnostic import TreeError
 
 if sys.version_info >= (3, 11):

@@ -16,7 +16,7 @@ from tf2_msgs.msg import TFMessage
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.planner import Planner
-from sar_compiler.sim.world_file import find_world
+from sar_compiler.sim.world import find_world
 from tests.e2e.witness import LATCHED, Watcher
 from tests.processes import BIN, Command
 

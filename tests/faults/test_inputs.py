@@ -29,7 +29,7 @@ from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe
 from sar_compiler.missions.search_and_rescue.map_extent import FARTHEST, MapExtent
 from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.sim.occupancy import read_map
-from sar_compiler.sim.world_file import load_world
+from sar_compiler.sim.world import load_world
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.showing import in_one_line
 from tests.processes import BIN

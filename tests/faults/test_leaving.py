@@ -17,7 +17,7 @@ CRASHES = {
 }
 LEAVES = """
 import atexit, ctypes, os, sys, threading
-from sar_compiler.ros.leaving import leave
+from sar_compiler.ros.middleware import leave
 
 def take_down():
     {crash}
@@ -54,7 +54,7 @@ def test_a_process_ends_with_its_status_where_what_is_taken_down_crashes(crash):
 def test_a_process_waits_for_what_its_other_threads_have_to_finish():
     program = (
         "import sys, threading\n"
-        "from sar_compiler.ros.leaving import leave\n"
+        "from sar_compiler.ros.middleware import leave\n"
         "over = threading.Event()\n"
         "threading.Thread(target=lambda: (over.wait(), print('finished'))).start()\n"
         "threading.Timer(0.2, over.set).start()\n"

@@ -7,8 +7,7 @@ import pytest
 
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.ros.parameter_reader import ParameterReader
-from sar_compiler.ros.run_parameters import RunParameters
+from sar_compiler.ros.parameter_reader import ParameterReader, RunParameters
 
 PARAMETERS: dict[str, object] = {
     "zone_order": ["zone_b", "zone_a"],

@@ -20,7 +20,7 @@ from py_trees.trees import BehaviourTree
 import sar_compiler
 from sar_compiler import Groot2Publisher, Kind, ManualClock, SarError, register
 from sar_compiler.monitoring import groot2_publisher
-from sar_compiler.monitoring.groot2_protocol import snapshot
+from sar_compiler.monitoring.groot2_requests import snapshot
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.blackboard import Entry
 from tests.monitoring.groot2_client import Client, free_port, request

@@ -148,7 +148,7 @@ def test_an_update_that_returns_no_status_stops_the_tree(
 def test_a_setup_that_raises_is_named_and_what_was_set_up_before_it_is_shut_down_once(
     engine_class: Any, ros: Ros
 ) -> None:
-    from sar_compiler.ros.setting_up import SetupFailedError
+    from sar_compiler.ros.engine import SetupFailedError
 
     class Unready(Probe):
         def setup(self, **kwargs: Any) -> None:
@@ -196,7 +196,7 @@ def test_settling_stops_the_tree_from_its_root(engine_of: Callable[..., Any], ro
 
 
 def test_a_tree_that_is_too_deep_is_refused_before_its_leaves_are_set_up(engine_class: Any, ros: Ros) -> None:
-    from sar_compiler.ros.depth import TreeTooDeepError
+    from sar_compiler.ros.engine import TreeTooDeepError
 
     root: py_trees.behaviour.Behaviour = Probe()
     for _ in range(2000):

@@ -148,7 +148,7 @@ def test_a_topic_that_cannot_be_listened_to_is_told_of_and_the_others_are_record
     from geometry_msgs.msg import Twist, TwistStamped
     from sensor_msgs.msg import LaserScan
 
-    from sar_compiler.ros.mcap_recorder import McapRecorder
+    from sar_compiler.ros.mission_recording import McapRecorder
 
     # A process cannot listen to one type where it publishes another one.
     node = ros.node("mission")
@@ -167,7 +167,7 @@ def test_a_topic_that_cannot_be_listened_to_is_told_of_and_the_others_are_record
 
 
 def test_what_is_there_is_not_written_over(tmp_path):
-    from sar_compiler.ros.mcap_recorder import McapRecorder, RecordingError
+    from sar_compiler.ros.mission_recording import McapRecorder, RecordingError
 
     path = tmp_path / "run.mcap"
     path.write_text("somebody's")
@@ -177,7 +177,7 @@ def test_what_is_there_is_not_written_over(tmp_path):
 
 
 def test_a_recording_in_which_nothing_came_leaves_no_file(tmp_path):
-    from sar_compiler.ros.mcap_recorder import McapRecorder
+    from sar_compiler.ros.mission_recording import McapRecorder
 
     McapRecorder.create(tmp_path / "run.mcap", print).close()
     assert list(tmp_path.iterdir()) == []
@@ -188,7 +188,7 @@ def test_what_was_recorded_is_on_the_disk_soon_before_the_recording_is_over(tmp_
     from mcap.reader import NonSeekingReader
     from std_msgs.msg import String
 
-    from sar_compiler.ros.mcap_recorder import McapRecorder
+    from sar_compiler.ros.mission_recording import McapRecorder
 
     path = tmp_path / "run.mcap"
     recorder = McapRecorder.create(path, print)
@@ -218,7 +218,7 @@ def test_a_run_that_never_began_leaves_no_file(ros, tree, tmp_path):
 def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
     from std_msgs.msg import String
 
-    from sar_compiler.ros.mcap_recorder import McapRecorder
+    from sar_compiler.ros.mission_recording import McapRecorder
 
     said: list[str] = []
     path = tmp_path / "run.mcap"
@@ -253,12 +253,12 @@ def disk():
 def test_a_disk_that_is_too_slow_ends_the_recording_before_the_memory_is_full(disk, tmp_path, monkeypatch):
     from std_msgs.msg import String
 
-    from sar_compiler.ros import mcap_recorder
+    from sar_compiler.ros import mission_recording
 
-    monkeypatch.setattr(mcap_recorder, "_MOST_WAITING", 2 << 20)
+    monkeypatch.setattr(mission_recording, "_MOST_WAITING", 2 << 20)
     said: list[str] = []
     path = tmp_path / "run.mcap"
-    recorder = mcap_recorder.McapRecorder(path, disk, said.append)
+    recorder = mission_recording.McapRecorder(path, disk, said.append)
     for _ in range(10):
         recorder.write("/text", String(data="x" * (1 << 20)))
     assert recorder._waiting.qsize() == 2
@@ -270,12 +270,12 @@ def test_a_disk_that_is_too_slow_ends_the_recording_before_the_memory_is_full(di
 def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monkeypatch):
     from std_msgs.msg import String
 
-    from sar_compiler.ros import mcap_recorder
+    from sar_compiler.ros import mission_recording
 
-    monkeypatch.setattr(mcap_recorder, "_PATIENCE_SEC", 0.01)
+    monkeypatch.setattr(mission_recording, "_PATIENCE_SEC", 0.01)
     said: list[str] = []
     path = tmp_path / "run.mcap"
-    recorder = mcap_recorder.McapRecorder(path, disk, said.append)
+    recorder = mission_recording.McapRecorder(path, disk, said.append)
     recorder.write("/text", String(data="x"))
     recorder.close()
     assert said == [f"{path} is left without its end: the disk takes nothing."]
@@ -284,8 +284,7 @@ def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monk
 def test_the_definition_of_every_message_that_is_recorded_is_understood():
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    from sar_compiler.ros.mcap_recorder import RECORDED
-    from sar_compiler.ros.message_text import message_text, type_name
+    from sar_compiler.ros.mission_recording import RECORDED, message_text, type_name
 
     jazzy = get_typestore(Stores.ROS2_JAZZY)
     for kinds in RECORDED.values():
@@ -296,7 +295,7 @@ def test_the_definition_of_every_message_that_is_recorded_is_understood():
 
 
 def test_the_launch_file_records_the_same():
-    from sar_compiler.ros.mcap_recorder import RECORDED
+    from sar_compiler.ros.mission_recording import RECORDED
 
     launched = {*FILE.constant("RECORDED"), *FILE.constant("RECORDED_GLOBALLY")}  # type: ignore[misc]
     # A bag has them as they are published; the run writes them itself.

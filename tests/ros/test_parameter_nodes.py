@@ -13,8 +13,7 @@ from sar_compiler.ros.parameter_file import (
     rcl_kind,
     read_parameter_file,
 )
-from sar_compiler.ros.parameter_reader import ParameterReader
-from sar_compiler.ros.run_parameters import read_run
+from sar_compiler.ros.parameter_reader import ParameterReader, read_run
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,8 +39,7 @@ class Launch:
         return path
 
     def node(self, ros: Sequence[str] = (), params: Path | None = None) -> Any:
-        from sar_compiler.ros.arguments import init_arguments, node_arguments
-        from sar_compiler.ros.errors import readable_ros_errors
+        from sar_compiler.ros.arguments import init_arguments, node_arguments, readable_ros_errors
         from sar_compiler.ros.parameters import DataNode
 
         with readable_ros_errors():
@@ -54,7 +52,7 @@ class Launch:
         return flat_parameters(self.node(ros, params))
 
     def error(self, *ros: str) -> str:
-        from sar_compiler.ros.errors import RosArgumentError
+        from sar_compiler.ros.arguments import RosArgumentError
 
         with pytest.raises(RosArgumentError) as caught:
             self.node(ros)
@@ -200,7 +198,7 @@ class TestTheCheckSpeaksFirst:
         from rclpy.exceptions import ParameterException
         from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
 
-        from sar_compiler.ros.errors import RosArgumentError
+        from sar_compiler.ros.arguments import RosArgumentError
         from sar_compiler.ros.parameters import DataNode
 
         try:
@@ -348,7 +346,7 @@ class TestArguments:
         assert launch.values(["-p", "use_sim_time:=true"])["use_sim_time"] is True
 
     def test_a_node_name_that_is_none_is_put_in_words(self, ros: Ros) -> None:
-        from sar_compiler.ros.errors import RosArgumentError
+        from sar_compiler.ros.arguments import RosArgumentError
         from sar_compiler.ros.parameters import DataNode
 
         with pytest.raises(RosArgumentError, match="1bad"):

@@ -18,8 +18,14 @@ from sar_compiler.missions.search_and_rescue.parameters import read_survivors
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.resources import shipped_root
 from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
-from sar_compiler.ros.parameter_reader import ParameterError, ParameterReader, lookalikes
-from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
+from sar_compiler.ros.parameter_reader import (
+    RUN_PARAMETER_NAMES,
+    ParameterError,
+    ParameterReader,
+    RunParameters,
+    lookalikes,
+    read_run,
+)
 from sar_compiler.tree.diagnostic import UnreadableFileError
 
 MISSION_NAMES = (*RUN_PARAMETER_NAMES, *MISSION.parameter_names)

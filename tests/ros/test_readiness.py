@@ -475,8 +475,8 @@ class TestNav2:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
-        from sar_compiler.ros.asked import Asked
-        from sar_compiler.ros.requirements import NodeActive
+        from sar_compiler.ros.lifecycle_state import Asked
+        from sar_compiler.ros.readiness import NodeActive
 
         monkeypatch.setattr(Asked, "deadline_sec", 0.2)
         other, node = ros.node("other"), ros.node()
@@ -501,7 +501,7 @@ class TestNav2:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
-        from sar_compiler.ros.requirements import NodeActive
+        from sar_compiler.ros.readiness import NodeActive
 
         async def never(_: Any, __: Any) -> None:
             await Future()
@@ -531,9 +531,7 @@ class TestNav2:
     def test_publishes_the_pose_again_until_it_is_answered(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from sar_compiler.ros import requirements
-
-        monkeypatch.setattr(requirements, "_INITIAL_POSE_PERIOD_SEC", 0.1)
+        monkeypatch.setattr("sar_compiler.ros.readiness._INITIAL_POSE_PERIOD_SEC", 0.1)
         nav2 = FakeNav2(ros.node("nav2"))
         nav2.answers = False
         ready = readiness(ros.node(), Use.nav2())
@@ -544,9 +542,7 @@ class TestNav2:
     def test_an_old_pose_kept_for_latecomers_is_no_answer(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from sar_compiler.ros import requirements
-
-        monkeypatch.setattr(requirements, "_INITIAL_POSE_PERIOD_SEC", 0.1)
+        monkeypatch.setattr("sar_compiler.ros.readiness._INITIAL_POSE_PERIOD_SEC", 0.1)
         nav2 = FakeNav2(ros.node("nav2"))
         nav2.publisher.publish(located(0.3, -0.3))
         nav2.answers = False
@@ -613,7 +609,7 @@ class TestNav2:
         assert said.has("The localisation keeps its yaw of 0.00 rad")
 
     def test_a_localisation_of_a_simulation_that_begins_is_told_without_waiting(self, ros: Ros) -> None:
-        from sar_compiler.ros.requirements import Localised
+        from sar_compiler.ros.readiness import Localised
 
         nav2, node = FakeNav2(ros.node("nav2")), ros.node()
         localised = Localised(node, (0.0, 0.0, 0.0), begins_anew=True)

@@ -559,7 +559,7 @@ class TestSetupAndShutdown:
         assert caught.value.behaviour == "Dawdling"
 
     def test_names_the_leaf_whose_setup_raises(self, ros: Ros) -> None:
-        from sar_compiler.ros.setting_up import SetupFailedError
+        from sar_compiler.ros.engine import SetupFailedError
 
         with pytest.raises(SetupFailedError) as caught:
             runner_of(sequence(Unready("M")), ros.node())
@@ -571,8 +571,8 @@ class TestSetupAndShutdown:
     def test_what_was_set_up_before_a_setup_that_raises_is_stopped_and_shut_down_once(
         self, ros: Ros, said: Said
     ) -> None:
+        from sar_compiler.ros.engine import SetupFailedError
         from sar_compiler.ros.runner import TreeRunner
-        from sar_compiler.ros.setting_up import SetupFailedError
 
         ready, unready, untouched = Probe(), Unready("M"), Probe()
         runner = TreeRunner(sequence(ready, unready, untouched))
@@ -619,7 +619,7 @@ class TestSetupAndShutdown:
             TreeRunner(Probe()).tick_tock(5.0)
 
     def test_refuses_a_tree_too_deep_to_be_stopped(self, ros: Ros) -> None:
-        from sar_compiler.ros.depth import TreeTooDeepError
+        from sar_compiler.ros.engine import TreeTooDeepError
 
         root: py_trees.behaviour.Behaviour = Probe()
         for _ in range(800):

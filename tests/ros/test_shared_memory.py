@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.ros.shared_memory import _remove_if_dead, remove_what_the_dead_left
+from sar_compiler.ros.middleware import _remove_if_dead, remove_what_the_dead_left
 
 LIVES = "import rclpy; rclpy.init(); node = rclpy.create_node('alive'); print(flush=True); input()"
 
@@ -55,7 +55,7 @@ def test_the_ports_of_the_dead_are_left_to_who_takes_them_over(tmp_path: Path) -
 def test_what_a_living_participant_has_stays_and_goes_when_it_was_killed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("sar_compiler.ros.shared_memory._NEW_SEC", 0.0)
+    monkeypatch.setattr("sar_compiler.ros.middleware._NEW_SEC", 0.0)
     folder = Path("/dev/shm")  # noqa: S108 - where Linux has it
     before = set(folder.glob("fastrtps_*_el"))
     process = subprocess.Popen([sys.executable, "-c", LIVES], stdin=subprocess.PIPE, stdout=subprocess.PIPE)

@@ -26,7 +26,7 @@ class Robot:
 
         from sar_compiler.ros.leaves.goals_under_way import goals_under_way
         from sar_compiler.ros.robot_estimate import robot_estimate
-        from sar_compiler.ros.unasked_motion import UnaskedMotion
+        from sar_compiler.ros.watch import UnaskedMotion
 
         self.ros = ros
         self.speed: float | None = 0.0

@@ -217,7 +217,7 @@ def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Sce
 
 def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_that_is(ros: Ros) -> None:
     from sar_compiler.ros.leaves.lifecycle import driving_nodes
-    from sar_compiler.ros.requirements import NodeActive
+    from sar_compiler.ros.readiness import NodeActive
     from sar_compiler.ros.robot_estimate import robot_estimate
 
     Nav2(ros)

@@ -8,8 +8,7 @@ import pytest
 
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import OccupancyMap, read_map
-from sar_compiler.sim.world import World
-from sar_compiler.sim.world_file import find_world
+from sar_compiler.sim.world import World, find_world
 from tests.waiting import SILENCE_SEC
 
 

@@ -5,8 +5,7 @@ import math
 import pytest
 
 from sar_compiler.sim.geometry import Pose2D
-from sar_compiler.sim.kept_places import KeptPlaces, KeptPlacesError
-from sar_compiler.sim.placement import Placement
+from sar_compiler.sim.placement import KeptPlaces, KeptPlacesError, Placement
 
 PLACES = {"": (Pose2D(1.0, 2.0, 0.5), Pose2D(0.25, 0.0, 0.1))}
 

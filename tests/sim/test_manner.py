@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.sim.manner import QUICK, like_nav2, manner
+from sar_compiler.sim.navigator import QUICK, like_nav2, manner
 
 
 def test_like_nav2_it_drives_by_the_shipped_parameters() -> None:

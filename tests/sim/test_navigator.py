@@ -5,11 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from sar_compiler.sim.follower import Follower
+from sar_compiler.sim.follower import Follower, Path2D
 from sar_compiler.sim.geometry import Box, Pose2D, normalise_angle
 from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from sar_compiler.sim.path import Path2D
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
 from sar_compiler.sim.robot import Robot, RobotState
 from sar_compiler.sim.world import World

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, OccupancyMap
-from sar_compiler.sim.route import plan_route
+from sar_compiler.sim.planner import plan_route
 
 RADIUS = 0.2
 

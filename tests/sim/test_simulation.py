@@ -11,8 +11,7 @@ import pytest
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultError, FaultPlan, parse_fault
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.placement import Placement
-from sar_compiler.sim.world import World
-from sar_compiler.sim.world_file import find_world
+from sar_compiler.sim.world import World, find_world
 from tests.sim.conftest import Client, Navigation
 from tests.waiting import Stopwatch
 

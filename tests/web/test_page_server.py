@@ -15,7 +15,7 @@ import pytest
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.web import feed as feed_module
-from sar_compiler.web import page_app, page_server
+from sar_compiler.web import page_server
 from sar_compiler.web.feed import RecordedFeed
 from sar_compiler.web.page_server import PORT, PageError, PageServer
 from sar_compiler.web.recording import Recording
@@ -99,7 +99,7 @@ def test_the_page_names_nothing_outside_itself(live):
         "/nothing",
         "/static/",
         "/static/nothing.js",
-        "/static/..%2fpage_app.py",
+        "/static/..%2fpage_server.py",
         "/static/../feed.py",
         "//etc/passwd",
     ],
@@ -187,7 +187,7 @@ def test_what_is_wrong_with_an_order_is_said(live):
 def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
     live, monkeypatch, is_sent, status, said
 ):
-    monkeypatch.setattr(page_app, "_ANSWER_SEC", 0.01)
+    monkeypatch.setattr(page_server, "_ANSWER_SEC", 0.01)
     order: Future[tuple[bool, str]] = Future()
     if is_sent:
         order.set_running_or_notify_cancel()

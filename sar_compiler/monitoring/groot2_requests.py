@@ -1,22 +1,143 @@
-"""Breakpoints and substitutions at nodes, which Groot2 sets while a tree is ticked."""
+"""What Groot2 asks of a tree: the messages of its protocol, and the hooks that it sets at nodes while the tree is ticked.
+
+The protocol is version 2, byte by byte; numbers are little-endian. A request is a header and, for some, a second frame. The reply is the
+header again with the tree's id, and a second frame for some; or `error` and a text.
+"""
 
 import json
+import struct
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.monitoring.groot2_protocol import RequestError
-from sar_compiler.monitoring.numbered_tree import NumberedTree
+from sar_compiler.errors import SarError
+from sar_compiler.monitoring.numbered_tree import IDLE, NumberedTree
 from sar_compiler.runtime.kernel.cells import ENDED, SKIPPED, WORDS
+
+VERSION = 2
+_HEADER = struct.Struct("<BBI")
+_STATUS = struct.Struct("<HB")
+WAS = 10
+"""A status in a snapshot from here on: IDLE, and before that it was so much less."""
+
+
+class RequestKind(IntEnum):
+    """What is asked for."""
+
+    FULL_TREE = ord("T")
+    STATUS = ord("S")
+    BLACKBOARD = ord("B")
+    HOOK_INSERT = ord("I")
+    HOOK_REMOVE = ord("R")
+    BREAKPOINT_REACHED = ord("N")
+    BREAKPOINT_UNLOCK = ord("U")
+    HOOKS_DUMP = ord("D")
+    REMOVE_ALL_HOOKS = ord("A")
+    DISABLE_ALL_HOOKS = ord("X")
+    TOGGLE_RECORDING = ord("r")
+    GET_TRANSITIONS = ord("t")
+
+
+class RequestError(SarError):
+    """A request that cannot be answered; its text is the reply."""
+
+
+class Request(NamedTuple):
+    """A request.
+
+    Attributes:
+        kind: What is asked for.
+        number: The number that its sender has given it.
+        rest: The frames after the header.
+    """
+
+    kind: RequestKind
+    number: int
+    rest: list[bytes]
+
+    @property
+    def payload(self) -> str:
+        """The second frame.
+
+        Raises:
+            RequestError: If there is none, or it is no text.
+        """
+        if len(self.rest) != 1:
+            message = "must be 2 parts message"
+            raise RequestError(message)
+        try:
+            return self.rest[0].decode()
+        except UnicodeDecodeError as error:
+            message = f"the second part is no text in UTF-8: {error}"
+            raise RequestError(message) from error
+
+
+def read_request(frames: list[bytes]) -> Request:
+    """Read a request.
+
+    Raises:
+        RequestError: If it is none.
+    """
+    if len(frames[0]) != _HEADER.size:
+        message = "wrong request header"
+        raise RequestError(message)
+    _, kind, number = _HEADER.unpack(frames[0])
+    try:
+        return Request(RequestKind(kind), number, frames[1:])
+    except ValueError:
+        message = "Request not recognized"
+        raise RequestError(message) from None
+
+
+def header(kind: RequestKind, number: int) -> bytes:
+    """Return the header of a request."""
+    return _HEADER.pack(VERSION, kind, number)
+
+
+def reply(request: Request, tree_id: bytes, payload: bytes | None) -> list[bytes]:
+    """Return the frames of a reply.
+
+    Args:
+        request: What is answered.
+        tree_id: The tree's id, 16 bytes.
+        payload: The second frame; None for a reply that has none.
+    """
+    return [header(request.kind, request.number) + tree_id, *([] if payload is None else [payload])]
+
+
+def snapshot(statuses: Iterable[int]) -> bytes:
+    """Return the statuses of nodes, those from the number 1 on."""
+    return b"".join(_STATUS.pack(uid, status) for uid, status in enumerate(statuses, 1))
+
+
+def shown_status(before: int, status: int) -> int:
+    """Return how a status is shown in a snapshot."""
+    return WAS + before if status == IDLE else status
+
+
+def transition(microseconds: int, uid: int, status: int) -> bytes:
+    """Return a change of a status in a recording.
+
+    Args:
+        microseconds: When it was, since the recording began.
+        uid: The node's number.
+        status: Its status.
+    """
+    return microseconds.to_bytes(6, "little") + _STATUS.pack(uid, status)
+
 
 # The statuses that can be asked for, as BehaviorTree.CPP writes them; only an end replaces anything.
 _OUTCOMES = {word: number for number, word in enumerate(WORDS) if word}
 _OUTCOMES["IDLE"] = SKIPPED
+# What a request calls the kinds of values that a hook has.
+_KINDS = {int: "a whole number", str: "a text", bool: "true or false"}
+
+T = TypeVar("T")
 
 
 class HookPosition(IntEnum):
@@ -164,7 +285,7 @@ class Groot2Hooks:
         Raises:
             RequestError: If the text is none.
         """
-        read = _parsed(text)
+        read = _parse_json(text)
         hooks = [_hook(each) for each in (read if isinstance(read, list) else [read])]
         with self._lock:
             for hook in hooks:
@@ -183,7 +304,7 @@ class Groot2Hooks:
         Raises:
             RequestError: If there is none.
         """
-        key = _key(_parsed(text))
+        key = _key(_parse_json(text))
         with self._lock:
             if self._hooks.pop(key, None) is None:
                 raise _not_found()
@@ -195,10 +316,10 @@ class Groot2Hooks:
         Raises:
             RequestError: If there is none.
         """
-        read = _parsed(text)
-        key, remove = _key(read), _boolean(read, "remove_when_done")
+        read = _parse_json(text)
+        key, remove = _key(read), _entry(read, "remove_when_done", bool)
         # Every other word, of whatever version, means to go on.
-        outcome = _OUTCOMES.get(_entry(read, "desired_status", str, "a text"), SKIPPED)
+        outcome = _OUTCOMES.get(_entry(read, "desired_status", str), SKIPPED)
         with self._lock:
             hook = self._hooks.get(key)
             if hook is None:
@@ -231,7 +352,7 @@ def _not_found() -> RequestError:
     return RequestError("Node ID not found")
 
 
-def _parsed(text: str) -> Any:
+def _parse_json(text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -242,16 +363,17 @@ def _parsed(text: str) -> Any:
 def _hook(read: Any) -> Hook:
     position, uid = _key(read)
     mode = _member(read, "mode", HookMode)
-    return Hook(uid, position, mode, _boolean(read, "once"), _outcome(read), _boolean(read, "enabled"))
+    once, outcome = _entry(read, "once", bool), _outcome(read)
+    return Hook(uid, position, mode, once, outcome, _entry(read, "enabled", bool))
 
 
 def _key(read: Any) -> tuple[HookPosition, int]:
-    uid = _entry(read, "uid", int, "a whole number")
+    uid = _entry(read, "uid", int)
     return _member(read, "position", HookPosition), uid
 
 
 def _outcome(read: Any) -> int:
-    word = _entry(read, "desired_status", str, "a text")
+    word = _entry(read, "desired_status", str)
     if word not in _OUTCOMES:
         message = f"desired_status: '{word}' is none of {', '.join(_OUTCOMES)}"
         raise RequestError(message)
@@ -259,20 +381,16 @@ def _outcome(read: Any) -> int:
 
 
 def _member(read: Any, name: str, kind: Any) -> Any:
-    number = _entry(read, name, int, "a whole number")
+    number = _entry(read, name, int)
     if number not in {*kind}:
         message = f"{name}: {number} is none of {', '.join(str(int(each)) for each in kind)}"
         raise RequestError(message)
     return kind(number)
 
 
-def _boolean(read: Any, name: str) -> bool:
-    return bool(_entry(read, name, bool, "true or false"))
-
-
-def _entry(read: Any, name: str, kind: type, words: str) -> Any:
+def _entry(read: Any, name: str, kind: type[T]) -> T:
     value = read.get(name) if isinstance(read, dict) else None
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        message = f"a hook is an object with '{name}', {words}"
+        message = f"a hook is an object with '{name}', {_KINDS[kind]}"
         raise RequestError(message)
     return value
