@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from sar_compiler.checks.conditions import unknown_in
-from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.leaf_words import LeafWords, unknown_in
 from sar_compiler.checks.typed_values import report_script, word
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree
 from sar_compiler.documents.located import Document, Value

@@ -6,7 +6,7 @@ Whatever the rest of the file may say, these findings stay: they are about start
 import bisect
 
 from sar_compiler.checks.document import check_document
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic

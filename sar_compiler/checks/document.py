@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext, is_misnamed
+from sar_compiler.checks.rules import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.main_tree import find_main_tree

@@ -15,7 +15,7 @@ from sar_compiler.cli.writing import write_text
 from sar_compiler.ros.middleware import require_middleware
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
+    from sar_compiler.checks.sweep import Played, SweptRow
     from sar_compiler.sim.flights import Flights
 
 DEFAULT_WORLD = "disaster_zone"
@@ -74,7 +74,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
     """Yield a row for each combination, with what it flies; what can be checked beforehand is."""
-    from sar_compiler.checks.sweep.sweeping import SweptRow
+    from sar_compiler.checks.sweep import SweptRow
     from sar_compiler.sim.flights import Flights
 
     worlds, mixes = options.world or [DEFAULT_WORLD], options.faults or [_NO_FAULTS]

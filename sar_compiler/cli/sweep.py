@@ -15,7 +15,7 @@ from sar_compiler.cli.writing import write_text
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
+    from sar_compiler.checks.sweep import Played, SweptRow
     from sar_compiler.project.swept import ScenarioRuns
 
 # Half the width of the interval of a tree that always succeeds is below 0.02 after four batches.
@@ -84,7 +84,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
     """Yield a row for each combination, with what it plays; all of them are known to be valid."""
     from sar_compiler.checks.simulate.scenario_files import read_scenario
-    from sar_compiler.checks.sweep.sweeping import SweptRow
+    from sar_compiler.checks.sweep import SweptRow
     from sar_compiler.documents.yaml_files import read_yaml
     from sar_compiler.project.swept import ScenarioRuns, content_of
     from sar_compiler.project.swept import varied as changed

@@ -14,7 +14,7 @@ from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_text
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
+    from sar_compiler.checks.sweep import Played, SweptRow
     from sar_compiler.checks.sweep.workers import Workers
 
 
@@ -103,7 +103,7 @@ def swept(
         write: Writes the smallest failure out; returns None if that is not possible.
         arguments: The command's arguments.
     """
-    from sar_compiler.checks.sweep.sweeping import StoppingRule, smallest_failure, sweep
+    from sar_compiler.checks.sweep import StoppingRule, smallest_failure, sweep
     from sar_compiler.checks.sweep.workers import on_dask
     from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
 

@@ -191,7 +191,7 @@ class _Validation:
         except SarError as error:
             self._tell(str(error))
         except Exception as error:  # noqa: BLE001 - whatever it is
-            from sar_compiler.checks.internal_errors import failure_of_file
+            from sar_compiler.checks import failure_of_file
 
             self._report([failure_of_file(path, error, name)])
 

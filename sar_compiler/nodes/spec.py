@@ -12,6 +12,7 @@ from sar_compiler.nodes.imports import load, path_of
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import ANYTHING, ValueType
 from sar_compiler.runtime.answers import Answer, Fact
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Severity
 
 if TYPE_CHECKING:
@@ -478,6 +479,12 @@ class NodeSpec:
         """Whether there is more to an instance than its values and children."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
         return bool(around) or self.is_foreign
+
+    @property
+    def takes_script(self) -> bool:
+        """Whether one of its attributes is a script."""
+        types = (parameter.value_type for parameter in self.parameters.values())
+        return any(value_type is not None and value_type.python is Script for value_type in types)
 
     @functools.cached_property
     def structure(self) -> str:

@@ -15,7 +15,7 @@ from sar_compiler.checks.simulate.judging import Failure, failures
 from sar_compiler.checks.simulate.running import ScenarioPlayer
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
 from sar_compiler.checks.simulate.scripted import Drawn
-from sar_compiler.checks.sweep.sweeping import Played
+from sar_compiler.checks.sweep import Played
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml
 from sar_compiler.errors import SarError

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
-from sar_compiler.checks.sweep.sweeping import Played
+from sar_compiler.checks.sweep import Played
 from sar_compiler.checks.sweep.workers import Workers
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 
-from sar_compiler.checks.sweep.sweeping import Played, StoppingRule, SweptRow
+from sar_compiler.checks.sweep import Played, StoppingRule, SweptRow
 from sar_compiler.views.plain import as_json
 
 Smallest = tuple[SweptRow, Played] | None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from py_trees.behaviours import Dummy
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.verify.properties import without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 
 from sar_compiler.checks import check
-from sar_compiler.checks.rules.script_values import raised_always
+from sar_compiler.checks.rules.scripts import raised_always
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.script import parse

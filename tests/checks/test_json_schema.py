@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given
 
 from sar_compiler.checks import RULES, check
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.schemas.json_schema import json_schema

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.checks import RULES, check
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.schema_validation import check_schema, schema_errors
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema

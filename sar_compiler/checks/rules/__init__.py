@@ -1,1 +1,162 @@
 """Rules for mistakes in trees whose parts are each valid by themselves; one module per family."""
+
+import bisect
+import functools
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeVar
+
+from sar_compiler.checks.rules.key_accesses import KeyAccesses, key_accesses_of
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
+from sar_compiler.nodes.binding.binder import BoundForest, bind_all
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.nesting import trees_in
+from sar_compiler.nodes.btcpp.versions import NEWEST, Version
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import Guesses
+from sar_compiler.tree.model import SECTIONS, Element, TreeFile
+
+_OfSpec = TypeVar("_OfSpec")
+
+
+class CheckContext:
+    """A forest with the results of its analysis, each computed at most once.
+
+    Attributes:
+        forest: The file and what it includes.
+        registry: The registered nodes.
+        palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
+    """
+
+    def __init__(
+        self,
+        forest: Forest,
+        registry: Registry,
+        palettes: tuple[TreeFile, ...] = (),
+        btcpp: Version = NEWEST,
+    ) -> None:
+        self.btcpp = btcpp
+        self.forest = forest
+        self.registry = registry
+        self.palettes = palettes
+
+    @functools.cached_property
+    def bound(self) -> BoundForest:
+        """Every tree, bound."""
+        return bind_all(self.forest, self.registry, self.palettes, self.btcpp)
+
+    @functools.cached_property
+    def is_whole(self) -> bool:
+        """Whether all trees are known: each include was read, and nothing else may have been meant as a tree."""
+        roots = (tree_file.root for tree_file in self.forest.files)
+        return (
+            not self.forest.findings
+            and all(child.tag in SECTIONS for root in roots for child in root.children)
+            and not any(is_misnamed(tree) for tree in self.forest.iterate())
+        )
+
+    @functools.cached_property
+    def trees(self) -> tuple[BoundTree, ...]:
+        """The trees within the limits of size and depth, the inner ones first."""
+        return tuple({tree: None for top in self.bound.tops for tree in trees_in(top.tree)})
+
+    def parents(self) -> Iterator[BoundNode]:
+        """Yield the nodes with children of these trees of which conclusions can be drawn."""
+        return (bound for tree in self.trees for bound in tree.parents if bound not in self.broken)
+
+    def scripts(self) -> Iterator[tuple[BoundNode, str, Script]]:
+        """Yield the scripts of these trees, with their nodes and attributes."""
+        scripted = {id(spec) for spec in self.bound.specs if spec.takes_script}
+        for tree in self.trees:
+            for bound in tree.nodes if scripted or tree.wrappers else ():
+                if bound.conditions or id(bound.spec) in scripted:
+                    yield from ((bound, *each) for each in bound.scripts())
+
+    def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
+        """Yield the nodes of these trees with what is found of their specs, where it is anything.
+
+        Most files have none, and need not be gone through.
+        """
+        found = {id(spec): each for spec in self.bound.specs if (each := find(spec))}
+        for bound in (bound for tree in self.trees for bound in tree.nodes if found):
+            if id(bound.spec) in found:
+                yield bound, found[id(bound.spec)]
+
+    def is_main(self, tree: BoundTree) -> bool:
+        """Return whether a tree is executed as far as the file says: the main tree, or one that nobody uses.
+
+        Other files of a set are asked where the file itself names no main tree.
+        """
+        return id(tree.element) in self._executable
+
+    @functools.cached_property
+    def _executable(self) -> frozenset[int]:
+        return frozenset(map(id, self.forest.executable))
+
+    @functools.cached_property
+    def key_accesses(self) -> Mapping[BoundTree, KeyAccesses]:
+        """The accesses of the nodes of each of these trees to keys."""
+        return {tree: key_accesses_of(tree) for tree in self.trees}
+
+    @functools.cached_property
+    def guesses(self) -> Guesses:
+        """Guesses of what was meant."""
+        return Guesses()
+
+    @functools.cached_property
+    def is_foreign(self) -> bool:
+        """Whether a node is only described: another program executes the trees."""
+        return any(bound.spec.is_foreign for tree in self.trees for bound in tree.demanding)
+
+    @functools.cached_property
+    def outcomes(self) -> PossibleOutcomes:
+        """The possible outcomes of every node."""
+        return PossibleOutcomes(self.trees, self.broken)
+
+    @functools.cached_property
+    def is_telling(self) -> bool:
+        """Whether the nodes' outcomes allow any conclusions."""
+        return any(is_telling(spec) for spec in self.bound.specs)
+
+    @functools.cached_property
+    def sound(self) -> bool:
+        """Whether all files could be read and all elements bound."""
+        found = (*self.forest.findings, *self.bound.findings)
+        return all(finding.severity is not Severity.ERROR for finding in found)
+
+    @functools.cached_property
+    def broken(self) -> frozenset[BoundNode]:
+        """The nodes with a mistake in their tags, attributes or children, from which no conclusions are drawn."""
+        return frozenset(self._broken()) if self._errors else frozenset()
+
+    @functools.cached_property
+    def _errors(self) -> list[Diagnostic]:
+        return [finding for finding in self.bound.findings if finding.severity is Severity.ERROR]
+
+    def _broken(self) -> Iterator[BoundNode]:
+        nodes: dict[str, list[BoundNode]] = {}
+        for tree in self.bound.trees:
+            nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
+        for of_file in nodes.values():
+            of_file.sort(key=_place)
+        for finding in self._errors:
+            of_file = nodes.get(finding.source.path, [])
+            index = bisect.bisect_right(of_file, (finding.span.line, finding.span.column), key=_place)
+            if index:
+                yield of_file[index - 1]
+        # Where one is missing, those that were bound are not the first, the second and the last of the file.
+        for tree in self.bound.trees:
+            yield from (each for each in tree.parents if len(each.children) != len(each.element.children))
+
+
+def is_misnamed(tree: Element) -> bool:
+    """Return whether a tree has a name where its ID should be."""
+    return "ID" not in tree.attributes and "name" in tree.attributes
+
+
+def _place(bound: BoundNode) -> tuple[int, int]:
+    return bound.element.line, bound.element.column

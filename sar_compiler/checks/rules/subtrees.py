@@ -4,7 +4,7 @@ import functools
 import itertools
 from collections.abc import Callable, Iterator, Mapping
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.key_accesses import KeyAccesses
 from sar_compiler.nodes.binding.attributes import underscored
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
@@ -16,7 +16,6 @@ from sar_compiler.runtime.expressions import (
     ComparisonChain,
     Literal,
     Name,
-    Script,
     children,
     parts,
 )
@@ -106,8 +105,8 @@ def _keys_as_texts(
 
 def _compared(tree: BoundTree) -> frozenset[tuple[str, object]]:
     """Return the keys that a script of a tree compares with texts, each with such a text: it is one that the tree is given."""
-    scripts = (each for node in tree.nodes for each in (*node.conditions.values(), *node.values.values()))
-    statements = (each for script in scripts if isinstance(script, Script) for each in script.statements)
+    scripts = (script for node in tree.nodes for _, script in node.scripts())
+    statements = (each for script in scripts for each in script.statements)
     return frozenset(
         (name.name, literal.value)
         for part in itertools.chain.from_iterable(map(parts, statements))

@@ -2,15 +2,26 @@
 
 import itertools
 from collections.abc import Iterator
+from typing import NamedTuple
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
-from sar_compiler.nodes.btcpp.versions import DROPS_EXPLICIT, NAMES, NEWEST, QUOTES, VERSIONS, Version
-from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.runtime.expressions import Literal, Script, parts
+from sar_compiler.nodes.btcpp.versions import (
+    DROPS_EXPLICIT,
+    NAMES,
+    NEWEST,
+    OPERATORS,
+    ORDER,
+    QUOTES,
+    STATEMENTS,
+    VERSIONS,
+    Version,
+)
+from sar_compiler.runtime.expressions import Literal, Operation, Script, parts
+from sar_compiler.runtime.tokens import TokenKind, tokenize
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 
@@ -24,33 +35,23 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
             collector.refused_since(NAMES, tree, fault.message, value="ID", **advice)
     _report_tags(context, collector)
     _report_ports(context, collector)
-    for bound, attribute, script in _scripts(context):
+    for bound, attribute, script in context.scripts():
         if '"' in script.text:
             _report_quotes(bound, attribute, script, collector)
         if context.btcpp < NEWEST:
-            yield from _read_otherwise(bound, attribute, script, context.btcpp)
+            for start, end, what, hint in older_readings(script, context.btcpp):
+                span = bound.element.within_value(attribute, start, end)
+                message = f"{attribute}: BehaviorTree.CPP {context.btcpp} {what}"
+                yield bound.element.finding("btcpp-version", message, span, hint=hint)
     yield from collector.findings
     yield from _newer_nodes(context)
     yield from _explicit(context)
 
 
-def _read_otherwise(
-    bound: BoundNode, attribute: str, script: Script, version: Version
-) -> Iterator[Diagnostic]:
-    from sar_compiler.checks.rules.older_scripts import older_readings
-
-    for start, end, what, hint in older_readings(script, version):
-        span = bound.element.within_value(attribute, start, end)
-        message = f"{attribute}: BehaviorTree.CPP {version} {what}"
-        yield bound.element.finding("btcpp-version", message, span, hint=hint)
-
-
 def _report_tags(context: CheckContext, collector: Collector) -> None:
-    refused = {spec.tag: refused_in(spec.tag) for spec in context.bound.specs}
-    refused = {tag: part for tag, part in refused.items() if part}
-    for bound in (bound for tree in context.trees for bound in tree.nodes if refused):
-        element, part = bound.element, refused.get(bound.element.tag)
-        if part:
+    for bound, part in context.nodes_with(lambda spec: refused_in(spec.tag)):
+        element = bound.element
+        if element.tag == bound.spec.tag:
             message, hint = f"the name '{element.tag}' of a node has {part} in it", f"leave {part} out"
             collector.refused_since(NAMES, element, message, hint=hint)
 
@@ -67,22 +68,6 @@ def _report_ports(context: CheckContext, collector: Collector) -> None:
                 collector.refused_since(NAMES, bound.element, message, name=name, **advice)
 
 
-def _scripts(context: CheckContext) -> Iterator[tuple[BoundNode, str, Script]]:
-    scripted = {id(spec) for spec in context.bound.specs if _has_script(spec)}
-    for tree in context.trees:
-        for bound in tree.nodes if scripted or tree.wrappers else ():
-            if not bound.conditions and id(bound.spec) not in scripted:
-                continue
-            for attribute, script in (*bound.conditions.items(), *bound.values.items()):
-                if isinstance(script, Script):
-                    yield bound, attribute, script
-
-
-def _has_script(spec: NodeSpec) -> bool:
-    types = (parameter.value_type for parameter in spec.parameters.values())
-    return any(value_type is not None and value_type.python is Script for value_type in types)
-
-
 def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: Collector) -> None:
     for literal in itertools.chain.from_iterable(map(parts, script.statements)):
         if isinstance(literal, Literal) and script.text[literal.start] == '"':
@@ -96,26 +81,123 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
 
 
 def _newer_nodes(context: CheckContext) -> Iterator[Diagnostic]:
-    since = {spec.tag: spec.semantics.counterpart.since for spec in context.bound.specs}
-    later = {tag for tag, version in since.items() if version and VERSIONS[version] > context.btcpp}
-    for bound in (bound for tree in context.trees for bound in tree.nodes if later):
-        tag = bound.spec.tag
-        if tag in later:
-            message = (
-                f"BehaviorTree.CPP has <{tag}> since {since[tag]}, and these trees are for {context.btcpp}"
-            )
+    for bound, since in context.nodes_with(lambda spec: spec.semantics.counterpart.since):
+        if VERSIONS[since] > context.btcpp:
+            message = f"BehaviorTree.CPP has <{bound.spec.tag}> since {since}, and these trees are for {context.btcpp}"
             hint = "do without it, or have them run by a newer one"
             yield bound.element.finding("btcpp-version", message, hint=hint)
 
 
 def _explicit(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield nodes in explicit form where BehaviorTree.CPP does not find them."""
-    around = any(spec.tag == DROPS_EXPLICIT for spec in context.bound.specs)
-    for control in (each for tree in context.trees for each in tree.nodes if around):
-        for bound in control.children if control.spec.tag == DROPS_EXPLICIT else ():
+    for control, _ in context.nodes_with(lambda spec: spec.tag == DROPS_EXPLICIT):
+        for bound in control.children:
             tag = bound.element.tag
             if tag in KIND_TAGS and "ID" in bound.element.attributes:
                 message = f"BehaviorTree.CPP does not find <{tag}> directly in a <{DROPS_EXPLICIT}>"
                 cause = Cause(message, bound.spec.tag)
                 hint = f"write <{bound.spec.tag}>, without ID"
                 yield bound.element.finding("explicit-node", message, hint=hint, common_cause=cause)
+
+
+_GROUPS = {
+    **dict.fromkeys(("+", "-", "*", "/"), "numbers"),
+    **dict.fromkeys(("~", "!", "&", "|", "^"), "bits"),
+    "..": "texts",
+}
+_ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
+_BOTH_LATER = ("works this out from the left, as (a || b) && c", "write a || (b && c)")
+_IN_PARENTHESES = "put one of them with its operands in parentheses"
+_FROM_THE_RIGHT = {"-": "+-", "/": "*/", "|": "^", "^": "|"}
+
+
+class OlderReading(NamedTuple):
+    """A place of a script that an older version refuses, or reads otherwise.
+
+    Attributes:
+        start: Where it begins, in characters of the script's text.
+        end: Where it ends.
+        what: What the version does there, as in "BehaviorTree.CPP 4.8 ...".
+        hint: What all versions read as it is meant.
+    """
+
+    start: int
+    end: int
+    what: str
+    hint: str
+
+
+def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
+    """Yield what a version refuses in a script that is one since 4.9, and what it works out otherwise."""
+    if version < ORDER.since:
+        yield from _from_the_right(script)
+    if version < STATEMENTS.since:
+        yield from _without_semicolon(script)
+    if version < OPERATORS.since:
+        yield from _operators(script)
+
+
+def _from_the_right(script: Script) -> Iterator[OlderReading]:
+    for each in itertools.chain.from_iterable(map(parts, script.statements)):
+        for step, following in itertools.pairwise(each.steps if isinstance(each, Operation) else ()):
+            first, second = step.operator, following.operator
+            if second in _FROM_THE_RIGHT.get(first, ()):
+                what = f"works this out from the right, as a {first} (b {second} c)"
+                yield OlderReading(step.start, step.end, what, f"write (a {first} b) {second} c")
+                break
+
+
+def _without_semicolon(script: Script) -> Iterator[OlderReading]:
+    for before, statement in itertools.pairwise(script.statements):
+        if ";" not in script.text[before.end : statement.start]:
+            what = "refuses a statement that follows another without ;"
+            yield OlderReading(statement.start, statement.end, what, "write ; between the two")
+
+
+class _FlatPart:
+    """What was read of an expression outside of parentheses."""
+
+    def __init__(self) -> None:
+        self._first = ""
+        self._is_either = self._is_chosen = self._is_assigned = False
+
+    def take(self, sign: str) -> tuple[str, str] | None:
+        """Take the next sign; return what is wrong with it, and the hint."""
+        if sign == "?" or sign in _ASSIGNMENTS:
+            return self._take_single(sign)
+        if sign in {"||", "&&"}:
+            both_later, self._is_either = self._is_either and sign == "&&", sign == "||" or self._is_either
+            return _BOTH_LATER if both_later else None
+        group = _GROUPS.get(sign)
+        self._first = self._first or (sign if group else "")
+        other = _GROUPS.get(self._first)
+        if not group or group == other:
+            return None
+        what = f"refuses {sign} beside {self._first} without parentheses: one is of {group}, one of {other}"
+        return what, _IN_PARENTHESES
+
+    def _take_single(self, sign: str) -> tuple[str, str] | None:
+        is_second = self._is_chosen if sign == "?" else self._is_assigned
+        if sign == "?":
+            self._is_chosen, self._is_either = True, False
+        else:
+            self._is_assigned = True
+        return (f"refuses a second {sign} in an expression", _IN_PARENTHESES) if is_second else None
+
+
+def _operators(script: Script) -> Iterator[OlderReading]:
+    starts = {statement.start for statement in script.statements}
+    around: list[_FlatPart] = []
+    is_refused = False
+    for token in tokenize(script.text):
+        if token.start in starts:
+            around = [_FlatPart()]
+        sign = token.text if token.kind is TokenKind.SIGN else ""
+        if sign in {")", ":"}:
+            around.pop()
+        wrong = around[-1].take(sign) if around else None
+        if wrong is not None and not (is_refused and wrong is not _BOTH_LATER):
+            yield OlderReading(token.start, token.end, *wrong)
+            is_refused = is_refused or wrong is not _BOTH_LATER
+        if sign in {"(", "?"}:
+            around.append(_FlatPart())

@@ -79,6 +79,12 @@ class BoundNode:
         """Whether it re-evaluates all its children in every tick."""
         return self.spec.semantics.reactive or self.value("memory") is False
 
+    def scripts(self) -> Iterator[tuple[str, Script]]:
+        """Yield its scripts with their attributes: those of its conditions, and those that are values."""
+        for attribute, value in (*self.conditions.items(), *self.values.items()):
+            if isinstance(value, Script):
+                yield attribute, value
+
     def value(self, name: str) -> object:
         """Return the value of an attribute, or its default; None if the value is known only at runtime."""
         if name in self.values:

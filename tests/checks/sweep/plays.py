@@ -5,7 +5,7 @@ import signal
 from dataclasses import dataclass
 from pathlib import Path
 
-from sar_compiler.checks.sweep.sweeping import Played
+from sar_compiler.checks.sweep import Played
 
 
 def odd_ones_fail(seeds):

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.checks.sweep.intervals import wilson
+from sar_compiler.checks.sweep import wilson
 
 
 @st.composite

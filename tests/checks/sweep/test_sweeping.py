@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.checks.sweep.sweeping import StoppingRule, SweepError, SweptRow, smallest_failure, sweep
+from sar_compiler.checks.sweep import StoppingRule, SweepError, SweptRow, smallest_failure, sweep
 from sar_compiler.checks.sweep.workers import Workers, in_processes
 from tests.checks.sweep.plays import EndsItsWorker, all_succeed, odd_ones_fail
 

@@ -1,0 +1,115 @@
+"""What single nodes say: their classes, their names, and values that were hardly meant."""
+
+import re
+from collections.abc import Iterator, Sequence
+
+from sar_compiler.checks.rules import CheckContext
+from sar_compiler.nodes.binding.attributes import closed
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.numbers import SensibleNumbers
+from sar_compiler.nodes.spec import NodeSpec, Role
+from sar_compiler.tree.diagnostic import Diagnostic
+
+
+def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield the first node of each class that is abstract, which only an attempt to make one would show."""
+    abstract = {spec.tag: spec for spec in context.bound.specs if spec.absent_methods}
+    for bound in (node for tree in context.bound.trees for node in tree.nodes if abstract):
+        spec = abstract.pop(bound.spec.tag, None)
+        if spec is not None:
+            message, hint = f"<{spec.tag}> cannot be made: {_missing_in(spec)}", "write it in the class"
+            element = bound.element
+            yield element.finding("constructor-failed", message, hint=hint)
+
+
+def _missing_in(spec: NodeSpec) -> str:
+    methods = " and ".join(f"{name}()" for name in spec.absent_methods)
+    return f"its class {spec.maker_path.replace(':', '.')} has no {methods}"
+
+
+def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield texts that begin or end like a key."""
+    for bound, names in context.nodes_with(_texts):
+        if bound.values:
+            yield from _unclosed(bound, names)
+    for use in (use for tree in context.trees for use in tree.uses):
+        yield from _unclosed(
+            use, [name for name in use.remapping.constants if name in use.element.attributes]
+        )
+
+
+def _texts(spec: NodeSpec) -> list[str]:
+    """Return the attributes of a node that take any text."""
+    types = ((p.name, p.value_type) for p in spec.parameters.values() if p.role is Role.ATTRIBUTE)
+    return [name for name, value_type in types if value_type is not None and value_type.python in (str, None)]
+
+
+def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
+    element = bound.element
+    for name in names:
+        suggestion = closed(element.attributes.get(name, ""))
+        if suggestion is not None:
+            message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard is written between two braces"
+            yield element.finding("unclosed-key", message, value=name, suggestion=suggestion)
+
+
+def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield numbers that make no sense to a node, though it takes them."""
+    for bound, bounds_of in context.nodes_with(_bounds):
+        for name, bounds in bounds_of.items():
+            number = bound.values.get(name)
+            if number is not None and number not in bounds:
+                written = bound.element.attributes[name]
+                message = f"{name}: <{bound.spec.tag}> takes {written}, and can do nothing sensible with it"
+                yield bound.element.finding(
+                    "out-of-range", message, value=name, hint=f"write a number, {bounds}"
+                )
+
+
+def _bounds(spec: NodeSpec) -> dict[str, SensibleNumbers]:
+    types = ((parameter.name, parameter.value_type) for parameter in spec.parameters.values())
+    return {name: each.usual for name, each in types if each is not None and each.usual is not None}
+
+
+# One with a blank beside it is punctuation.
+_SEPARATOR = re.compile(r"(?<=\S)[/.](?=\S)")
+_SEPARATES = {
+    "/": "separates the names of a path: scenarios, properties and py_trees' blackboard take it for two names",
+    ".": "separates a key from its attributes on py_trees' blackboard, whose tools take it for two names",
+}
+
+
+def check_names(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield siblings that were explicitly given the same name, and names that read as a path."""
+    for tree in context.trees if context.sound and not context.is_foreign else ():
+        yield from _separated(tree.nodes)
+        for bound in tree.parents:
+            children = bound.children
+            if len(children) > 1 and len({child.name for child in children}) < len(children):
+                yield from _same(children)
+
+
+def _separated(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
+    for bound in nodes:
+        found = _SEPARATOR.search(bound.name)
+        if found is None or "name" not in bound.element.attributes:
+            continue
+        sign = found[0]
+        message = f"'{bound.name}' has a '{sign}', which {_SEPARATES[sign]}"
+        hint = f"write '_' instead of '{sign}'"
+        yield bound.element.finding("separator-in-name", message, value="name", hint=hint)
+
+
+def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
+    first: dict[str, BoundNode] = {}
+    for child in children:
+        if not child.element.attributes.get("name") or child.subtree is not None:
+            continue
+        other = first.setdefault(child.name, child)
+        if other is not child:
+            message = (
+                f"'{child.name}' is also the name of the node in line {other.element.line} beside it: drawings, logs "
+                "and references cannot tell the two apart"
+            )
+            hint = "give each a name of its own"
+            yield child.element.finding("same-name", message, value="name", hint=hint)
