@@ -95,10 +95,10 @@ class Command:
         return self
 
     def wait_until(self, wanted, what, silence_sec=SILENCE_SEC):
-        """Wait, as long as it prints, until something is so; `what` says what never came."""
+        """Wait, as long as it prints, until something is so, and return it; `what` says what never came."""
         with self._news:
             complaint = lambda: f"{what} of {self.name} did not come:\n{self.output}"  # noqa: E731
-            self._news.wait_until(wanted, complaint, silence_sec)
+            return self._news.wait_until(wanted, complaint, silence_sec)
 
     @property
     def is_over(self):
@@ -161,13 +161,14 @@ class Command:
             self._process.wait()
 
 
-def children_of(pid):
-    """Return the children of a process, whichever of its threads has begun them.
+def children_of(pid, word=""):
+    """Return the children of a process, whichever of its threads has begun them, with a word in their command lines.
 
     By what each process says of its parent: `/proc/PID/task/*/children` leaves out those of a thread that is just ending.
     """
     numbers = (int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit())
-    return sorted(number for number in numbers if _state_and_parent(number)[1] == str(pid))
+    found = sorted(number for number in numbers if _state_and_parent(number)[1] == str(pid))
+    return [each for each in found if word in _read(f"/proc/{each}/cmdline")]
 
 
 def wait_for_end_of(pid):
@@ -180,10 +181,15 @@ def wait_for_end_of(pid):
 
 def _state_and_parent(pid):
     """Return two fields of `/proc/PID/stat`; empty ones if there is no such process."""
+    # They come after the name, which may hold anything.
+    return (*_read(f"/proc/{pid}/stat").rpartition(")")[2].split()[:2], "", "")[:2]
+
+
+def _read(path):
+    """Return what a file in `/proc` says; nothing of a process that is gone."""
     with suppress(OSError):
-        # They come after the name, which may hold anything.
-        return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[:2]
-    return "", ""
+        return Path(path).read_text(errors="replace")
+    return ""
 
 
 def in_order(expected, lines):

@@ -9,11 +9,10 @@ import subprocess
 import tempfile
 import termios
 import time
-from pathlib import Path
 
 import pyte
 
-from tests.processes import BIN
+from tests.processes import BIN, children_of
 from tests.waiting import SILENCE_SEC
 
 
@@ -101,9 +100,8 @@ class Terminal:
 
     def send_to_child(self, number):
         """Send a signal to the process that the command has started."""
-        pid = self._process.pid
-        (child,) = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
-        os.kill(int(child), number)
+        (child,) = children_of(self._process.pid)
+        os.kill(child, number)
 
     def type(self, text):
         """Have a text typed."""

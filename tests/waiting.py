@@ -25,21 +25,22 @@ class News(threading.Condition):
         self.notify_all()
 
     def wait_until(self, wanted, complaint, silence_sec=SILENCE_SEC):
-        """Wait, holding the lock, until something is so; fail with a complaint when nothing moves any more.
+        """Wait, holding the lock, until something is so, and return it; fail with a complaint when nothing moves any more.
 
         Args:
-            wanted: Returns whether it is so; called at every news, and ten times a second.
+            wanted: Returns what is waited for, or nothing yet; called at every news, and ten times a second.
             complaint: Returns what is said if it never is.
             silence_sec: How long nothing may happen, seconds.
         """
         began = heard = time.monotonic()
         count = self._count
-        while not wanted():
+        while not (found := wanted()):
             now = time.monotonic()
             if self._count != count:
                 count, heard = self._count, now
             assert now - heard < silence_sec and now - began < ENDLESS_SEC, complaint()  # noqa: PT018
             self.wait(0.1)
+        return found
 
 
 class Delay:

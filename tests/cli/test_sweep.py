@@ -68,12 +68,10 @@ def test_one_process_several_and_a_cluster_give_the_same(capsys):
         assert run(capsys, *wanted, "--dask", cluster.scheduler_address) == one
 
 
-def workers_of(process):
-    return [
-        each
-        for each in children_of(process.pid)
-        if "spawn_main" in Path(f"/proc/{each}/cmdline").read_text(encoding="utf-8")
-    ]
+def two_workers(process):
+    """Return the workers of a sweep once there are two."""
+    found = children_of(process.pid, "spawn_main")
+    return found if len(found) == 2 else []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for the workers in /proc")
@@ -84,8 +82,8 @@ def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
     try:
         news = News()
         with news:
-            news.wait_until(lambda: len(workers_of(process)) == 2, lambda: "the two workers do not start")
-        for worker in workers_of(process):
+            workers = news.wait_until(lambda: two_workers(process), lambda: "the two workers do not start")
+        for worker in workers:
             os.kill(worker, signal.SIGKILL)
         out, err = process.communicate()
     finally:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.sim import main
+from tests.processes import children_of
 from tests.waiting import News
 
 REFUSED = "report_survivor:refuse=1"
@@ -18,18 +19,16 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def flights_of(pid):
-    """Return the processes that fly missions for a sweep."""
-    listed = Path(f"/proc/{pid}/task").glob("*/children")
-    found = [int(child) for path in listed for child in path.read_text(encoding="ascii").split()]
-    return [each for each in found if b"sar_run" in Path(f"/proc/{each}/cmdline").read_bytes()]
+def wait_for_flights(sweep, count):
+    """Return the processes that fly missions for a sweep, once there are so many."""
 
+    def flights():
+        found = children_of(sweep.pid, "sar_run")
+        return found if len(found) >= count else []
 
-def kill_the_first_flight(sweep):
     news = News()
     with news:
-        news.wait_until(lambda: flights_of(sweep._process.pid), lambda: "no flight begins")
-    os.kill(flights_of(sweep._process.pid)[0], signal.SIGKILL)
+        return news.wait_until(flights, lambda: "no flights begin")
 
 
 @pytest.mark.ros
@@ -38,7 +37,7 @@ def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_i
     mixes = ["--faults", "none", "--faults", f"{REFUSED} detect_survivor:delay=1"]
     wanted = ["--param", "zone_order=[zone_a]", "--runs", 1, "--jobs", 2, "--format", "json"]
     sweep = start("sar-sim", "sweep", "search_and_rescue", *mixes, *wanted)
-    kill_the_first_flight(sweep)
+    os.kill(wait_for_flights(sweep, 1)[0], signal.SIGKILL)
     assert sweep.end() == 1, sweep.output
     result = json.loads(sweep.output)
     rows = result["rows"]
@@ -54,10 +53,7 @@ def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_i
 @pytest.mark.ros
 def test_a_signal_stops_the_flights_and_shows_what_is_known(start):
     sweep = start("sar-sim", "sweep", "search_and_rescue", "--runs", 9, "--jobs", 2)
-    news = News()
-    with news:
-        news.wait_until(lambda: len(flights_of(sweep._process.pid)) == 2, lambda: "no flights begin")
-    flying = flights_of(sweep._process.pid)
+    flying = wait_for_flights(sweep, 2)
     sweep.send(signal.SIGTERM)
     assert sweep.end() == 130, sweep.output
     assert sweep.output.startswith("runs  success")

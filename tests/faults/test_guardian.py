@@ -60,8 +60,8 @@ def test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way
 def test_one_that_cannot_live_is_given_up_and_the_mission_goes_on(driving):
     server, run = driving()
     for deaths in (1, 2, 3):
-        run.wait_until(lambda: children_of(run.pid), "a guardian")
-        os.kill(children_of(run.pid)[0], signal.SIGKILL)
+        (guardian,) = run.wait_until(lambda: children_of(run.pid), "a guardian")
+        os.kill(guardian, signal.SIGKILL)
         run.wait_until(lambda deaths=deaths: told_deaths(run) == deaths, "the word of its end")
     run.wait_for("the guardian is gone (by SIGKILL): nobody cancels the goals of a mission that dies")
     assert children_of(run.pid) == []

@@ -145,10 +145,10 @@ def kill_after(run, child, seconds, how):
 def harass(run, chance, kills, hows=(signal.SIGKILL,)):
     """Kill the processes of a supervised mission at random moments; return how often that came before its end."""
     for number in range(1, kills + 1):
-        run.wait_until(lambda: children_of(run.pid) or run.is_over, "a process")
+        found = run.wait_until(lambda: children_of(run.pid) or run.is_over, "a process")
         if run.is_over:
             return number - 1
-        kill_after(run, children_of(run.pid)[0], chance.uniform(0.0, 6.0), chance.choice(hows))
+        kill_after(run, found[0], chance.uniform(0.0, 6.0), chance.choice(hows))
         told = f"({number} of "
         run.wait_until(lambda told=told: told in run.output or run.is_over, "the next life", _STOPPED_SEC)
         if run.is_over and told not in run.output:
