@@ -1,13 +1,15 @@
 """Commands of the project as processes: started, listened to, and ended by tests."""
 
+import itertools
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 from tests.waiting import SILENCE_SEC, News, Stopwatch
@@ -159,6 +161,21 @@ class Command:
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()
+
+
+# Below those that Linux gives to anybody, and for each test process of this machine others: none has another one's domain.
+_FIRST_PORT = 20_000 + 120 * int(os.environ["ROS_DOMAIN_ID"])
+_PORTS = itertools.cycle(range(_FIRST_PORT, _FIRST_PORT + 120, 2))
+
+
+def free_port():
+    """Return a port that is free, and the next one with it; both stay free until they are used, and can be had again."""
+    while True:
+        port = next(_PORTS)
+        with closing(socket.socket()) as one, closing(socket.socket()) as two, suppress(OSError):
+            one.bind(("127.0.0.1", port))
+            two.bind(("127.0.0.1", port + 1))
+            return port
 
 
 def children_of(pid, word=""):

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from tests.processes import Command
+from tests.processes import Command, free_port
 from tests.web.browsers import Browser, open_browser
-from tests.web.conftest import quiet_port
 
 pytestmark = pytest.mark.ros
 
@@ -70,7 +69,7 @@ def story(tmp_path_factory):
                 "sar-run", tree, "--sim", "--speed", 2, "--view", "web", "--journal", journal, *options
             )
 
-        run = fly("--web-port", quiet_port())
+        run = fly("--web-port", free_port())
         url, port = address(run)
         page.open(url).order("pause", "Pause: done")
         page.wait_for("#state", "live: held by the operator")

@@ -9,7 +9,8 @@ from contextlib import closing
 import pytest
 
 from tests.cli.test_what_is_not_installed import run_without
-from tests.monitoring.groot2_client import Client, free_port
+from tests.monitoring.groot2_client import Client
+from tests.processes import free_port
 from tests.trees import document
 
 pytestmark = pytest.mark.ros

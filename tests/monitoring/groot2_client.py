@@ -1,10 +1,6 @@
 """Groot2's side of the protocol, written from its description and not from the code that is tested."""
 
-import itertools
-import os
-import socket
 import struct
-from contextlib import closing, suppress
 
 import msgpack
 import zmq
@@ -13,20 +9,6 @@ from zmq.utils.monitor import recv_monitor_message
 from tests.waiting import News
 
 PATIENCE_MSEC = 20_000
-
-
-# Below those that Linux gives to anybody, and for each test process of this machine others: none has another one's domain.
-_PORTS = itertools.count(20_000 + 120 * int(os.environ["ROS_DOMAIN_ID"]), 2)
-
-
-def free_port():
-    """Return a port that is free, and the next one with it; both stay free until they are used."""
-    while True:
-        port = next(_PORTS)
-        with closing(socket.socket()) as one, closing(socket.socket()) as two, suppress(OSError):
-            one.bind(("127.0.0.1", port))
-            two.bind(("127.0.0.1", port + 1))
-            return port
 
 
 class Client:

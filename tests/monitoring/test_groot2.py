@@ -23,7 +23,8 @@ from sar_compiler.monitoring import groot2_publisher
 from sar_compiler.monitoring.groot2_requests import snapshot
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.blackboard import Entry
-from tests.monitoring.groot2_client import Client, free_port, request
+from tests.monitoring.groot2_client import Client, request
+from tests.processes import free_port
 from tests.trees import write
 from tests.waiting import SILENCE_SEC
 

@@ -7,8 +7,9 @@ import pytest
 
 import sar_compiler
 from sar_compiler import Groot2Publisher, ManualClock, TreeRunner
-from tests.monitoring.groot2_client import Client, free_port, request
+from tests.monitoring.groot2_client import Client, request
 from tests.monitoring.test_groot2 import FAILURE, IDLE, RUNNING, SUCCESS, WAS, Queue, main
+from tests.processes import free_port
 from tests.ros.conftest import make_ros, ros
 from tests.trees import write
 from tests.waiting import SILENCE_SEC

@@ -2,9 +2,7 @@
 
 import http.client
 import json
-import random
-import socket
-from contextlib import closing, suppress
+from contextlib import closing
 from typing import Any
 
 import pytest
@@ -103,15 +101,6 @@ class Patrol:
 
     def sentence(self, fact):
         return f"reached {fact.data['point']}" if fact.kind == "point_reached" else ""
-
-
-def quiet_port():
-    """Return a port that is free, and that the system gives to nobody who asks for any: it can be had again."""
-    for port in random.sample(range(20_000, 32_000), 100):
-        with socket.socket() as found, suppress(OSError):
-            found.bind(("127.0.0.1", port))
-            return port
-    pytest.fail("no port is free")
 
 
 class Live:

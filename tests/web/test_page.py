@@ -17,7 +17,8 @@ from sar_compiler.web.feed import RecordedFeed, as_json
 from sar_compiler.web.page_server import PageServer
 from sar_compiler.web.page_state import PageState
 from sar_compiler.web.recording import Recording
-from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol, quiet_port
+from tests.processes import free_port
+from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
 from tests.web.folding import history
 from tests.web.test_page_server import Operator
 
@@ -95,7 +96,7 @@ def test_a_reload_shows_the_same_again(live, browser):
 
 
 def test_a_run_that_takes_the_place_of_another_is_shown_by_itself(live, browser):
-    run = live(port=quiet_port()).begin()
+    run = live(port=free_port()).begin()
     run.status(1, "FAILURE", "no way there")
     browser.open(run.server.url)
     browser.wait_for("#state", "live")
@@ -476,7 +477,7 @@ def replay(tmp_path):
         journal.note("point_reached", point=point)
         journal.end(Ending.STOPPED, 130, "Stopped.")
         journal.close()
-    with closing(PageServer(RecordedFeed(Recording([place]), {}), quiet_port())) as server:
+    with closing(PageServer(RecordedFeed(Recording([place]), {}), free_port())) as server:
         server.start()
         yield server
 
