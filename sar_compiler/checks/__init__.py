@@ -24,15 +24,13 @@ from sar_compiler.checks.rules.version_differences import check_versions
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.btcpp.versions import NEWEST, Version
-from sar_compiler.nodes.models.model_comparison import compare
-from sar_compiler.nodes.models.models import described_specs, read_models, yielding
+from sar_compiler.nodes.btcpp import NEWEST, Version
+from sar_compiler.nodes.models import compare, described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.model import NO_SPANS, Element, TreeFile
 from sar_compiler.tree.source import Source, Span
-from sar_compiler.tree.synthetic import NO_SPANS
 
 Palettes = Iterable[TreeFile]
 """Files whose `TreeNodesModel` describes nodes that are not installed."""

@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.nodes.btcpp.versions import NEWEST, VERSIONS, Version
+from sar_compiler.nodes.btcpp import NEWEST, VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.model import NO_SPANS
 from sar_compiler.tree.source import Source, Span
-from sar_compiler.tree.synthetic import NO_SPANS
 
 if TYPE_CHECKING:
     from sar_compiler.documents.located import Document, Value

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from sar_compiler.compiler.stand_ins import described, put_in_place, ticked_by_themselves
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
-from sar_compiler.nodes.models.models import described_specs
+from sar_compiler.nodes.models import described_specs
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.guessing import nearest

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from sar_compiler.checks.rules import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.binding.main_tree import find_main_tree
-from sar_compiler.nodes.binding.tree_ids import is_node
-from sar_compiler.nodes.models.models import read_models
+from sar_compiler.nodes.binding.tree_ids import find_main_tree, is_node
+from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Provenance
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity, TreeError

@@ -145,7 +145,7 @@ def check_schema(
 
 def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
     """Yield the text between elements at its places, which libxml2 does not know."""
-    from sar_compiler.tree.xml_rest import rest_of
+    from sar_compiler.tree.conversion import rest_of
 
     message = "this text is between elements, where it means nothing"
     for finding in rest_of(tree_file):

@@ -39,7 +39,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
         UnreadableFileError: If the file does not exist or cannot be read.
     """
     from sar_compiler.tree.diagnostic import Severity, TreeError
-    from sar_compiler.tree.shipped import find_tree
+    from sar_compiler.tree.gathering import find_tree
 
     path = find_tree(arguments.file)
     output = Path(arguments.output) if arguments.output is not None else None

@@ -48,8 +48,8 @@ def _format(name: str, *, write: bool) -> bool:
     from sar_compiler.cli.writing import write_bytes
     from sar_compiler.tree.content import read_bytes
     from sar_compiler.tree.conversion import formatted
+    from sar_compiler.tree.gathering import path_named
     from sar_compiler.tree.reading import read_tree_file
-    from sar_compiler.tree.shipped import path_named
 
     path = path_named(name)
     tree_file = read_tree_file(path)

@@ -116,8 +116,7 @@ class _Validation:
     def _named(self, name: str) -> Iterator[Path]:
         """Yield the files that an argument names."""
         from sar_compiler.tree.diagnostic import UnreadableFileError
-        from sar_compiler.tree.gathering import palettes_in, tree_files_in
-        from sar_compiler.tree.shipped import find_tree
+        from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
 
         try:
             if name == _STDIN:

@@ -14,7 +14,7 @@ from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance, expand
-from sar_compiler.nodes.binding.main_tree import find_main_tree
+from sar_compiler.nodes.binding.tree_ids import find_main_tree
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Use
 from sar_compiler.runtime.blackboard import Board

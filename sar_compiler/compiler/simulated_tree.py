@@ -28,9 +28,8 @@ from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis, report_misread
-from sar_compiler.nodes.imports import load
 from sar_compiler.nodes.language import leaves as language
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, load
 from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock

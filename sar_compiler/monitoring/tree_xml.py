@@ -10,10 +10,8 @@ from sar_compiler.nodes.btcpp.rewrites import Draft
 from sar_compiler.nodes.models.palette import describe, is_built_in
 from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG
+from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, is_name, synthetic_element
 from sar_compiler.tree.showing import in_one_line
-from sar_compiler.tree.synthetic import synthetic_element
-from sar_compiler.tree.xml_names import is_name
 from sar_compiler.tree.xml_writer import one_tag_a_line
 
 

@@ -90,7 +90,7 @@ class Counterpart(NamedTuple):
         built_in: Whether BehaviorTree.CPP has a node of this tag.
         rewrite: Turns a node of this project into one of BehaviorTree.CPP's; None if the tag is kept.
         hint: The remedy if there is no counterpart; empty where the same node is there in C++, in somebody's library.
-        since: The version that brought the node of this tag (`nodes.btcpp.versions`); empty if all have it.
+        since: The version that brought the node of this tag (`nodes.btcpp`); empty if all have it.
     """
 
     built_in: bool = False

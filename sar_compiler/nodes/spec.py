@@ -1,6 +1,7 @@
 """The record of a node, made by `register` or read from a model."""
 
 import functools
+import importlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -8,7 +9,6 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from sar_compiler.nodes.answers import answers_of
-from sar_compiler.nodes.imports import load, path_of
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import ANYTHING, ValueType
 from sar_compiler.runtime.answers import Answer, Fact
@@ -18,6 +18,23 @@ from sar_compiler.tree.diagnostic import Severity
 if TYPE_CHECKING:
     from sar_compiler.nodes.binding.bound import BoundNode
     from sar_compiler.nodes.binding.collector import Collector
+
+
+def path_of(thing: Any) -> str:
+    """Return the import path of a class or function."""
+    return f"{thing.__module__}:{thing.__qualname__}"
+
+
+def load(path: str) -> Any:
+    """Import a class or function.
+
+    Raises:
+        ImportError: If there is no such module.
+        AttributeError: If nothing in it has the name.
+    """
+    module, _, name = path.partition(":")
+    return functools.reduce(getattr, name.split("."), importlib.import_module(module))
+
 
 _PARENT = "sar_compiler.runtime.parents:Parent"
 MARK = "__node_spec__"

@@ -25,10 +25,9 @@ from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
-from sar_compiler.tree.gathering import files_meant
+from sar_compiler.tree.gathering import files_meant, find_tree
 from sar_compiler.tree.model import Element, FileBeginning, TreeFile
 from sar_compiler.tree.reading import read_tree_file
-from sar_compiler.tree.shipped import find_tree
 from sar_compiler.tree.source import Source
 
 if TYPE_CHECKING:
@@ -183,7 +182,7 @@ class Project:
         found = [each for each in self._found_palettes if _real_path(each) not in own]
         if not found:
             return tuple(named)
-        from sar_compiler.nodes.models.models import supplements
+        from sar_compiler.nodes.models import supplements
 
         nearest = sorted(found, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
         return (*named, *supplements(nearest, named))
@@ -201,7 +200,7 @@ class Project:
             TreeError: If a palette has mistakes, or the configuration names modules that are not trusted.
             UnreadableFileError: If a palette cannot be read.
         """
-        from sar_compiler.nodes.models.models import described_specs
+        from sar_compiler.nodes.models import described_specs
 
         if not self.palettes:
             return self.registry

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.models.models import read_models
+from sar_compiler.nodes.models import read_models
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, TreeError, UnreadableFileError
 from sar_compiler.tree.gathering import palettes_beside
 from sar_compiler.tree.reading import read_tree_file

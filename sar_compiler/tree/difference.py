@@ -1,6 +1,6 @@
-"""The differences between two tree files of any form, as nodes instead of lines."""
+"""The differences between two tree files of any form, as nodes instead of lines, and as text."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -116,3 +116,33 @@ def _moved(old: Node, new: Node) -> Difference:
     if old.parent and old.parent.partner is new.parent:
         before, after = f"child {old.number + 1}", f"child {new.number + 1}"
     return Difference(Change.MOVED, new.path, old.element, new.element, before=before, after=after)
+
+
+def difference_as_text(differences: Iterable[Difference]) -> str:
+    """Return one line for each difference, with the places in both files; an empty text if there is none."""
+    return "".join(f"{_line(one)}\n" for one in differences)
+
+
+def _line(one: Difference) -> str:
+    elements = [element for element in (one.old, one.new) if element is not None]
+    places = ", ".join(f"{element.source.path}:{element.line}" for element in elements)
+    return f"{one.change.value:8} {_words(one, elements[-1].tag)}  ({places})"
+
+
+def _words(one: Difference, tag: str) -> str:
+    if one.change is Change.MOVED:
+        place = "" if one.after == one.path else f"{one.path}: "
+        return f"{place}{one.before} -> {one.after}"
+    if one.change is not Change.CHANGED:
+        with_it = f", with {one.inner} in it" if one.inner else ""
+        return f"{one.path} <{tag}>{with_it}"
+    if not one.what:
+        return f"{one.path}: <{one.before}> -> <{one.after}>"
+    name = "description" if one.what == TEXT_KEY else one.what
+    return f"{one.path}: {name} {_quote(one.before)} -> {_quote(one.after)}"
+
+
+def _quote(text: str | None) -> str:
+    if text is None:
+        return "not written"
+    return '"' + text.replace("\\", "\\\\").replace("\n", "\\n").replace("\r", "\\r") + '"'

@@ -1,15 +1,18 @@
 """A tree file as data: elements, attributes and their places, whatever form the file had."""
 
 import functools
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
+from xml.parsers import expat
 
 from sar_compiler.tree.diagnostic import Advice, Diagnostic
-from sar_compiler.tree.source import Source, Span
+from sar_compiler.tree.source import Form, Source, Span
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
+
 
 ROOT_TAG = "root"
 TREE_TAG = "BehaviorTree"
@@ -203,3 +206,87 @@ class FileBeginning(NamedTuple):
 
     tree_file: TreeFile
     unfinished: tuple[OpenTag, ...]
+
+
+def text_of_xml(data: str) -> str:
+    """Return the text of a comment, given what is between `<!--` and `-->`."""
+    first, *rest = data.split("\n")
+    # The first line begins after the mark, so its indentation says nothing about the others'.
+    return _without_blank_ends([first.strip(), *_dedented(rest)])
+
+
+def text_of_yaml(lines: Sequence[str]) -> str:
+    """Return the text of consecutive comment lines, given what follows the `#` of each."""
+    return _without_blank_ends(_dedented([line.removeprefix(" ") for line in lines]))
+
+
+def _dedented(lines: Iterable[str]) -> list[str]:
+    expanded = [line.expandtabs().rstrip() for line in lines]
+    margin = min((len(line) - len(line.lstrip(" ")) for line in expanded if line), default=0)
+    return [line[margin:] for line in expanded]
+
+
+def _without_blank_ends(lines: Sequence[str]) -> str:
+    return "\n".join(lines).strip("\n")
+
+
+_NAME = r"[A-Za-z_:][A-Za-z0-9_:.\-]*"
+# It takes as long to compile as all others together, and names are seldom in another script.
+_PERHAPS = r"[A-Za-z0-9_:.\-\u0080-\U0010ffff]+"
+
+
+@functools.lru_cache(maxsize=1024)
+def is_name(text: str) -> bool:
+    """Return whether a text can be the name of a tag or an attribute."""
+    if re.fullmatch(_NAME, text):
+        return True
+    if text.isascii() or not re.fullmatch(_PERHAPS, text):
+        return False
+    # Which letters of the world XML allows, expat knows.
+    try:
+        expat.ParserCreate(encoding="utf-8").Parse(f"<{text}/>".encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
+    except expat.ExpatError:
+        return False
+    return True
+
+
+_NOWHERE = Span(1, 1, 1, 1)
+
+
+class _NoSpans:
+    """Finds nothing, because there is no text."""
+
+    form = Form.XML
+
+    def tag(self, _source: Source, _element: Element) -> Span:
+        return _NOWHERE
+
+    def attribute_name(self, _source: Source, _element: Element, _name: str) -> Span:
+        return _NOWHERE
+
+    def attribute_value(self, _source: Source, _element: Element, _name: str) -> Span:
+        return _NOWHERE
+
+    def within_value(self, _source: Source, _element: Element, _name: str, _start: int, _end: int) -> Span:
+        return _NOWHERE
+
+    def follows_blank_line(self, _source: Source, _element: Element) -> bool:
+        return False
+
+
+NO_SPANS = _NoSpans()
+"""For a text without elements."""
+
+_SOURCE = Source("<made>", "", NO_SPANS)
+
+
+def synthetic_element(
+    tag: str, attributes: Mapping[str, str] | None = None, children: Iterable[Element] = (), text: str = ""
+) -> Element:
+    """Make an element; its line is 0."""
+    return Element(tag, attributes or {}, tuple(children), _SOURCE, 0, 0, text)
+
+
+def synthetic_file(root: Element) -> TreeFile:
+    """Make a file of an element."""
+    return TreeFile(_SOURCE, root)

@@ -9,11 +9,10 @@ import re
 from collections.abc import Callable, Iterator
 from xml.parsers import expat
 
-from sar_compiler.tree.comments import text_of_xml
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile
+from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile, text_of_xml
 from sar_compiler.tree.source import SHORT, AttributePlaces, Form, Source, Span
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
@@ -222,7 +221,7 @@ class _XmlReader:
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
         """Return a finding in the reader's words for an error that expat's own words do not explain."""
-        from sar_compiler.tree.xml_mistakes import mistake_at
+        from sar_compiler.tree.xml_recovery import mistake_at
 
         start = self._source.offset(error.lineno, error.offset + 1)
         words = expat.errors.messages.get(error.code, str(error))

@@ -9,7 +9,6 @@ from typing import Any, NoReturn
 
 import yaml
 
-from sar_compiler.tree.comments import text_of_yaml
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.model import (
@@ -22,9 +21,10 @@ from sar_compiler.tree.model import (
     FileBeginning,
     OpenTag,
     TreeFile,
+    is_name,
+    text_of_yaml,
 )
 from sar_compiler.tree.source import Source
-from sar_compiler.tree.xml_names import is_name
 from sar_compiler.tree.yaml_events import Events
 from sar_compiler.tree.yaml_spans import YamlSpans
 

@@ -11,7 +11,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState
 from sar_compiler.journal.situation import FactTime, Landmark, Level
-from sar_compiler.nodes.imports import load
+from sar_compiler.nodes.spec import load
 from sar_compiler.tree.content import real_path
 from sar_compiler.views.plain import as_json
 

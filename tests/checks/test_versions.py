@@ -7,8 +7,8 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.cli.compile import main
+from sar_compiler.nodes.btcpp import NEWEST, VERSIONS
 from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
-from sar_compiler.nodes.btcpp.versions import NEWEST, VERSIONS
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.project import load
 from sar_compiler.tree.conversion import convert

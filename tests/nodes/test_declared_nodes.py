@@ -11,11 +11,10 @@ import pytest
 from sar_compiler.missions.search_and_rescue import SPECS as LEAVES
 from sar_compiler.nodes.answers import SELF, mistake_in
 from sar_compiler.nodes.declaring import attribute, input_port, signature
-from sar_compiler.nodes.imports import load
 from sar_compiler.nodes.language import SPECS
 from sar_compiler.nodes.nav2 import VERSIONS, specs
 from sar_compiler.nodes.registry import Registry, RegistryError, load_registry
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Role
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Role, load
 from sar_compiler.nodes.values import without_none
 from sar_compiler.runtime.ports import InOut, Input, Output
 from tests.trees import class_of

@@ -4,8 +4,7 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.models.model_comparison import compare
-from sar_compiler.nodes.models.models import read_models
+from sar_compiler.nodes.models import compare, read_models
 from sar_compiler.nodes.models.palette import is_built_in, palette
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Direction, Role

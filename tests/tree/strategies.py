@@ -2,8 +2,7 @@
 
 from hypothesis import strategies as st
 
-from sar_compiler.tree.comments import text_of_yaml
-from sar_compiler.tree.model import Comment, Element, TreeFile
+from sar_compiler.tree.model import Comment, Element, TreeFile, text_of_yaml
 from sar_compiler.tree.xml import parse_xml
 
 SOURCE = parse_xml("<root/>").source

@@ -10,7 +10,7 @@ from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_tell
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
-from sar_compiler.nodes.btcpp.versions import NEWEST, Version
+from sar_compiler.nodes.btcpp import NEWEST, Version
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.expressions import Script

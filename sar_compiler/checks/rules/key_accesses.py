@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.imports import path_of
 from sar_compiler.nodes.semantics import AccessKind, KeyRole
-from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, path_of
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope, entry_of
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.tree.source import Span

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.btcpp.versions import STATEMENTS
+from sar_compiler.nodes.btcpp import STATEMENTS
 from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime import operators
 from sar_compiler.runtime.evaluation import EvaluationError, failure, no_condition, step_failure

@@ -9,7 +9,7 @@ from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
-from sar_compiler.nodes.btcpp.versions import (
+from sar_compiler.nodes.btcpp import (
     DROPS_EXPLICIT,
     NAMES,
     NEWEST,

@@ -17,9 +17,8 @@ from sar_compiler.nodes.binding.instances import Instance, expand, report_shared
 from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
-from sar_compiler.nodes.btcpp.versions import NEWEST, Version
-from sar_compiler.nodes.models.model_comparison import compare
-from sar_compiler.nodes.models.models import Model, Models, read_models, yielding
+from sar_compiler.nodes.btcpp import NEWEST, Version
+from sar_compiler.nodes.models import Model, Models, compare, read_models, yielding
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, is_own_word, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from sar_compiler.nodes.btcpp.versions import NEWEST, OLDEST, Version, VersionChange
+from sar_compiler.nodes.btcpp import NEWEST, OLDEST, Version, VersionChange
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.diagnostic import Cause, Diagnostic
 from sar_compiler.tree.guessing import Guesses

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.binding.references import Candidates, choose, report_missing
-from sar_compiler.nodes.btcpp.versions import NAMES, NUMBERS
+from sar_compiler.nodes.btcpp import NAMES, NUMBERS
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope

@@ -1,1 +1,48 @@
-"""Conversion of trees to BehaviorTree.CPP."""
+"""BehaviorTree.CPP: what differs between its versions; conversion of trees to it."""
+
+from typing import NamedTuple
+
+
+class Version(NamedTuple):
+    """A version of BehaviorTree.CPP, without the number of the release."""
+
+    major: int
+    minor: int
+
+    def __str__(self) -> str:
+        """Return it as it is written: `4.10`."""
+        return f"{self.major}.{self.minor}"
+
+
+VERSIONS = {str(version): version for version in (Version(4, 8), Version(4, 9), Version(4, 10))}
+"""The known versions; 4.8 stands for 4.8.0 to 4.8.3, since 4.8.4 judges names as 4.9 does."""
+OLDEST, NEWEST = min(VERSIONS.values()), max(VERSIONS.values())
+
+
+class VersionChange(NamedTuple):
+    """Something that BehaviorTree.CPP does otherwise since a version.
+
+    Attributes:
+        since: The version.
+        release: The very release.
+    """
+
+    since: Version
+    release: str
+
+
+NAMES = VersionChange(Version(4, 9), "4.8.4")
+"""IDs of trees, compact tags and names of ports with blanks and some other characters, the ID Root, and two subtrees of one name are refused."""
+QUOTES = VersionChange(Version(4, 9), "4.9.0")
+"""Texts of scripts in double quotation marks are refused."""
+ORDER = VersionChange(Version(4, 9), "4.9.0")
+"""Sums, products, and `|` with `^`, are worked out from the left in scripts; before, `a - b + c` was `a - (b + c)`."""
+OPERATORS = VersionChange(Version(4, 9), "4.9.0")
+"""Operators of scripts mix, `?:` and assignments can be chained, and `&&` comes before `||`."""
+STATEMENTS = VersionChange(Version(4, 9), "4.9.0")
+"""Two statements of a script need no `;` between them; before, it was refused without one."""
+NUMBERS = VersionChange(Version(4, 9), "4.9.1")
+"""A constant that is given to a subtree and looks like a number is one; before, it was a text."""
+
+DROPS_EXPLICIT = "ReactiveSequence"
+"""The control in which BehaviorTree.CPP, up to 4.10, does not find nodes in explicit form that are its direct children."""

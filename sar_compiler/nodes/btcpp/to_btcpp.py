@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator
 from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
+from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
-from sar_compiler.nodes.btcpp.versions import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
-from sar_compiler.nodes.models.models import Model, read_models, yielding
+from sar_compiler.nodes.models import Model, read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.numbers import milliseconds_in, plain_duration
 from sar_compiler.nodes.registry import Registry, subtree
@@ -20,9 +20,16 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import ConversionError, blackboard_key, items_of, whole_number
 from sar_compiler.tree.conversion import Converted, convert
 from sar_compiler.tree.diagnostic import Diagnostic
-from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import (
+    INCLUDE_TAG,
+    MODEL_TAG,
+    SUBTREE_TAG,
+    TREE_TAG,
+    Element,
+    TreeFile,
+    synthetic_element,
+)
 from sar_compiler.tree.source import Form
-from sar_compiler.tree.synthetic import synthetic_element
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 

@@ -1,1 +1,349 @@
 """Nodes that are only described: reading and writing of a `TreeNodesModel`."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from sar_compiler.nodes.answers import answers_of
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
+from sar_compiler.nodes.binding.collector import Collector, file_of
+from sar_compiler.nodes.registry import Registry, is_own_word
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, any_port
+from sar_compiler.nodes.values import (
+    ANYTHING,
+    ConversionError,
+    ValueType,
+    blackboard_key,
+    type_of,
+    type_of_cpp_name,
+    value_type_of,
+)
+from sar_compiler.tree.diagnostic import Cause
+from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile, is_name
+
+_KINDS = {kind.value: kind for kind in Kind}
+_DIRECTIONS = {direction.value: direction for direction in Direction}
+METADATA_TAG = "MetadataFields"
+FROM_USE = {"made": "from use"}
+"""What is noted beside a description that was made from the use of a node, and guesses its types and directions."""
+LIBRARY = {"library": "py_trees"}
+"""What is noted beside the description of a node of py_trees', so that it is not taken for somebody's own."""
+# The assumed outcomes of a leaf that is only described.
+_ANSWERS = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
+_DIRECTIONS_HINT = (
+    "write input_port for one that is read, output_port for one that is written, inout_port for both"
+)
+_TAGS = (SUBTREE_TAG, TREE_TAG)
+_NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
+
+
+class Port(NamedTuple):
+    """A port as a model describes it.
+
+    Attributes:
+        element: The element that describes it.
+        name: Its name.
+        direction: The direction of its values.
+        type_name: Its declared type, by BehaviorTree.CPP's name; empty if none is declared.
+        default: The text of its default; None if there is no default.
+    """
+
+    element: Element
+    name: str
+    direction: Direction
+    type_name: str = ""
+    default: str | None = None
+
+
+class Model(NamedTuple):
+    """A node or a subtree as a model describes it.
+
+    Attributes:
+        element: The element that describes it.
+        tag: The tag, or the subtree's ID.
+        kind: The kind of node; None for a subtree.
+        ports: Its ports by name.
+    """
+
+    element: Element
+    tag: str
+    kind: Kind | None
+    ports: Mapping[str, Port] = {}
+
+    @property
+    def is_of_py_trees(self) -> bool:
+        """Whether it is a description of py_trees' node, as `sar-compile` writes them."""
+        return self._has_note(LIBRARY)
+
+    @property
+    def is_from_use(self) -> bool:
+        """Whether it was made from the use of the node."""
+        return self._has_note(FROM_USE)
+
+    def _has_note(self, attributes: Mapping[str, str]) -> bool:
+        notes = (
+            note for child in self.element.children if child.tag == METADATA_TAG for note in child.children
+        )
+        return any(note.attributes == attributes for note in notes)
+
+    @property
+    def says(self) -> object:
+        """Its content, for comparison with another model."""
+        ports = self.ports.values()
+        return self.kind, {(port.name, port.direction, port.type_name, port.default) for port in ports}
+
+    def spec(self) -> NodeSpec:
+        """Return the spec of a node that is only described."""
+        kind = self.kind or Kind.ACTION
+        name = Parameter("name", Role.NAME, required=False, value_type=value_type_of(str))
+        parameter = _used_port if self.is_from_use else _parameter
+        parameters = {"name": name, **{port.name: parameter(port) for port in self.ports.values()}}
+        return NodeSpec(
+            self.tag,
+            None,
+            kind,
+            frozenset({"SUCCESS", "FAILURE", "RUNNING", "SKIPPED"}),
+            answers=answers_of(_ANSWERS.get(kind, ())) if kind.is_leaf else (),
+            signature=Signature(described=parameters, from_use=self.is_from_use),
+        )
+
+
+class Models(NamedTuple):
+    """All models that apply to a tree.
+
+    Attributes:
+        nodes: The models of nodes, by tag.
+        subtrees: The models of subtrees, by ID.
+    """
+
+    nodes: Mapping[str, Model] = {}
+    subtrees: Mapping[str, Model] = {}
+
+
+def read_models(files: Iterable[TreeFile], collector: Collector) -> Models:
+    """Read the models of some files; the first description of a node counts.
+
+    What a file says that nobody has named is not compared with what others say.
+    """
+    nodes: dict[str, Model] = {}
+    subtrees: dict[str, Model] = {}
+    for tree_file in files:
+        for element in _descriptions([tree_file]):
+            model = _model(element, collector)
+            if model is not None:
+                first = (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
+                if first is not model and tree_file.is_named:
+                    _compare_twice(first, model, collector)
+    return Models(nodes, subtrees)
+
+
+def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
+    for tree_file in files:
+        for section in tree_file.root.children:
+            if section.tag == MODEL_TAG:
+                yield from (child for child in section.children if child.tag != METADATA_TAG)
+
+
+def supplements(palettes: Iterable[TreeFile], named: Iterable[TreeFile]) -> Iterator[TreeFile]:
+    """Yield palettes with the nodes that neither those that are named nor those before them describe.
+
+    What they say of subtrees is left out: it is of the trees of some file, and another may have one of that name.
+    """
+    known = {SUBTREE_TAG, *map(_described, _descriptions(named))}
+    for palette in palettes:
+        new = [each for each in _descriptions([palette]) if _described(each) not in known]
+        known.update(map(_described, new))
+        section = replace(palette.root, tag=MODEL_TAG, attributes={}, children=tuple(new))
+        yield replace(palette, root=replace(palette.root, children=(section,)), is_named=False)
+
+
+def _described(description: Element) -> str:
+    return SUBTREE_TAG if description.tag == SUBTREE_TAG else description.attributes.get("ID", "")
+
+
+def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
+    """Report a second description that differs, or a second one of a subtree in the same file."""
+    same_file = second.element.source is first.element.source
+    if first.says == second.says and not (second.kind is None and same_file):
+        return
+    # Of two files, the one whose description counts is spoken of.
+    here, there = (second.element, first.element) if same_file else (first.element, second.element)
+    differs = ", differently" if first.says != second.says else ""
+    message = f"'{second.tag}' is described in line {there.line}{file_of(there, here)} already{differs}"
+    cause = Cause("these are described elsewhere already, differently", second.tag) if not same_file else None
+    collector.add("wrong-model", message, here, value="ID", hint="delete one of the two", common_cause=cause)
+
+
+def yielding(registry: Registry, models: Models) -> Registry:
+    """Return a registry without py_trees' nodes whose names are declared for others: what the user declares wins."""
+    taken = {
+        tag
+        for tag, model in models.nodes.items()
+        if tag in registry and is_own_word(tag) and not model.is_of_py_trees
+    }
+    return registry.without(taken) if taken else registry
+
+
+def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
+    """Return the nodes that files describe, that are not registered, and whose names can be tags."""
+    models = read_models(files, Collector())
+    return [model.spec() for tag, model in models.nodes.items() if tag not in registry and can_be_tag(tag)]
+
+
+def can_be_tag(name: str) -> bool:
+    """Return whether a node or a port of this name can be written in a file."""
+    return is_name(name) and ":" not in name
+
+
+def _model(element: Element, collector: Collector) -> Model | None:
+    kind = _KINDS.get(element.tag)
+    if kind is None and element.tag != SUBTREE_TAG:
+        known = [*_KINDS, SUBTREE_TAG]
+        message = f"<{element.tag}> is not allowed in a <{MODEL_TAG}>; it has {', '.join(known)}"
+        near = collector.guesses.nearest(element.tag, known)
+        collector.add("wrong-model", message, element, suggestion=near)
+        return None
+    tag = element.attributes.get("ID")
+    if not tag:
+        message = f"this <{element.tag}> describes nothing: it has no ID"
+        _report_slip(element, None, message, kind, collector, 'write ID="..."')
+        return None
+    if kind is not None and tag in _TAGS:
+        message = f"a node cannot be called '{tag}': it has a meaning already"
+        collector.add("wrong-model", message, element, value="ID")
+        return None
+    return Model(element, tag, kind, _ports(element, kind, collector))
+
+
+def _ports(element: Element, kind: Kind | None, collector: Collector) -> dict[str, Port]:
+    ports: dict[str, Port] = {}
+    for child in element.children:
+        port = _port(child, kind, collector) if child.tag != METADATA_TAG else None
+        if port is not None and ports.setdefault(port.name, port) is not port:
+            message = f"the port '{port.name}' is described in line {ports[port.name].element.line} already"
+            collector.add("wrong-model", message, child, value="name", hint="delete one of the two")
+    return ports
+
+
+def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | None:
+    direction, name = _DIRECTIONS.get(element.tag), element.attributes.get("name")
+    if direction is None:
+        message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
+        near = collector.guesses.nearest(element.tag, _DIRECTIONS)
+        collector.add("wrong-model", message, element, suggestion=near, hint=_DIRECTIONS_HINT)
+        # BehaviorTree.CPP reads the models of subtrees, and passes over such an element.
+        if kind is None or not name:
+            return None
+    if not name:
+        _report_slip(element, None, f"<{element.tag}> has no name", kind, collector, 'write name="..."')
+        return None
+    taken = name in (*_NAMES, *CONDITIONS)
+    if taken or not can_be_tag(name):
+        why = "it has a meaning already" if taken else "a name has letters, digits and _ only"
+        _report_slip(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
+        return None
+    # Of one that is neither, anything may be meant.
+    attributes, direction = element.attributes, direction or Direction.INOUT
+    return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
+
+
+def _report_slip(
+    element: Element,
+    attribute: str | None,
+    message: str,
+    kind: Kind | None,
+    collector: Collector,
+    hint: str | None = None,
+) -> None:
+    """Report a wrong attribute, or a missing one: an error in the model of a subtree, which BehaviorTree.CPP reads."""
+    if kind is not None:
+        collector.add("wrong-model", message, element, value=attribute, hint=hint)
+    elif attribute is None:
+        collector.add("missing-attribute", message, element, hint=hint)
+    else:
+        collector.add("wrong-value", message, element, value=attribute, hint=hint)
+
+
+def _used_port(port: Port) -> Parameter:
+    """Return a port whose description was made from its use: its type and its direction are guesses."""
+    return any_port(port.name, port.element.text)
+
+
+def _parameter(port: Port) -> Parameter:
+    value_type = type_of_cpp_name(port.type_name) or ANYTHING
+    return Parameter(
+        port.name,
+        Role.ATTRIBUTE,
+        required=False,
+        default=port.default,
+        value_type=value_type,
+        direction=port.direction,
+        doc=port.element.text,
+    )
+
+
+_TEXT = type_of(str)
+# The comparable types: C++ has types of its own for durations, enumerations and other values written as texts.
+_COMPARED = (bool, int, float, str, list)
+
+
+def compare(models: Models, registry: Registry, collector: Collector) -> None:
+    """Report models that contradict the registry, and defaults that their ports do not accept.
+
+    BehaviorTree.CPP does not look at the models of nodes, so these are warnings.
+    """
+    for model in models.nodes.values():
+        specs = registry.variants(model.tag)
+        if specs:
+            _compare_kind(model, specs[0], collector)
+        known = {parameter.name: parameter for spec in specs for parameter in spec.attributes}
+        for port in model.ports.values():
+            parameter = known.get(port.name)
+            if parameter is not None:
+                _compare_port(model, port, parameter, collector)
+                _check_default(port, parameter.value_type or _TEXT, collector)
+            elif specs:
+                message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
+                near = collector.guesses.nearest(port.name, known)
+                collector.add("model-mismatch", message, port.element, value="name", suggestion=near)
+            else:
+                _check_default(port, type_of_cpp_name(port.type_name) or ANYTHING, collector)
+
+
+def _compare_kind(model: Model, spec: NodeSpec, collector: Collector) -> None:
+    if model.kind is not spec.kind:
+        article = "an" if spec.kind is Kind.ACTION else "a"
+        message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
+        collector.add("model-mismatch", message, model.element, suggestion=spec.kind.value)
+
+
+def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Collector) -> None:
+    if {parameter.direction, port.direction} == {Direction.INPUT, Direction.OUTPUT}:
+        right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
+        message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
+        collector.add("model-mismatch", message, port.element, suggestion=right.value)
+    said, real = type_of_cpp_name(port.type_name), parameter.value_type or _TEXT
+    if said is not None and not _agree(said, real):
+        message = (
+            f"the port '{port.name}' of <{model.tag}> is {real.label}, and the model says {port.type_name}"
+        )
+        collector.add("model-mismatch", message, port.element, value="type", suggestion=real.cpp)
+
+
+def _agree(said: ValueType, real: ValueType) -> bool:
+    """Return whether a model's type fits a port, regardless of the size of whole numbers."""
+    if real.python not in _COMPARED:
+        return True
+    return said.cpp == real.cpp if list in (said.python, real.python) else said.python is real.python
+
+
+def _check_default(port: Port, value_type: ValueType, collector: Collector) -> None:
+    """Report a default that is not a valid value of the port; an empty one and that of an output do not count."""
+    text = port.default
+    if not text or port.direction is Direction.OUTPUT or blackboard_key(text, port.name) is not None:
+        return
+    try:
+        value_type.convert(text)
+    except ConversionError as error:
+        message, near, hint = f"default: {error.message}", error.suggestion, error.hint
+        collector.add("wrong-model", message, port.element, value="default", suggestion=near, hint=hint)

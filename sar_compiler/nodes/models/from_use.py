@@ -8,13 +8,20 @@ from typing import NamedTuple
 from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT
 from sar_compiler.nodes.binding.binder import is_anothers
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.models.models import FROM_USE, METADATA_TAG, can_be_tag, read_models
+from sar_compiler.nodes.models import FROM_USE, METADATA_TAG, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind
 from sar_compiler.tree.guessing import Guesses
-from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import (
+    INCLUDE_TAG,
+    MODEL_TAG,
+    SUBTREE_TAG,
+    TREE_TAG,
+    Element,
+    TreeFile,
+    synthetic_element,
+)
 from sar_compiler.tree.showing import shortened
-from sar_compiler.tree.synthetic import synthetic_element
 
 _KEY = re.compile(r"\{(@?[^{}\s]+)\}")
 _MADE_BY_SCRIPT = re.compile(r"(?<![\w@])(@?[A-Za-z_]\w*)\s*:?=(?!=)", re.ASCII)

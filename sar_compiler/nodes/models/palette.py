@@ -1,18 +1,17 @@
 """Writing of the `TreeNodesModel` that BehaviorTree.CPP and Groot2 read.
 
-`nodes.models.models` reads the same format.
+`nodes.models` reads the same format.
 """
 
 from collections.abc import Iterable, Sequence
 from datetime import timedelta
 from enum import Enum
 
-from sar_compiler.nodes.models.models import LIBRARY, METADATA_TAG
+from sar_compiler.nodes.models import LIBRARY, METADATA_TAG
 from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import as_text
-from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, Element
-from sar_compiler.tree.synthetic import synthetic_element, synthetic_file
+from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, Element, synthetic_element, synthetic_file
 from sar_compiler.tree.xml_writer import write_xml
 
 

@@ -1,1 +1,22 @@
 """Schemas for editors and validators, generated from a registry."""
+
+from collections.abc import Iterable, Mapping
+
+from sar_compiler.nodes.spec import NodeSpec, Parameter
+from sar_compiler.nodes.values import CONDITION, ValueType
+
+
+def attributes_by_name(specs: Iterable[NodeSpec]) -> dict[str, list[tuple[NodeSpec, Parameter]]]:
+    """Return the attributes of a tag's variants by their names, each with the variants that have it."""
+    written: dict[str, list[tuple[NodeSpec, Parameter]]] = {}
+    for spec in specs:
+        for parameter in spec.attributes:
+            written.setdefault(parameter.name, []).append((spec, parameter))
+    return written
+
+
+def value_types(tags: Mapping[str, Iterable[NodeSpec]]) -> list[ValueType]:
+    """Return the types of all attributes of some tags, by name; that of conditions is always among them."""
+    attributes = (parameter for specs in tags.values() for spec in specs for parameter in spec.attributes)
+    types = {each.value_type.name: each.value_type for each in attributes if each.value_type is not None}
+    return sorted({**types, CONDITION.name: CONDITION}.values(), key=lambda each: each.name)

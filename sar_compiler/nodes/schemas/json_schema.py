@@ -10,7 +10,7 @@ from typing import Any
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.schemas.written import attributes_by_name, value_types
+from sar_compiler.nodes.schemas import attributes_by_name, value_types
 from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.runtime.expressions import Script

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.schemas.written import attributes_by_name, value_types
+from sar_compiler.nodes.schemas import attributes_by_name, value_types
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.tree.model import SUBTREE_TAG

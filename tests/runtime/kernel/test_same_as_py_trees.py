@@ -2,8 +2,8 @@
 
 import pytest
 
-from sar_compiler.nodes.imports import load
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.spec import load
 from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.runtime.parents import Built
 from tests.runtime.kernel.stage import (
