@@ -3,8 +3,9 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.exceptions import InvalidHandle
@@ -64,7 +65,7 @@ class Requirement(ABC):
         """Destroy what was created on the node."""
 
 
-class OneServer(Requirement):
+class OneServer:
     """An action or a service that must have exactly one server.
 
     Args:
@@ -103,39 +104,26 @@ class OneServer(Requirement):
         return f"{self.title}: {number} servers answer to {self._resolved}: stop {which}"
 
 
-class Published(Requirement):
-    """A topic that must have a publisher.
+def _missing_publisher(node: Node, name: str, type_name: str | None) -> str | None:
+    """Describe a topic's missing publisher, or that there are only those of another type; None if there is one.
 
     Args:
         node: The node that will subscribe to it.
         name: Its relative name.
         type_name: Its type, `package/msg/Name`; None for any.
     """
-
-    def __init__(self, node: Node, name: str, type_name: str | None = None) -> None:
-        self._node = node
-        self._type = type_name
-        self._topic = node.resolve_topic_name(name)
-        self.title = f"topic {with_full_name(name, self._topic)}"
-
-    def missing(self) -> str | None:
-        """Describe a missing publisher, or that there are only those of another type; None if there is one."""
-        publishers = self._node.get_publishers_info_by_topic(self._topic)
-        if not publishers:
-            return f"{self.title}: no publisher"
-        return _wrong_type(self.title, "published", [each.topic_type for each in publishers], self._type)
+    topic = node.resolve_topic_name(name)
+    title, publishers = f"topic {with_full_name(name, topic)}", node.get_publishers_info_by_topic(topic)
+    if not publishers:
+        return f"{title}: no publisher"
+    return _wrong_type(title, "published", [each.topic_type for each in publishers], type_name)
 
 
-class ClockRuns(Requirement):
-    """Simulated time that must have started."""
-
-    def __init__(self, node: Node) -> None:
-        self._clock = node.get_clock()
-
-    def missing(self) -> str | None:
-        """Describe a missing clock; None once there is a time."""
-        came = not self._clock.ros_time_is_active or self._clock.now().nanoseconds > 0
-        return None if came else "use_sim_time is set and no /clock has come"
+def _missing_time(node: Node) -> str | None:
+    """Describe that simulated time has not started; None once there is a time."""
+    clock = node.get_clock()
+    came = not clock.ros_time_is_active or clock.now().nanoseconds > 0
+    return None if came else "use_sim_time is set and no /clock has come"
 
 
 class MisplacedRobotError(SarError):
@@ -246,25 +234,7 @@ class Localised(Requirement):
         return message
 
 
-class NodeActive(Requirement):
-    """A lifecycle node that must be active.
-
-    It is asked repeatedly, even after it was active: it may no longer be when the other requirements are fulfilled.
-
-    Args:
-        node: The node to ask with.
-        name: The relative name of the lifecycle node.
-    """
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._lifecycle = robot_estimate(node).lifecycle(name)
-
-    def missing(self) -> str | None:
-        """Ask if it is due, and describe the last answer; None if that was `active`."""
-        return self._lifecycle.missing()
-
-
-class NavigatorActive(NodeActive):
+class NavigatorActive(Requirement):
     """Nav2's navigator, which must be active; where it stays inactive, the reason is looked for.
 
     Nav2's lifecycle manager activates its nodes in an order, the navigator late. Where one before it cannot be
@@ -277,16 +247,14 @@ class NavigatorActive(NodeActive):
         tells_pose: Whether the localisation is told a pose meanwhile; if not, it is named where that is what is missing.
     """
 
-    def __init__(self, node: Node, name: str, *, tells_pose: bool = True) -> None:
-        super().__init__(node, name)
-        self._node, self._estimate = node, robot_estimate(node)
-        self._log = nav2_log(node)
-        self._robot = None if tells_pose else self._estimate
+    def __init__(self, node: Node, name: str, *, tells_pose: bool) -> None:
+        self._node, self._robot, self._tells_pose = node, robot_estimate(node), tells_pose
+        self._lifecycle, self._log = self._robot.lifecycle(name), nav2_log(node)
         self._manager: Asked | None = None
 
     def missing(self) -> str | None:
         """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
-        line, state = super().missing(), self._lifecycle.state
+        line, state = self._lifecycle.missing(), self._lifecycle.state
         if line is None or state is None:
             return line
         return line + self._reason(state) + self._pose()
@@ -301,7 +269,7 @@ class NavigatorActive(NodeActive):
         if self._manager is None:
             self._manager = Asked(self._node, Trigger, f"{_MANAGER}/is_active")
         self._manager.ask()
-        before = [self._estimate.lifecycle(name) for name in _BEFORE_NAVIGATOR]
+        before = [self._robot.lifecycle(name) for name in _BEFORE_NAVIGATOR]
         for each in before:
             each.missing()
         states = {each.name: each.state for each in before if each.state is not None}
@@ -325,7 +293,7 @@ class NavigatorActive(NodeActive):
 
     def _pose(self) -> str:
         """Return that the localisation has no pose, where nobody tells it one: the nodes behind it wait for that."""
-        if self._robot is None or self._robot.is_localised or not self._node.count_publishers("amcl_pose"):
+        if self._tells_pose or self._robot.is_localised or not self._node.count_publishers("amcl_pose"):
             return ""
         poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))
         return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
@@ -342,13 +310,16 @@ def _stuck(states: Mapping[str, str]) -> tuple[str, str]:
 
 def _types_served(node: Node, service: str) -> set[str]:
     """Return the types under which nodes serve a service, by its full name."""
-    types: set[str] = set()
-    for name, namespace in node.get_node_names_and_namespaces():
-        with suppress(NodeNameNonExistentError):  # it has gone meanwhile
-            served = dict(node.get_service_names_and_types_by_node(name, namespace))
-            types.update(served.get(service, ()))
+    types = {kind for _, _, served in services_by_node(node) for kind in served.get(service, ())}
     # Whose a server is may be known later than the server; until then clients of the name count, too.
     return types or set(dict(node.get_service_names_and_types()).get(service, ()))
+
+
+def services_by_node(node: Node) -> Iterator[tuple[str, str, dict[str, list[str]]]]:
+    """Yield each node of the graph by its name and namespace, with the services that it serves and their types."""
+    for name, namespace in node.get_node_names_and_namespaces():
+        with suppress(NodeNameNonExistentError):  # it has gone meanwhile
+            yield name, namespace, dict(node.get_service_names_and_types_by_node(name, namespace))
 
 
 def _wrong_type(title: str, how: str, types: Iterable[str], wanted: str | None) -> str | None:
@@ -399,6 +370,7 @@ class Readiness:
         first: Requirements of the caller, who also closes them, to look at before all others.
 
     Attributes:
+        uses_nav2: Whether a leaf needs Nav2 to be localised and active.
         ends_by_itself: Whether one of those of the caller that was missing when it was looked last will be there by itself.
     """
 
@@ -415,34 +387,38 @@ class Readiness:
         self.node = node
         self._first = tuple(first)
         self.ends_by_itself = False
-        self._uses = list(dict.fromkeys(uses))
-        self._requirements: list[Requirement] = []
+        # The next steps of what is looked at, each of which says what is missing; and what is to be closed in the end.
+        self._steps: list[Callable[[], str | None]] = []
+        self._closing: list[Requirement] = []
+        self._servers: list[OneServer] = []
+        uses = list(dict.fromkeys(uses))
         if node.get_clock().ros_time_is_active:
-            self._requirements.append(ClockRuns(node))
+            self._steps.append(partial(_missing_time, node))
+        self.uses_nav2 = any(use.kind == "nav2" for use in uses)
         if self.uses_nav2:
-            if initial_pose is not None:
-                self._requirements.append(Localised(node, initial_pose, begins_anew=begins_anew))
-            localizer, navigator = NAV2_NODES
-            self._requirements += [
-                NodeActive(node, localizer),
-                NavigatorActive(node, navigator, tells_pose=initial_pose is not None),
-            ]
-        for use in self._uses:
+            self._wait_for_nav2(initial_pose, begins_anew)
+        for use in uses:
             type_name = (types or {}).get(use)
             if use.kind in ("action", "service"):
-                self._requirements.append(OneServer(node, use.kind, use.name, type_name))
+                self._servers.append(OneServer(node, use.kind, use.name, type_name))
+                self._steps.append(self._servers[-1].missing)
             elif use.kind == "topic":
-                self._requirements.append(Published(node, use.name, type_name))
+                self._steps.append(partial(_missing_publisher, node, use.name, type_name))
 
-    @property
-    def uses_nav2(self) -> bool:
-        """Whether a leaf needs Nav2 to be localised and active."""
-        return any(use.kind == "nav2" for use in self._uses)
+    def _wait_for_nav2(self, initial_pose: InitialPose | None, begins_anew: bool) -> None:
+        localizer, navigator = NAV2_NODES
+        if initial_pose is not None:
+            self._closing.append(Localised(self.node, initial_pose, begins_anew=begins_anew))
+            self._steps.append(self._closing[-1].missing)
+        # Asked even after it was active: it may no longer be when all else is there.
+        self._steps.append(robot_estimate(self.node).lifecycle(localizer).missing)
+        self._closing.append(NavigatorActive(self.node, navigator, tells_pose=initial_pose is not None))
+        self._steps.append(self._closing[-1].missing)
 
     @property
     def contested(self) -> bool:
         """Whether several servers have the same name, and would all accept the same goal."""
-        return any(isinstance(each, OneServer) and each.contested for each in self._requirements)
+        return any(each.contested for each in self._servers)
 
     def poll(self) -> bool:
         """Take the next step.
@@ -459,17 +435,13 @@ class Readiness:
         """Take the next step, and return what is missing, one readable line each."""
         first = {each: line for each in self._first if (line := each.missing()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
-        return list(first.values()) or _missing(self._requirements)
+        return list(first.values()) or [line for step in self._steps if (line := step()) is not None]
 
     def close(self) -> None:
         """Destroy the clients and subscriptions on the node, when the wait is given up."""
-        requirements, self._requirements = self._requirements, []
-        for each in requirements:
+        closing, self._closing, self._steps, self._servers = self._closing, [], [], []
+        for each in closing:
             each.close()
-
-
-def _missing(requirements: Iterable[Requirement]) -> list[str]:
-    return [line for line in [each.missing() for each in requirements] if line is not None]
 
 
 def wait_until_ready(

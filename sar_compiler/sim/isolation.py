@@ -5,9 +5,10 @@ import time
 from collections.abc import Callable, Sequence
 
 from rclpy.context import Context
-from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.node import Node
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.readiness import services_by_node
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _CLOCK = "/clock"
@@ -113,12 +114,8 @@ def _server(node: Node, goals: str) -> IsolationError | None:
     if not node.count_services(goals):
         return None
     what = _title(goals)
-    for name, namespace in node.get_node_names_and_namespaces():
-        try:
-            services = node.get_service_names_and_types_by_node(name, namespace)
-        except NodeNameNonExistentError:
-            continue  # it has gone since
-        if any(service == goals for service, _ in services):
+    for name, namespace, services in services_by_node(node):
+        if goals in services:
             return IsolationError(_full_name(name, namespace), what)
     return IsolationError(_ANOTHER, what)
 

@@ -476,7 +476,7 @@ class TestNav2:
         from rclpy.task import Future
 
         from sar_compiler.ros.lifecycle_state import Asked
-        from sar_compiler.ros.readiness import NodeActive
+        from sar_compiler.ros.robot_estimate import robot_estimate
 
         monkeypatch.setattr(Asked, "deadline_sec", 0.2)
         other, node = ros.node("other"), ros.node()
@@ -492,24 +492,22 @@ class TestNav2:
         from rclpy.callback_groups import ReentrantCallbackGroup
 
         other.create_service(GetState, "amcl/get_state", answer, callback_group=ReentrantCallbackGroup())
-        state = NodeActive(node, "amcl")
+        state = robot_estimate(node).lifecycle("amcl")
         ros.spin_until(lambda: state.missing() is None, "the second answer")
         assert len(calls) >= 2
-        state.close()
 
     def test_says_that_a_node_does_not_answer(self, ros: Ros) -> None:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
-        from sar_compiler.ros.readiness import NodeActive
+        from sar_compiler.ros.robot_estimate import robot_estimate
 
         async def never(_: Any, __: Any) -> None:
             await Future()
 
         ros.node("other").create_service(GetState, "amcl/get_state", never)
-        state = NodeActive(ros.node(), "amcl")
+        state = robot_estimate(ros.node()).lifecycle("amcl")
         ros.spin_until(lambda: "has not answered" in (state.missing() or ""), "the service")
-        state.close()
 
     def test_names_the_pose_that_was_not_answered(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))

@@ -217,14 +217,13 @@ def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Sce
 
 def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_that_is(ros: Ros) -> None:
     from sar_compiler.ros.leaves.lifecycle import driving_nodes
-    from sar_compiler.ros.readiness import NodeActive
     from sar_compiler.ros.robot_estimate import robot_estimate
 
     Nav2(ros)
     node = ros.node("mission")
     amcl = robot_estimate(node).lifecycle("amcl")
     assert amcl.age_sec == float("inf")
-    start = NodeActive(node, "amcl")
+    start = robot_estimate(node).lifecycle("amcl")
     ros.spin_until(lambda: start.missing() is None, "its state")
     assert (amcl.state, amcl.is_awaited()) == ("active", False)
     assert amcl.age_sec < 60.0
