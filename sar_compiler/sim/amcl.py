@@ -3,14 +3,13 @@
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 
 from sar_compiler.sim.geometry import ORIGIN, Pose2D, normalise_angle
-from sar_compiler.sim.messages import from_pose, to_grid, to_pose, to_stamp, to_transform
+from sar_compiler.sim.messages import from_pose, tell_state, to_grid, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.robot import Robot
@@ -59,7 +58,9 @@ class Amcl:
         self._grid.publish(to_grid(occupancy))
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, 10)
-        self._node.create_service(GetState, "amcl/get_state", _active)
+        self._node.create_service(
+            GetState, "amcl/get_state", lambda _, response: tell_state(response, active=True)
+        )
 
     def die(self) -> None:
         """Disappear without notice."""
@@ -117,8 +118,3 @@ class Amcl:
 
 def _moved(here: Pose2D, there: Pose2D, move: float, turn: float) -> bool:
     return here.distance_to(there) > move or abs(normalise_angle(here.yaw - there.yaw)) > turn
-
-
-def _active(_: Any, response: Any) -> Any:
-    response.current_state = State(id=State.PRIMARY_STATE_ACTIVE, label="active")
-    return response

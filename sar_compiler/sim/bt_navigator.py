@@ -1,22 +1,23 @@
 """The stand-in for Nav2's navigator: the action `navigate_to_pose`, as served by Jazzy's bt_navigator."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from action_msgs.srv import CancelGoal
-from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Path as PathMessage
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
 from rclpy.task import Future
 
 from sar_compiler.ros.faults import LOCALISATION, GoalFate, NavigationFaults
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
-from sar_compiler.sim.messages import from_pose, to_duration, to_path, to_pose, to_stamp
+from sar_compiler.sim.messages import from_pose, tell_state, to_duration, to_path, to_pose, to_stamp
 from sar_compiler.sim.navigator import QUICK, Drive, DriveEnd, DriveOutcome, DriveProgress, Manner, Recovery
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
@@ -40,16 +41,54 @@ _LOST_AFTER_SEC = 0.5
 # The reasons for which Nav2 tries to recover.
 _RECOVERABLE = (NavCode.NO_VALID_PATH, NavCode.FAILED_TO_MAKE_PROGRESS)
 # How long results of ended goals are kept for those who ask late, seconds. Nav2 keeps them 900 s.
-RESULT_TIMEOUT_SEC = 60
+_RESULT_TIMEOUT_SEC = 60
 
 
-def tell_state(response: Any, *, active: bool) -> Any:
-    """Fill in the answer of a lifecycle node that is active or inactive."""
-    if active:
-        response.current_state = State(id=State.PRIMARY_STATE_ACTIVE, label="active")
-    else:
-        response.current_state = State(id=State.PRIMARY_STATE_INACTIVE, label="inactive")
-    return response
+class NavigationServer(ABC):
+    """An action of Nav2's, whose goals are those of its navigator, and the lifecycle nodes behind it.
+
+    Attributes:
+        node_name: The name of the node.
+        action: The name of the action.
+        served: The lifecycle nodes that it stands for.
+    """
+
+    node_name, action = "bt_navigator", NAVIGATE
+    served: Sequence[str] = ("bt_navigator",)
+
+    def __init__(self) -> None:
+        self._now = 0.0
+        self._active_at: float | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether the lifecycle state is active."""
+        return self._active_at is not None and self._now >= self._active_at
+
+    @abstractmethod
+    def _on_goal(self, request: Any) -> GoalResponse:
+        """Return whether a goal is taken."""
+
+    @abstractmethod
+    def _on_accepted(self, handle: ServerGoalHandle) -> None:
+        """Begin with a goal."""
+
+    def _serve(self, node: Node) -> ActionServer:
+        """Have the node serve the action, and say in which state the lifecycle nodes are."""
+        for name in self.served:
+            node.create_service(
+                GetState, f"{name}/get_state", lambda _, response: tell_state(response, active=self.active)
+            )
+        return ActionServer(
+            node,
+            NavigateToPose,
+            self.action,
+            execute_callback=lambda _: NavigateToPose.Result(),
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            result_timeout=_RESULT_TIMEOUT_SEC,
+        )
 
 
 class AcceptedGoal:
@@ -99,7 +138,7 @@ class _Goal(AcceptedGoal):
         return self._all - len(self.left)
 
 
-class BtNavigator:
+class BtNavigator(NavigationServer):
     """Node `bt_navigator`: `navigate_to_pose`, `bt_navigator/get_state`, and the topic `plan` of Nav2's planner.
 
     A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
@@ -116,10 +155,6 @@ class BtNavigator:
         manner: How it drives.
     """
 
-    node_name, action = "bt_navigator", NAVIGATE
-    served: Sequence[str] = ("bt_navigator",)
-    """The lifecycle nodes that it stands for."""
-
     def __init__(
         self,
         host: NodeHost,
@@ -132,11 +167,10 @@ class BtNavigator:
         faults: NavigationFaults,
         manner: Manner = QUICK,
     ) -> None:
+        super().__init__()
         self._host, self._rosbot, self._planner, self._localise = host, rosbot, planner, localise
         self._lose_localisation = lose_localisation
         self._places, self._faults, self._manner = places, faults, manner
-        self._now = 0.0
-        self._active_at: float | None = None
         self._back_at: float | None = None
         self._goal: _Goal | None = None
         # A drive that goes on after its goal has ended, and until when; and acknowledgements that are due later.
@@ -144,11 +178,6 @@ class BtNavigator:
         self._late: list[tuple[float, Future]] = []
         self._server: ActionServer | None = None
         self._open()
-
-    @property
-    def active(self) -> bool:
-        """Whether the lifecycle state is active."""
-        return self._active_at is not None and self._now >= self._active_at
 
     def step(self, step: int, now_ns: int) -> None:
         """Do the work due at the simulated time *now_ns*, nanoseconds."""
@@ -186,22 +215,11 @@ class BtNavigator:
     def _open(self) -> None:
         self._active_at = None
         self._node = self._host.create(self.node_name)
-        for name in self.served:
-            self._node.create_service(GetState, f"{name}/get_state", self._on_get_state)
         if self.action != FOLLOW:
             # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
             self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
-        self._server = ActionServer(
-            self._node,
-            NavigateToPose,
-            self.action,
-            execute_callback=lambda _: NavigateToPose.Result(),
-            goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-            result_timeout=RESULT_TIMEOUT_SEC,
-        )
+        self._server = self._serve(self._node)
 
     def _die(self, back_sec: float | None) -> None:
         """Disappear without notice, like a killed process."""
@@ -209,9 +227,6 @@ class BtNavigator:
         self._back_at = None if back_sec is None else self._now + back_sec
         # The goal's coroutine waits for ever: to end it would be to send its result.
         self.close()
-
-    def _on_get_state(self, _: Any, response: Any) -> Any:
-        return tell_state(response, active=self.active)
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         if self._goal is None and self._loose is not None:
@@ -307,7 +322,7 @@ class BtNavigator:
         return None if outcome is None else self._or_recover(goal, outcome)
 
     def _step(self, drive: Drive, here: Pose2D) -> DriveProgress:
-        progress = drive.step(replace(self._rosbot.robot.state, pose=here), self._now)
+        progress = drive.step(replace(self._rosbot.state, pose=here), self._now)
         self._rosbot.drive(progress.command)
         return progress
 
@@ -325,7 +340,7 @@ class BtNavigator:
         recovery, until = goal.recovery
         if goal.handle.is_cancel_requested:
             self._rosbot.drive(STAND)
-            return DriveOutcome(DriveEnd.CANCELED) if self._rosbot.robot.state.velocity == STAND else None
+            return DriveOutcome(DriveEnd.CANCELED) if self._rosbot.state.velocity == STAND else None
         over = self._now >= until
         self._rosbot.drive(STAND if over else recovery.command)
         if over:
@@ -355,7 +370,7 @@ class BtNavigator:
                 f"the goal's frame is '{frame}', not '{_MAP}'" if frame != _MAP else "a pose is not known"
             )
             return DriveOutcome(DriveEnd.ABORTED, text=reason)
-        limits = self._rosbot.robot.limits
+        limits = self._rosbot.limits
         try:
             goal.drive = Drive(self._planner, limits, target, here, self._now, self._manner)
         except PlanningError as error:

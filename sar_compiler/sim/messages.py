@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Pose, PoseStamped, TransformStamped
+from lifecycle_msgs.msg import State
 from nav_msgs.msg import OccupancyGrid, Path
 
 from sar_compiler.ros.poses import turn_by, yaw_of
@@ -26,6 +27,15 @@ _FREE_BELOW, _OCCUPIED_ABOVE = 20, 65
 def to_stamp(now_ns: int) -> Time:
     """Return simulated nanoseconds as a message."""
     return Time(sec=now_ns // NANOSECONDS, nanosec=now_ns % NANOSECONDS)
+
+
+def tell_state(response: Any, *, active: bool) -> Any:
+    """Fill in the answer of a lifecycle node that is active or inactive."""
+    if active:
+        response.current_state = State(id=State.PRIMARY_STATE_ACTIVE, label="active")
+    else:
+        response.current_state = State(id=State.PRIMARY_STATE_INACTIVE, label="inactive")
+    return response
 
 
 def to_duration(seconds: float) -> Duration:

@@ -7,6 +7,7 @@ from collections import deque
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
@@ -40,10 +41,13 @@ class RobotInterface:
         host: Creates the node.
         robot: The robot, which is sent the latest command.
         seed: Seed of its scanner's noise.
+
+    Attributes:
+        limits: The limits of its drive.
     """
 
     def __init__(self, host: NodeHost, robot: Robot, *, seed: int = 0) -> None:
-        self.robot = robot
+        self._robot, self.limits = robot, robot.limits
         self._seed = seed
         self._lidar = Lidar()
         self._node = host.create("rosbot")
@@ -60,6 +64,11 @@ class RobotInterface:
         self._odometry_message.header.frame_id = _ODOM
         self._scan_message = self._empty_scan()
 
+    @property
+    def state(self) -> RobotState:
+        """The robot's state."""
+        return self._robot.state
+
     def publish(self, step: int, now_ns: int) -> None:
         """Publish the robot's sensor data at the end of a step.
 
@@ -67,7 +76,7 @@ class RobotInterface:
             step: The step's number.
             now_ns: The simulated time at its end, nanoseconds.
         """
-        state = self.robot.state
+        state = self._robot.state
         stamp = self._stamp = to_stamp(now_ns)
         message = self._odometry_message
         message.header.stamp = stamp
@@ -84,26 +93,24 @@ class RobotInterface:
         # The noise depends on the step alone, not on subscribers.
         if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
             random = np.random.default_rng([self._seed, 3, step])
-            ranges = self._lidar.scan(self.robot.surroundings(), state.pose, random)
+            ranges = self._lidar.scan(self._robot.surroundings(), state.pose, random)
             self._scan_message.header.stamp = stamp
             self._scan_message.ranges = array("f", ranges.astype(np.float32).tobytes())
             self._scan.publish(self._scan_message)
 
     def drive(self, twist: Twist2D) -> None:
         """Command the robot, and say so on `cmd_vel` if anybody else listens."""
-        self.robot.command(twist)
+        self._robot.command(twist)
         if self._commands.get_subscription_count() == 1:
             return
-        message = TwistStamped()
-        message.header.frame_id, message.header.stamp = _BASE, self._stamp
-        message.twist.linear.x, message.twist.angular.z = twist.v, twist.w
+        message = _command(twist, self._stamp)
         self._own_commands.append(_key_of(message))
         self._commands.publish(message)
 
     def _on_command(self, message: Any) -> None:
         if _key_of(message) in self._own_commands:
             return  # obeyed before it was on its way
-        self.robot.command(Twist2D(message.twist.linear.x, message.twist.angular.z))
+        self._robot.command(Twist2D(message.twist.linear.x, message.twist.angular.z))
 
     def _empty_scan(self) -> LaserScan:
         angles = self._lidar.angles
@@ -116,6 +123,13 @@ class RobotInterface:
         )
         message.header.frame_id = _BASE
         return message
+
+
+def _command(twist: Twist2D, stamp: Time) -> TwistStamped:
+    message = TwistStamped()
+    message.header.frame_id, message.header.stamp = _BASE, stamp
+    message.twist.linear.x, message.twist.angular.z = twist.v, twist.w
+    return message
 
 
 def _key_of(command: TwistStamped) -> _CommandKey:
@@ -180,11 +194,6 @@ class RemoteRobot:
         node.create_subscription(TFMessage, "/tf", self._on_transforms, 100)
         self._commands = node.create_publisher(TwistStamped, "cmd_vel", 10)
 
-    @property
-    def robot(self) -> "RemoteRobot":
-        """Itself, as a `RobotInterface` has its robot."""
-        return self
-
     def step(self, now_ns: int) -> None:
         """Note the simulated time, nanoseconds."""
         self._now_ns = now_ns
@@ -198,10 +207,7 @@ class RemoteRobot:
 
     def drive(self, twist: Twist2D) -> None:
         """Command it."""
-        message = TwistStamped()
-        message.header.frame_id, message.header.stamp = _BASE, to_stamp(self._now_ns)
-        message.twist.linear.x, message.twist.angular.z = twist.v, twist.w
-        self._commands.publish(message)
+        self._commands.publish(_command(twist, to_stamp(self._now_ns)))
 
     def _on_places(self, message: Any) -> None:
         pose, odometry = (_planar(each.transform) for each in message.transforms)

@@ -2,11 +2,10 @@
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
-from lifecycle_msgs.srv import GetState
 from nav2_msgs.action import NavigateToPose
-from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionClient, GoalResponse
 from rclpy.action.client import ClientGoalHandle
 from rclpy.action.server import ServerGoalHandle
 from rclpy.context import Context
@@ -19,11 +18,9 @@ from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.bt_navigator import (
     ACTIVATION_SEC,
     FOLLOW,
-    NAVIGATE,
-    RESULT_TIMEOUT_SEC,
     AcceptedGoal,
     ControllerServer,
-    tell_state,
+    NavigationServer,
 )
 from sar_compiler.sim.messages import NANOSECONDS
 from sar_compiler.sim.navigator import DriveEnd, DriveOutcome, Manner, manner
@@ -58,7 +55,7 @@ class _PassedOn(AcceptedGoal):
         return min(now - self.heard_at[0], time.monotonic() - self.heard_at[1])
 
 
-class SeparateNavigator:
+class SeparateNavigator(NavigationServer):
     """Node `bt_navigator`: `navigate_to_pose`, each goal of which `follow_path` of `controller_server` drives to.
 
     It gives a goal up with code 0, as Nav2 does, where nobody takes it within `default_server_timeout`, or who drives falls silent;
@@ -71,30 +68,12 @@ class SeparateNavigator:
     """
 
     def __init__(self, host: NodeHost, robot: RemoteRobot, manner: Manner) -> None:
+        super().__init__()
         self._robot, self._timeout_sec = robot, manner.server_timeout_sec
-        self._now = 0.0
-        self._active_at: float | None = None
         self._goal: _PassedOn | None = None
-        self._node = host.create("bt_navigator")
-        self._node.create_service(
-            GetState, "bt_navigator/get_state", lambda _, response: tell_state(response, active=self.active)
-        )
+        self._node = host.create(self.node_name)
         self._driver = ActionClient(self._node, NavigateToPose, FOLLOW)
-        self._server = ActionServer(
-            self._node,
-            NavigateToPose,
-            NAVIGATE,
-            execute_callback=lambda _: NavigateToPose.Result(),
-            goal_callback=lambda _: GoalResponse.ACCEPT if self.active else GoalResponse.REJECT,
-            handle_accepted_callback=self._on_accepted,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-            result_timeout=RESULT_TIMEOUT_SEC,
-        )
-
-    @property
-    def active(self) -> bool:
-        """Whether the lifecycle state is active."""
-        return self._active_at is not None and self._now >= self._active_at
+        self._server = self._serve(self._node)
 
     def step(self, _: int, now_ns: int) -> None:
         """Do the work due at the simulated time *now_ns*, nanoseconds."""
@@ -127,6 +106,9 @@ class SeparateNavigator:
         """Destroy server and client."""
         self._server.destroy()
         self._driver.destroy()
+
+    def _on_goal(self, _: Any) -> GoalResponse:
+        return GoalResponse.ACCEPT if self.active else GoalResponse.REJECT
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
         goal, before = _PassedOn(handle, self._now), self._goal
@@ -176,19 +158,6 @@ class SeparateNavigator:
 _TURN_SEC, _FAREWELL_SEC = 0.1, 0.05
 
 
-class _StandIn(Protocol):
-    """A stand-in of one robot."""
-
-    def step(self, step: int, now_ns: int) -> None:
-        """Do the work due at a simulated time, nanoseconds."""
-
-    def stop(self) -> bool:
-        """End the current goal; return whether there was one."""
-
-    def close(self) -> None:
-        """Destroy what is served."""
-
-
 class _Localiser:
     """A localisation that begins when it has heard of its robot."""
 
@@ -210,6 +179,9 @@ class _Localiser:
 
     def close(self) -> None:
         pass
+
+
+_StandIn = _Localiser | ControllerServer | SeparateNavigator
 
 
 class SeparatePart:

@@ -105,9 +105,6 @@ def _shown(start: Pose2D) -> str:
     return f"({start.x:.2f}, {start.y:.2f})"
 
 
-_ALONE = Placement("")
-
-
 @dataclass(frozen=True)
 class NavigationSetup:
     """The data shared by all robots' stand-ins for Nav2.
@@ -141,9 +138,9 @@ class SimulatedRobot:
         host: NodeHost,
         robot: Robot,
         *,
-        seed: int = 0,
-        navigation: NavigationSetup | None = None,
-        placement: Placement = _ALONE,
+        seed: int,
+        navigation: NavigationSetup | None,
+        placement: Placement,
     ) -> None:
         self._host, self._robot = host, robot
         self._interface = RobotInterface(host, robot, seed=seed)
