@@ -41,10 +41,18 @@ from sar_compiler.ros.arguments import (
     readable_ros_errors,
     security_arguments,
 )
-from sar_compiler.ros.awake import AWAKE
-from sar_compiler.ros.clock import mission_clock
-from sar_compiler.ros.engine import Engine, EngineFactory, SetupFailedError, find_engine, send_cancels
-from sar_compiler.ros.failure_reports import described, failure_text, show_tracebacks, tell
+from sar_compiler.ros.clock import AWAKE, mission_clock
+from sar_compiler.ros.engine import (
+    Engine,
+    EngineFactory,
+    SetupFailedError,
+    described,
+    failure_text,
+    find_engine,
+    send_cancels,
+    show_tracebacks,
+    tell,
+)
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.goals_under_way import goals_under_way

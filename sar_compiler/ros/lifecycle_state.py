@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 
-from sar_compiler.ros.awake import AWAKE
+from sar_compiler.ros.clock import AWAKE
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -21,8 +21,7 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.situation import CHANGED, Landmark, Situation
 from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
-from sar_compiler.ros.engine import Engine
-from sar_compiler.ros.failure_reports import described
+from sar_compiler.ros.engine import Engine, described
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
 
 TOPIC = "behavior_tree_log"

@@ -37,8 +37,7 @@ from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEnt
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
-from sar_compiler.ros.engine import Engine
-from sar_compiler.ros.failure_reports import described
+from sar_compiler.ros.engine import Engine, described
 from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
 
 # What a class calls a type, where a definition has another word.

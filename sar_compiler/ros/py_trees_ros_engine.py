@@ -13,8 +13,14 @@ from py_trees.behaviours import Dummy
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from sar_compiler.ros.engine import give_up, require_tickable_depth, settle, shut_down, stop_behaviours
-from sar_compiler.ros.failure_reports import tell_failure
+from sar_compiler.ros.engine import (
+    give_up,
+    require_tickable_depth,
+    settle,
+    shut_down,
+    stop_behaviours,
+    tell_failure,
+)
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.awake import AWAKE
+from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
 from sar_compiler.ros.lifecycle_state import Asked, with_full_name
 from sar_compiler.ros.nav2_log import nav2_log

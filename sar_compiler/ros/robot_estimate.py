@@ -8,8 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.ros.awake import AWAKE
-from sar_compiler.ros.clock import ClockedTime
+from sar_compiler.ros.clock import AWAKE, ClockedTime
 from sar_compiler.ros.leaves.deadline import deadline_clock
 from sar_compiler.ros.leaves.interfaces import qos_profile
 from sar_compiler.ros.of_node import of_node

@@ -23,8 +23,16 @@ from rclpy.timer import Timer
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.ros.engine import give_up, require_tickable_depth, settle, shut_down, stop_behaviours
-from sar_compiler.ros.failure_reports import described, tell, tell_failure
+from sar_compiler.ros.engine import (
+    described,
+    give_up,
+    require_tickable_depth,
+    settle,
+    shut_down,
+    stop_behaviours,
+    tell,
+    tell_failure,
+)
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.hooked_tick import TickHooks, hooked_tick
 from sar_compiler.runtime.kernel.live import LiveTree, shown

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.awake import AWAKE
+from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.deadline import deadline_clock
 from sar_compiler.ros.leaves.goal_statuses import goal_statuses_of
 from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way

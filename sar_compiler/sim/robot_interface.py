@@ -16,10 +16,10 @@ from tf2_msgs.msg import TFMessage
 
 from sar_compiler.ros.poses import yaw_of
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
-from sar_compiler.sim.lidar import Lidar
 from sar_compiler.sim.messages import from_pose, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.robot import Limits, Robot, RobotState, Twist2D
+from sar_compiler.sim.world import Lidar
 
 # One scan in this many steps (5 Hz at 0.05 s).
 _SCAN_EVERY = 4

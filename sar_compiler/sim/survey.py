@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from sar_compiler.errors import SarError
 from sar_compiler.sim.follower import Follower, FollowerSettings, Path2D
 from sar_compiler.sim.geometry import Pose2D
-from sar_compiler.sim.lidar import Lidar
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from sar_compiler.sim.robot import Robot
-from sar_compiler.sim.world import Floats, World
+from sar_compiler.sim.world import Floats, Lidar, World
 
 # The change of a cell's log-odds by a ray that ends in it, or passes through it.
 _HIT, _MISS = 0.85, -0.4

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from sar_compiler.ros.awake import AwakeTime
+from sar_compiler.ros.clock import AwakeTime
 
 
 class Machine:

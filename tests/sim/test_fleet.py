@@ -9,14 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sar_compiler.sim.geometry import Box, Pose2D
-from sar_compiler.sim.lidar import Lidar
 from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
 from sar_compiler.sim.planner import NavCode, Planner
 from sar_compiler.sim.robot import Robot, RobotState, Twist2D
 from sar_compiler.sim.simulation import check_placements, make_robots, seed_of
-from sar_compiler.sim.world import World
+from sar_compiler.sim.world import Lidar, World
 
 STEP = 0.05
 OPEN = World("open", Pose2D(0.0, 0.0), 0.22)

@@ -9,10 +9,9 @@ from PIL import Image
 
 from sar_compiler.cli.sim import main
 from sar_compiler.sim.geometry import Pose2D
-from sar_compiler.sim.lidar import Lidar
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, map_files, read_map
 from sar_compiler.sim.survey import Mapper, SurveyError, survey
-from sar_compiler.sim.world import World, find_world
+from sar_compiler.sim.world import Lidar, World, find_world
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
 

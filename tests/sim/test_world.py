@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D, normalise_angle
-from sar_compiler.sim.lidar import Lidar, cast
-from sar_compiler.sim.world import Solid, World, WorldError, find_world, load_world
+from sar_compiler.sim.world import Lidar, Solid, World, WorldError, cast, find_world, load_world
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
 
 coordinates = st.floats(-10.0, 10.0)

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from sar_compiler.ros.awake import AWAKE
-from sar_compiler.ros.clock import NodeTime
+from sar_compiler.ros.clock import AWAKE, NodeTime
 from sar_compiler.runtime.clock import WallClock
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakMethod
 
-from sar_compiler.ros.awake import AWAKE
+from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.client_leaf import Exchange
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal_statuses import ABORTED, CANCELED, SUCCEEDED, UNKNOWN, goal_statuses_of

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.ros.awake import AWAKE
+from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.of_node import of_node
 from sar_compiler.ros.robot_estimate import robot_estimate
 
