@@ -105,7 +105,7 @@ def robot(number: int, tree: str, executor: Any) -> tuple[Any, list[float]]:
     from sar_compiler import load
     from sar_compiler.compiler import compile_tree
     from sar_compiler.missions.choosing import choose_mission
-    from sar_compiler.ros.clock import RosClock
+    from sar_compiler.ros.clock import mission_clock
     from sar_compiler.ros.parameter_reader import ParameterReader
     from sar_compiler.ros.parameters import DataNode, flat_parameters
     from sar_compiler.ros.runner import TreeRunner
@@ -127,7 +127,7 @@ def robot(number: int, tree: str, executor: Any) -> tuple[Any, list[float]]:
     mission = choose_mission(binding)
     assert mission is not None
     reader = ParameterReader(flat_parameters(node))
-    context = {Clock: RosClock(node), **mission.begin(reader).context}
+    context = {Clock: mission_clock(node), **mission.begin(reader).context}
     runner = TreeRunner(compile_tree(binding, context, reader.parameters))
     ticks: list[float] = []
     runner.add_pre_tick_handler(lambda _tree: ticks.append(time.monotonic()))

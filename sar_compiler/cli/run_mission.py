@@ -35,7 +35,6 @@ from sar_compiler.nodes.spec import Use
 from sar_compiler.project import LoadedTree, Workspace
 from sar_compiler.ros.arguments import (
     init_arguments,
-    names_parameter_file,
     node_arguments,
     parameter_files,
     readable_ros_errors,
@@ -237,7 +236,7 @@ def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> I
 
 
 def _parameter_file(options: "Options", mission: Mission | None) -> Path | None:
-    if options.params is not None or mission is None or names_parameter_file(options.ros):
+    if options.params is not None or mission is None or parameter_files(options.ros):
         return options.params
     return mission.default_parameters()
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import pairwise, zip_longest
+from itertools import pairwise
 from pathlib import Path
 
 from sar_compiler.errors import SarError
@@ -65,11 +65,6 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
     return [_BEGIN, *kept] if kept else []
 
 
-def names_parameter_file(ros: Sequence[str]) -> bool:
-    """Return whether the user's own ROS arguments name a parameter file."""
-    return _FILE_FLAG in ros
-
-
 def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list[Path]:
     """Return the parameter files in use: the one given separately, then those among the ROS arguments."""
     first = [] if params_file is None else [params_file]
@@ -104,14 +99,9 @@ def _names_nodes(flag: str, rule: str) -> bool:
 
 
 def _without_node_names(arguments: Sequence[str]) -> list[str]:
-    kept: list[str] = []
-    rest = iter(zip_longest(arguments, arguments[1:], fillvalue=""))
-    for flag, rule in rest:
-        if _names_nodes(flag, rule):
-            next(rest)
-        else:
-            kept.append(flag)
-    return kept
+    pairs = enumerate(pairwise(arguments))
+    left_out = {place for index, pair in pairs if _names_nodes(*pair) for place in (index, index + 1)}
+    return [argument for index, argument in enumerate(arguments) if index not in left_out]
 
 
 class RosArgumentError(SarError):

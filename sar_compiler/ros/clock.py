@@ -1,4 +1,8 @@
-"""The clock of a node as the clock of its trees, watched: it may stand still, and it may jump."""
+"""The clocks: a node's as that of its trees, which may stand still and may jump; and the time in which this process has run.
+
+Limits for others are counted in the latter. A process that is stopped, or that the machine has no time for, hears nobody meanwhile.
+What it then finds late is not others' fault, and DDS may have to find them anew.
+"""
 
 import math
 import time
@@ -189,16 +193,9 @@ class ClockedTime:
         return self._now
 
 
-class RosClock(NodeTime):
-    """The time of a mission: that of its node's clock, which is the simulator's under `use_sim_time`.
+def mission_clock(node: "Node") -> NodeTime:
+    """Return the time of a mission, the same object in every call with its node: the simulator's under `use_sim_time`.
 
-    What becomes of the clock is said in the node's log.
+    What becomes of the clock is said in the node's log, once.
     """
-
-    def __init__(self, node: "Node") -> None:
-        super().__init__(node, say=lambda text: node.get_logger().warning(text))
-
-
-def mission_clock(node: "Node") -> RosClock:
-    """Return the mission's clock on a node, the same object in every call: what becomes of it is said once."""
-    return of_node(node, RosClock, lambda: RosClock(node))
+    return of_node(node, NodeTime, lambda: NodeTime(node, say=lambda text: node.get_logger().warning(text)))

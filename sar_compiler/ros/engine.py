@@ -1,6 +1,6 @@
 """The engine that ticks a tree: the project's own runner, or `py_trees_ros` if installed; and what is the same for both.
 
-That is the limit of a tree's depth, the clean-up when its leaves cannot be set up, and stopping it so that a robot is not left
+That is the log of what a behaviour has raised, and where, the limit of a tree's depth, the clean-up when its leaves cannot be set up, and stopping it so that a robot is not left
 driving, whatever its leaves raise.
 """
 

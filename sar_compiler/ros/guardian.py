@@ -72,7 +72,7 @@ class Guardian:
         """Let the guardian end; it first cancels what was not seen to end."""
         with self._lock:
             self._is_closing = True
-            self._close_pipe()
+            self._pipe.close()
         self._minder.join(_ENDING_SEC)
 
     def _begin(self) -> None:
@@ -87,20 +87,16 @@ class Guardian:
             pass_fds=signs,
         )
         assert self._process.stdin is not None  # noqa: S101 - asked for
-        os.set_blocking(self._process.stdin.fileno(), False)
+        self._pipe = self._process.stdin
+        os.set_blocking(self._pipe.fileno(), False)
         for goal_id, canceller in self._active.items():
             self._write(_SENT, goal_id, canceller)
         self._minder = threading.Thread(target=self._mind, name="guardian", daemon=True)
         self._minder.start()
 
     def _write(self, sign: str, goal_id: str, canceller: str) -> None:
-        assert self._process.stdin is not None  # noqa: S101 - asked for
         with suppress(OSError, ValueError):  # one that has ended is replaced, and told of what is active then
-            os.write(self._process.stdin.fileno(), f"{sign} {goal_id} {canceller}\n".encode())
-
-    def _close_pipe(self) -> None:
-        assert self._process.stdin is not None  # noqa: S101 - asked for
-        self._process.stdin.close()
+            os.write(self._pipe.fileno(), f"{sign} {goal_id} {canceller}\n".encode())
 
     def _mind(self) -> None:
         """Wait for the guardian's end; where the mission has not asked for it, begin another one."""
@@ -109,7 +105,7 @@ class Guardian:
         with self._lock:
             if self._is_closing:
                 return
-            self._close_pipe()
+            self._pipe.close()
             self._brief = self._brief + 1 if time.monotonic() - began < _BRIEF_SEC else 0
             how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
             if self._brief < _ATTEMPTS:

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
@@ -29,9 +30,13 @@ def note_goals(node: Node, journal: Journal) -> None:
         if news.status is None:
             journal.note(GOAL_SENT, action=news.action, goal=news.goal_id)
         else:
-            journal.watch(GOAL_ENDED, goal=news.goal_id, status=news.status)
+            _watch_end(journal, news.goal_id, news.status)
 
     goals_under_way(node).listen(note)
+
+
+def _watch_end(journal: Journal, goal_id: str, status: int) -> None:
+    journal.watch(GOAL_ENDED, goal=goal_id, status=status)
 
 
 class LeftGoals(Requirement):
@@ -46,12 +51,9 @@ class LeftGoals(Requirement):
         left = journal.goals_left()
         self._ports = {action: CancelPort(node, action) for action in {goal.action for goal in left}}
         self._goals = [
-            LeftGoal(self._ports[goal.action], goal.goal_id, self._teller(journal, goal.goal_id))
+            LeftGoal(self._ports[goal.action], goal.goal_id, partial(_watch_end, journal, goal.goal_id))
             for goal in left
         ]
-
-    def _teller(self, journal: Journal, goal_id: str) -> Callable[[int], None]:
-        return lambda status: journal.watch(GOAL_ENDED, goal=goal_id, status=status)
 
     def missing(self) -> str | None:
         """Cancel what is still to be cancelled; describe the first goal that has not ended, None if all have."""
@@ -122,7 +124,9 @@ class LeftGoal:
 
     def missing(self) -> str | None:
         """Cancel it if that is due; return why it may be active, None once it has ended."""
-        self._look()
+        status = self._port.end_of(self._id)
+        if status is not None:
+            self._end(status)
         if self._is_over:
             return None
         if not self._port.client.service_is_ready():
@@ -131,11 +135,6 @@ class LeftGoal:
             self._asked_at = time.monotonic()
             self._ask()
         return f"action {self._port.action}: the goal that was left active has not ended; the robot may be moving"
-
-    def _look(self) -> None:
-        status = self._port.end_of(self._id)
-        if status is not None:
-            self._end(status)
 
     def _ask(self) -> None:
         if self._future is not None:

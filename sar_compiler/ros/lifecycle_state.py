@@ -18,7 +18,7 @@ _ASK_PERIOD_SEC = 0.5
 _MEETING_SEC = 1.0
 
 
-class Asked:
+class PolledService:
     """A service that is asked again and again for its answer of now.
 
     An answer that is lost, as may happen while the two sides still discover each other, is not waited for.
@@ -109,10 +109,10 @@ def with_full_name(name: str, resolved: str) -> str:
     return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
 
 
-_KNOWN = {State.PRIMARY_STATE_ACTIVE: "active", State.PRIMARY_STATE_INACTIVE: "inactive"}
+_STATES = {State.PRIMARY_STATE_ACTIVE: "active", State.PRIMARY_STATE_INACTIVE: "inactive"}
 
 
-class LifecycleState:
+class LifecycleState(PolledService):
     """The state of a lifecycle node, asked for whenever somebody wants to know, at most twice a second, and without blocking.
 
     Args:
@@ -124,55 +124,41 @@ class LifecycleState:
     """
 
     def __init__(self, node: "Node", name: str) -> None:
+        super().__init__(node, GetState, f"{name}/get_state")
         self.name = name
-        self._asked = Asked(node, GetState, f"{name}/get_state")
         self._service = node.resolve_service_name(f"{name}/get_state")
         self._title = f"node {with_full_name(name, self._service.removesuffix('/get_state'))}"
 
     @property
-    def is_there(self) -> bool:
-        """Whether the node can be asked."""
-        return self._asked.is_there
-
-    @property
-    def is_silent(self) -> bool:
-        """Whether the node has not answered in time: it was killed, or hangs."""
-        return self._asked.is_silent
-
-    @property
     def state(self) -> str | None:
         """The state that it has answered last; None if it has not."""
-        return _name_of(self._asked.answer.current_state) if self._asked.answer is not None else None
+        return _state_name(self.answer.current_state) if self.answer is not None else None
 
     @property
     def age_sec(self) -> float:
         """How old that is, seconds; infinite while nothing is known."""
-        return AWAKE.now() - self._asked.known_at
+        return AWAKE.now() - self.known_at
 
     @property
     def silent_sec(self) -> float:
         """For how long the node, which is there, answers nothing, seconds; 0 if it does."""
-        return 0.0 if self._asked.silent_since is None else AWAKE.now() - self._asked.silent_since
+        return 0.0 if self.silent_since is None else AWAKE.now() - self.silent_since
 
     @property
     def has_heard_nothing(self) -> bool:
         """Whether the node has not answered since this process stood still; False if it never has stood still."""
-        return self._asked.answered_at < AWAKE.stood_still_at
-
-    def is_awaited(self, since: float = -math.inf) -> bool:
-        """Return whether the node is there, and nothing is known of it as of a time, steady seconds, or later."""
-        return self._asked.is_awaited(since)
+        return self.answered_at < AWAKE.stood_still_at
 
     def missing(self, since: float = -math.inf) -> str | None:
         """Ask if it is due, at once if all that is known is of before *since*; describe the last answer, None if that was `active`."""
-        if not self._asked.ask(since):
+        if not self.ask(since):
             return f"node {self.name}: not there (no service {self._service})"
         if self.state is None:
-            late = f" for {self._asked.deadline_sec:g} s" if self.is_silent else ""
+            late = f" for {self.deadline_sec:g} s" if self.is_silent else ""
             return f"node {self.name}: {self._service} has not answered{late}"
         return None if self.state == "active" else f"{self._title}: state '{self.state}', must be 'active'"
 
 
-def _name_of(state: Any) -> str:
+def _state_name(state: Any) -> str:
     """Return a lifecycle state's name; some servers fill in only its number."""
-    return state.label or _KNOWN.get(state.id, f"number {state.id}")
+    return state.label or _STATES.get(state.id, f"number {state.id}")

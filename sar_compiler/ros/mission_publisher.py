@@ -42,13 +42,13 @@ class TreeLog:
     def __init__(self, node: Node, tree: NumberedTree, tell: Callable[[BehaviorTreeLog], object]) -> None:
         self._node, self._tree, self._tell = node, tree, tell
         self._events: list[BehaviorTreeStatusChange] = []
-        self._changes = StatusChanges(tree, self._note)
+        self._changes = StatusChanges(tree, lambda change: self._events.append(self._event(change)))
         self.statuses = self._changes.statuses
 
     def watch(self, engine: Engine) -> None:
         """Watch what ticks the tree."""
         engine.add_visitor(self._changes)
-        engine.add_post_tick_handler(self._after_tick)
+        engine.add_post_tick_handler(lambda _: self._tell_events())
 
     def end(self) -> None:
         """Report how it has ended; nothing is ticked any more."""
@@ -60,9 +60,6 @@ class TreeLog:
         events = [self._event(StatusChange(uid, now, now)) for uid, now in enumerate(self.statuses) if uid]
         return BehaviorTreeLog(timestamp=self._now(), event_log=events)
 
-    def _note(self, change: StatusChange) -> None:
-        self._events.append(self._event(change))
-
     def _event(self, change: StatusChange) -> BehaviorTreeStatusChange:
         seconds, nanoseconds = divmod(time.time_ns(), 10**9)
         return BehaviorTreeStatusChange(
@@ -72,9 +69,6 @@ class TreeLog:
             previous_status=WORDS[change.before] or "IDLE",
             current_status=WORDS[change.status] or "IDLE",
         )
-
-    def _after_tick(self, _: BehaviourTree) -> None:
-        self._tell_events()
 
     def _tell_events(self) -> None:
         if self._events:

@@ -18,7 +18,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
-from sar_compiler.ros.lifecycle_state import Asked, with_full_name
+from sar_compiler.ros.lifecycle_state import PolledService, with_full_name
 from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.poses import estimated_pose, turn_by
 from sar_compiler.ros.robot_estimate import robot_estimate
@@ -250,7 +250,7 @@ class NavigatorActive(Requirement):
     def __init__(self, node: Node, name: str, *, tells_pose: bool) -> None:
         self._node, self._robot, self._tells_pose = node, robot_estimate(node), tells_pose
         self._lifecycle, self._log = self._robot.lifecycle(name), nav2_log(node)
-        self._manager: Asked | None = None
+        self._manager: PolledService | None = None
 
     def missing(self) -> str | None:
         """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
@@ -267,7 +267,7 @@ class NavigatorActive(Requirement):
     def _reason(self, state: str) -> str:
         """Ask the manager, and the nodes that it activates before; return what they have answered."""
         if self._manager is None:
-            self._manager = Asked(self._node, Trigger, f"{_MANAGER}/is_active")
+            self._manager = PolledService(self._node, Trigger, f"{_MANAGER}/is_active")
         self._manager.ask()
         before = [self._robot.lifecycle(name) for name in _BEFORE_NAVIGATOR]
         for each in before:

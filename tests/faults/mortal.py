@@ -73,7 +73,7 @@ class Mortal:
         from sar_compiler.journal.opening import open_journal
         from sar_compiler.missions.search_and_rescue.plugin import MISSION
         from sar_compiler.project import load
-        from sar_compiler.ros.clock import RosClock
+        from sar_compiler.ros.clock import mission_clock
         from sar_compiler.ros.left_goals import LeftGoals
         from sar_compiler.ros.parameter_reader import ParameterReader
         from sar_compiler.runtime.clock import Clock
@@ -87,7 +87,7 @@ class Mortal:
         self.journal = open_journal(self.place, resume=self.place.exists())
         self.mission = MISSION.begin(ParameterReader(parameters))
         self.mission.keep_in(self.journal)
-        context = {Clock: RosClock(self.stage.node), **self.mission.context}
+        context = {Clock: mission_clock(self.stage.node), **self.mission.context}
         self._compiled = compile_tree(load(self.tree).binding(), context, {})
         self.journal.begin({"mission": "search_and_rescue"}, {})
         self.left = LeftGoals(self.stage.node, self.journal)

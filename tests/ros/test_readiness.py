@@ -475,10 +475,10 @@ class TestNav2:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
-        from sar_compiler.ros.lifecycle_state import Asked
+        from sar_compiler.ros.lifecycle_state import PolledService
         from sar_compiler.ros.robot_estimate import robot_estimate
 
-        monkeypatch.setattr(Asked, "deadline_sec", 0.2)
+        monkeypatch.setattr(PolledService, "deadline_sec", 0.2)
         other, node = ros.node("other"), ros.node()
         calls: list[int] = []
 

@@ -334,10 +334,10 @@ class TestClocks:
         assert probe.updates <= 26
 
     def test_the_nodes_clock_is_a_clock_for_trees(self, ros: Ros) -> None:
-        from sar_compiler.ros.clock import RosClock
+        from sar_compiler.ros.clock import mission_clock
 
         node = self.sim_node(ros)
-        clock = RosClock(node)
+        clock = mission_clock(node)
         publish = self.clock(ros)
         publish(12.25)
         ros.spin_until(lambda: node.get_clock().now().nanoseconds == 12_250_000_000, "the first time")
