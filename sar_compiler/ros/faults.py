@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.errors import SarError
 from sar_compiler.tree.guessing import did_you_mean, nearest
@@ -20,28 +20,32 @@ NAVIGATION, LOCALISATION = "navigate_to_pose", "amcl"
 NAVIGATION_FAULTS = {NAVIGATION: ("abort", "code", "late", "reject", "die"), LOCALISATION: ("die",)}
 """The faults of the stand-in for Nav2, the same for every mission."""
 
-# How each fault is written.
+
+class _Form(NamedTuple):
+    """How a kind of fault is written.
+
+    Attributes:
+        text: The same, in words.
+        parts: What can stand behind the kind: nothing, `=` and a value, `@` and a place, or both.
+        amount: What of the fault the value is; empty if there is none.
+        option: The option after the comma, seconds; empty if there is none.
+    """
+
+    text: str
+    parts: tuple[str, ...] = ("=",)
+    amount: str = ""
+    option: str = ""
+
+
 _FORMS = {
-    "drop": "drop=COUNT",
-    "delay": "delay=SECONDS",
-    "refuse": "refuse=COUNT",
-    "abort": "abort=PLACE or abort@PLACE,drives=SECONDS",
-    "code": "code=NUMBER[@PLACE][,after=SECONDS]",
-    "late": "late=SECONDS",
-    "reject": "reject=COUNT",
-    "die": "die[@PLACE][,back=SECONDS]",
-}
-_COUNTED = ("drop", "refuse", "reject")
-_TIMED = ("delay", "late")
-# Of the kinds that can have one: the option after the comma.
-_OPTIONS = {"abort": "drives", "code": "after", "die": "back"}
-# Whether a value and a place stand behind a kind.
-_NEITHER, _VALUE, _PLACE, _BOTH = (False, False), (True, False), (False, True), (True, True)
-_PARTS = {
-    **dict.fromkeys((*_COUNTED, *_TIMED), (_VALUE,)),
-    "abort": (_VALUE, _PLACE),
-    "code": (_VALUE, _BOTH),
-    "die": (_NEITHER, _PLACE),
+    "drop": _Form("drop=COUNT", amount="count"),
+    "delay": _Form("delay=SECONDS", amount="seconds"),
+    "refuse": _Form("refuse=COUNT", amount="count"),
+    "abort": _Form("abort=PLACE or abort@PLACE,drives=SECONDS", ("=", "@"), "place", "drives"),
+    "code": _Form("code=NUMBER[@PLACE][,after=SECONDS]", ("=", "=@"), "code", "after"),
+    "late": _Form("late=SECONDS", amount="seconds"),
+    "reject": _Form("reject=COUNT", amount="count"),
+    "die": _Form("die[@PLACE][,back=SECONDS]", ("", "@"), option="back"),
 }
 _SHAPE = re.compile(r"(\w*)(?:=([^@,]*))?(?:@([^,]*))?(?:,([^=]*)=?(.*))?", re.DOTALL)
 
@@ -99,38 +103,28 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
         FaultError: If it is invalid; the message says what is allowed.
     """
     target, colon, rest = text.strip().partition(":")
-    _known(text, "target", target, targets)
+    _require_known(text, "target", target, targets)
     if not colon or not rest:
-        allowed = ", ".join(f"{target}:{_FORMS[kind]}" for kind in targets[target])
+        allowed = ", ".join(f"{target}:{_FORMS[kind].text}" for kind in targets[target])
         raise FaultError(text, f"does not say what goes wrong; allowed: {allowed}")
     match = _SHAPE.fullmatch(rest)
     kind, value, place, option, seconds = match.groups() if match else ("", None, None, None, "")
-    _known(text, f"fault of {target}", kind, targets[target])
-    form = f"{target}:{_FORMS[kind]}"
-    if (value is not None, place is not None) not in _PARTS[kind] or "" in {value, place}:
-        raise FaultError(text, f"expected {form}")
-    if option is not None and option != _OPTIONS.get(kind):
-        raise FaultError(text, f"'{option}={seconds}' is not known; expected {form}")
-    fault = _with_amount(Fault(target, kind, text=text), value)
+    _require_known(text, f"fault of {target}", kind, targets[target])
+    form = _FORMS[kind]
+    parts = f"{'=' if value is not None else ''}{'@' if place is not None else ''}"
+    if parts not in form.parts or "" in {value, place}:
+        raise FaultError(text, f"expected {target}:{form.text}")
+    if option is not None and option != form.option:
+        raise FaultError(text, f"'{option}={seconds}' is not known; expected {target}:{form.text}")
+    fault = Fault(target, kind, text=text)
+    if value is not None:
+        fault = replace(fault, **{form.amount: _AMOUNTS[form.amount](text, value)})
     if place is not None:
         fault = replace(fault, place=_place(text, place))
     if option is None:
         return fault
     time = _seconds(text, seconds)
     return replace(fault, back=time) if kind == "die" else replace(fault, seconds=time)
-
-
-def _with_amount(fault: Fault, value: str | None) -> Fault:
-    """Return a fault with what stands behind its `=`, if anything does."""
-    if value is None:
-        return fault
-    if fault.kind == "code":
-        return replace(fault, code=_count(fault.text, value))
-    if fault.kind in _COUNTED:
-        return replace(fault, count=_count(fault.text, value))
-    if fault.kind in _TIMED:
-        return replace(fault, seconds=_seconds(fault.text, value))
-    return replace(fault, place=_place(fault.text, value))
 
 
 @dataclass(frozen=True)
@@ -208,7 +202,7 @@ class NavigationFaults:
             FaultError: If a place does not exist.
         """
         for place, fault in self.places.items():
-            _known(str(fault), "place", place, known)
+            _require_known(str(fault), "place", place, known)
 
     def rejects_next(self) -> bool:
         """Return whether the goal that has just arrived is to be rejected."""
@@ -338,7 +332,7 @@ async def _sleep(node: "Node", seconds: float, group: Any) -> None:
         node.destroy_timer(timer)
 
 
-def _known(text: str, what: str, word: str, words: Collection[str]) -> None:
+def _require_known(text: str, what: str, word: str, words: Collection[str]) -> None:
     if word in words:
         return
     listed = ", ".join(words) or "none"
@@ -365,3 +359,11 @@ def _place(text: str, value: str) -> str:
     if not re.fullmatch(r"[\w.-]+", value):
         raise FaultError(text, f"'{value}' is not a place's name")
     return value
+
+
+_AMOUNTS: Mapping[str, Callable[[str, str], Any]] = {
+    "count": _count,
+    "code": _count,
+    "seconds": _seconds,
+    "place": _place,
+}
