@@ -8,7 +8,7 @@ from typing import Any
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.json_values import json_text, json_value
-from sar_compiler.web.page_state import PageChange, PageState
+from sar_compiler.web.page_state import PageState, all_changes
 from sar_compiler.web.recording import Recording
 
 # How often news are sent, and how often a page hears that the run lives, in seconds.
@@ -51,10 +51,9 @@ class RecordedFeed:
         Raises:
             JournalError: If a journal cannot be read any more.
         """
-        told = asyncio.get_running_loop().run_in_executor(
+        return await asyncio.get_running_loop().run_in_executor(
             self._reader, lambda: as_json(self._recording.moment(time, since))
         )
-        return await told
 
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser: how long it is, and then beats, so that it sees when the server goes."""
@@ -84,7 +83,7 @@ class _Browser:
         self._task = asyncio.current_task()
 
     @property
-    def is_told(self) -> bool:
+    def is_up_to_date(self) -> bool:
         return self._waiting.empty()
 
     def put(self, text: str) -> bool:
@@ -123,7 +122,7 @@ class LiveFeed:
 
     def take(self, entry: JournalEntry, robot: int = 0) -> None:
         """Take an entry of a robot: from any thread, at once."""
-        self._news.append(lambda: _take(self._states[robot], entry))
+        self._news.append(lambda: _happen(self._states[robot], entry))
 
     def tell_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
         """Take why a robot's mission has failed, as JSON values: from any thread, at once."""
@@ -134,11 +133,11 @@ class LiveFeed:
         listener = _Browser()
         # Between these lines nobody else has a turn: what is so, and what comes next, are all there is.
         self._listeners.add(listener)
-        known = message("changes", [state.whole() for state in self._states])
+        state = message("changes", [state.whole() for state in self._states])
         try:
             yield message("hello", self._hello)
-            yield known
-            while not (self._has_told_all and listener.is_told):
+            yield state
+            while not (self._has_told_all and listener.is_up_to_date):
                 yield await listener.get()
         finally:
             self._listeners.discard(listener)
@@ -165,17 +164,14 @@ class LiveFeed:
             self._news.popleft()()
             if left % _AT_ONCE == 0:
                 await asyncio.sleep(0.0)
-        changes: list[PageChange] = [
-            change for state in self._states if (change := state.change()) is not None
-        ]
-        if changes:
+        if changes := all_changes(self._states):
             self._tell(message("changes", changes))
 
     def _tell(self, text: str) -> None:
         self._listeners = {listener for listener in self._listeners if listener.put(text)}
 
 
-def _take(state: PageState, entry: JournalEntry) -> None:
+def _happen(state: PageState, entry: JournalEntry) -> None:
     """Let an entry happen as a file would have it; one that is no JSON, or is being changed, as a fact that says so."""
     try:
         data = json_value(json_text(entry.data))

@@ -6,8 +6,9 @@ import math
 import secrets
 import socket
 import threading
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
+from functools import partial
 from hmac import compare_digest
 from importlib.resources import files
 from typing import Any, Protocol
@@ -81,9 +82,6 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
     async def events(_: Request) -> Response:
         return StreamingResponse(feed.stream(), media_type="text/event-stream")
 
-    async def moment(request: Request) -> Response:
-        return await _moment(feed, request)
-
     async def order(request: Request) -> Response:
         if orders is None:
             raise HTTPException(404)
@@ -91,16 +89,16 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
         if not compare_digest(given.encode(), f"Bearer {token}".encode()):
             return _answer(403, "this page may only look: open the address that the run has printed")
         values = await _values(request)
-        return await _carried_out(orders, request.path_params["verb"], values)
+        return await _give_order(orders, request.path_params["verb"], values)
 
     routes = [
         Route("/", page),
         Route("/static/{name}", file),
         Route("/events", events),
-        Route("/moment", moment),
+        Route("/moment", partial(_moment, feed)),
         Route("/orders/{verb}", order, methods=["POST"]),
     ]
-    return _Guard(Starlette(routes=routes, exception_handlers={HTTPException: _refused}))
+    return _guard(Starlette(routes=routes, exception_handlers={HTTPException: _refuse}))
 
 
 async def _moment(feed: Feed, request: Request) -> Response:
@@ -127,7 +125,7 @@ def _static(name: str, content: bytes) -> Response:
     return Response(content, media_type=_TYPES[name.rpartition(".")[2]])
 
 
-async def _refused(_: Request, error: Exception) -> Response:
+async def _refuse(_: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 500
     return PlainTextResponse("there is nothing here\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
 
@@ -158,7 +156,7 @@ async def _values(request: Request) -> Mapping[str, Any]:
     return values
 
 
-async def _carried_out(orders: Orders, verb: str, values: Mapping[str, Any]) -> Response:
+async def _give_order(orders: Orders, verb: str, values: Mapping[str, Any]) -> Response:
     try:
         given = orders.give(verb, values)
         accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
@@ -171,23 +169,25 @@ async def _carried_out(orders: Orders, verb: str, values: Mapping[str, Any]) -> 
     return JSONResponse({"accepted": accepted, "message": said})
 
 
-class _Guard:
-    """Refuses whoever does not come from this machine's own pages, and says of each answer what a browser may do with it.
+def _guard(app: ASGIApp) -> ASGIApp:
+    """Refuse whoever does not come from this machine's own pages, and say of each answer what a browser may do with it.
 
     Args:
         app: What is guarded.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(_HEADERS)
+            await send(message)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
-        if scope["type"] != "http":
-            return
-        headers = Headers(scope=scope)
-        app = self._app if _is_own(headers) else PlainTextResponse("this is not for other sites\n", 403)
-        await app(scope, receive, _with_headers(send))
+        if scope["type"] == "http":
+            refusal = PlainTextResponse("this is not for other sites\n", 403)
+            answering = app if _is_own(Headers(scope=scope)) else refusal
+            await answering(scope, receive, send_with_headers)
+
+    return answer
 
 
 def _is_own(headers: Headers) -> bool:
@@ -198,15 +198,6 @@ def _is_own(headers: Headers) -> bool:
     return name in _NAMES and port.isdecimal() and origin in (None, f"http://{host}")
 
 
-def _with_headers(send: Send) -> Callable[[Message], Awaitable[None]]:
-    async def sending(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            MutableHeaders(scope=message).update(_HEADERS)
-        await send(message)
-
-    return sending
-
-
 PORT = 8043
 """The port, unless another one is asked for."""
 _ADDRESS = "127.0.0.1"
@@ -215,8 +206,6 @@ _ADDRESS = "127.0.0.1"
 _CONNECTIONS, _BACKLOG = 32, 16
 # How long a browser has to read the last news, in seconds.
 _LAST_WORDS_SEC = 1.0
-
-
 # How long a browser may take to say what it wants, in seconds.
 _REQUEST_SEC = 10.0
 
@@ -281,7 +270,7 @@ class PageServer:
     def __init__(self, feed: Feed, port: int | None = None, orders: Orders | None = None) -> None:
         self.token = secrets.token_urlsafe(16)
         self._feed = feed
-        self._socket = _bound(port)
+        self._socket = _bind(port)
         self.port: int = self._socket.getsockname()[1]
         config = uvicorn.Config(
             page_app(feed, self.token, orders),
@@ -299,7 +288,7 @@ class PageServer:
         self._server = uvicorn.Server(config)
         self._has_orders = orders is not None
         self._told = threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="page", daemon=True)
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="page", daemon=True)
 
     @property
     def url(self) -> str:
@@ -324,10 +313,7 @@ class PageServer:
             self._thread.join(2 * _LAST_WORDS_SEC)
         self._socket.close()
 
-    def _serve(self) -> None:
-        asyncio.run(self._both())
-
-    async def _both(self) -> None:
+    async def _serve(self) -> None:
         telling = asyncio.create_task(self._feed.run())
         serving = asyncio.create_task(self._server.serve(sockets=[self._socket]))
         await telling
@@ -335,7 +321,7 @@ class PageServer:
         await serving
 
 
-def _bound(port: int | None) -> socket.socket:
+def _bind(port: int | None) -> socket.socket:
     """Return a socket at a port.
 
     Raises:
@@ -343,9 +329,9 @@ def _bound(port: int | None) -> socket.socket:
     """
     if port is None:
         try:
-            return _bound(PORT)
+            return _bind(PORT)
         except PageError:
-            return _bound(0)
+            return _bind(0)
     made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     # A page whose run has just ended has the port for some time still.
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

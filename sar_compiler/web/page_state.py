@@ -1,10 +1,10 @@
 """What a page shows of a robot: the state of its mission as JSON values, and what has changed of that."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.journal_entries import GOAL_ENDED, RUN_BEGAN, RUN_ENDED, JournalEntry
-from sar_compiler.journal.mission_state import FAILURE, RUNNING, KnownFact, MissionState
+from sar_compiler.journal.mission_state import FAILURE, RUNNING, MissionState
 from sar_compiler.journal.situation import CHANGED, FactTime, Landmark
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
@@ -115,7 +115,7 @@ class PageState:
             mission = self._mission
         mission.take(entry)
         if mission.facts:
-            self._fact_happened(mission.facts.pop())
+            self._fact = self._tell("fact", mission.facts.pop().text)
         else:
             self._touched.update(self._PARTS.get(entry.kind, ()))
             happen = self._KINDS.get(entry.kind)
@@ -140,7 +140,7 @@ class PageState:
             change = self.whole()
             self._log.news(), self._trail.news()
         elif self._touched:
-            change = {"robot": self.robot, **{part: self._SHOWN[part](self) for part in self._touched}}
+            change = {"robot": self.robot, **{part: self._READ[part](self) for part in self._touched}}
             if self._nodes:
                 change["states"] = {str(number): self._statuses[number] for number in self._nodes}
             if self._landmarks:
@@ -157,7 +157,7 @@ class PageState:
         return {
             "begin": True,
             "robot": self.robot,
-            **{part: shown(self) for part, shown in self._SHOWN.items()},
+            **{part: read(self) for part, read in self._READ.items()},
             "states": {str(number): status for number, status in self._statuses.items()},
             "landmarks": {"/".join(key): self._landmark(key) for key in self._mission.situation.landmarks},
             **{name: {"at": 0, "values": each.values[:]} for name, each in self._lists()},
@@ -221,9 +221,6 @@ class PageState:
         if self._fact is not None and (said := data.get("said")):
             *when, _ = self._log.values[self._fact]
             self._log.put(self._fact, [*when, str(said)])
-
-    def _fact_happened(self, fact: KnownFact) -> None:
-        self._fact = self._tell("fact", fact.text)
 
     def _tell(self, level: str, text: str) -> int:
         now = self._mission.now
@@ -294,7 +291,7 @@ class PageState:
     def _drive(self) -> PageChange | None:
         return None if self._mission.drive is None else self._mission.drive._asdict()
 
-    def _shown_pose(self) -> PageChange | None:
+    def _pose_values(self) -> PageChange | None:
         pose = self._mission.pose
         return None if pose is None else {"x": pose.x, "y": pose.y, "yaw": pose.yaw}
 
@@ -319,11 +316,11 @@ class PageState:
         CHANGED: _changed,
     }
     # The parts that are replaced as they are, in the order in which they are told.
-    _SHOWN: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
+    _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
         "run": _run,
         "time": lambda self: self._mission.now.time + self._passed,
         "nodes": _tree,
-        "pose": _shown_pose,
+        "pose": _pose_values,
         "plan": lambda self: self._mission.plan,
         "drive": _drive,
         "lacks": lambda self: self._mission.lacks,
@@ -337,6 +334,11 @@ class PageState:
         "phase": lambda self: self._mission.phase._asdict(),
         "why": lambda self: self._why,
     }
+
+
+def all_changes(states: Iterable[PageState]) -> list[PageChange]:
+    """Return what has changed of robots' states since the last call."""
+    return [change for state in states if (change := state.change()) is not None]
 
 
 def _outlines(tree: Any) -> Iterator[Mapping[str, Any]]:

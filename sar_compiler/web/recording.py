@@ -25,12 +25,12 @@ from sar_compiler.journal.reserve import SUFFIX
 from sar_compiler.journal.situation import CHANGED
 from sar_compiler.resources import cache_folder
 from sar_compiler.web import page_state
-from sar_compiler.web.page_state import PageState
+from sar_compiler.web.page_state import PageState, all_changes
 
 Explain = Callable[[Path], Mapping[str, Any] | None]
 """Returns why the mission of a journal has failed, as JSON values; None if it has not."""
 
-Displayed = Callable[[Iterable[JournalEntry]], Iterator[JournalEntry]]
+Display = Callable[[Iterable[JournalEntry]], Iterator[JournalEntry]]
 """Yields the entries of a journal, with such of the kind `changed` behind others where it has none."""
 
 # Robots whose clocks are farther apart have nothing to do with each other, in seconds.
@@ -84,7 +84,7 @@ class RecordedTrack:
     Args:
         path: The journal.
         explain: Says why its mission has failed.
-        displayed: Adds what its mission shows, where it does not say that.
+        display: Adds what its mission shows, where it does not say that.
 
     Attributes:
         first: The time of the mission's clock at its beginning; None if nothing has begun.
@@ -95,7 +95,7 @@ class RecordedTrack:
         JournalError: If it cannot be read.
     """
 
-    def __init__(self, path: Path, explain: Explain, displayed: Displayed) -> None:
+    def __init__(self, path: Path, explain: Explain, display: Display) -> None:
         self._path = path
         self.shift = 0.0
         self.first: float | None = None
@@ -105,23 +105,23 @@ class RecordedTrack:
         self._added: dict[str, Mapping[str, Any]] = {}
         self.last = TrackPlace()
         cache = _CacheFile(path)
-        if not self._is_taken(cache.read()):
-            self._make(displayed)
+        if not self._restore(cache.read()):
+            self._make(display)
             self.why = None if self.first is None else explain(path)
             known = {"first": self.first, "last": self.last, "why": self.why, "added": self._added}
             cache.write(known, self._checkpoints)
         self._state, self._place = PageState(), TrackPlace()
 
-    def _make(self, displayed: Displayed) -> None:
+    def _make(self, display: Display) -> None:
         state, place = PageState(), TrackPlace()
         with closing(JournalFile.read(self._path)) as file, file.snapshot():
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
-            for number, entry in enumerate(displayed(file.stream_behind(StreamPlace()))):
+            for number, entry in enumerate(display(file.stream_behind(StreamPlace()))):
                 if self.first is None:
                     self.first = entry.time
                 if number and number % every == 0:
                     state.tell_anew()
-                    self._checkpoints.append(Checkpoint(place, _packed(state)))
+                    self._checkpoints.append(Checkpoint(place, _pack(state)))
                 if (entry.run, entry.number) == place.entry[:2]:
                     self._added[place.key] = entry.data
                 else:
@@ -129,7 +129,7 @@ class RecordedTrack:
                 state.take(entry)
         self.last = place
 
-    def _is_taken(self, cached: "tuple[Mapping[str, Any], list[Checkpoint]] | None") -> bool:
+    def _restore(self, cached: "tuple[Mapping[str, Any], list[Checkpoint]] | None") -> bool:
         if cached is None:
             return False
         known, self._checkpoints = cached
@@ -147,7 +147,7 @@ class RecordedTrack:
         # Who plays it goes on, over a checkpoint as well: what has changed is less than all there is.
         nearest = self._checkpoints[before - 2].place if before > 1 else TrackPlace()
         if self._place.entry < nearest.entry or self._place.end > until:
-            self._state, self._place = self._restored(before)
+            self._state, self._place = self._state_at(before)
         if until >= 0.0:
             self._go_on(until)
             self._state.let_pass(until - self._place.end)
@@ -156,11 +156,11 @@ class RecordedTrack:
             self._state.tell_why(self.why)
         return self._state
 
-    def _restored(self, count: int) -> tuple[PageState, TrackPlace]:
+    def _state_at(self, count: int) -> tuple[PageState, TrackPlace]:
         """Return the state of the last of so many checkpoints that is one of ours."""
         for place, packed in reversed(self._checkpoints[:count]):
             with suppress(Exception):  # whatever somebody else has put there
-                return _unpacked(packed), place
+                return _unpack(packed), place
         return PageState(), TrackPlace()
 
     def _go_on(self, until: float) -> None:
@@ -182,7 +182,7 @@ class Recording:
     Args:
         paths: The journals.
         explain: Says why a mission has failed.
-        displayed: Adds what a mission shows, where its journal does not say that.
+        display: Adds what a mission shows, where its journal does not say that.
 
     Attributes:
         end: The length of it, in seconds.
@@ -192,9 +192,9 @@ class Recording:
     """
 
     def __init__(
-        self, paths: Sequence[Path], explain: Explain = lambda _: None, displayed: Displayed = iter
+        self, paths: Sequence[Path], explain: Explain = lambda _: None, display: Display = iter
     ) -> None:
-        self._tracks = [RecordedTrack(path, explain, displayed) for path in paths]
+        self._tracks = [RecordedTrack(path, explain, display) for path in paths]
         firsts = [track.first for track in self._tracks if track.first is not None]
         begin = min(firsts, default=0.0)
         for track in self._tracks:
@@ -219,15 +219,14 @@ class Recording:
             for state in states:
                 state.tell_anew()
         self._number += 1
-        changes = [change for state in states if (change := state.change()) is not None]
-        return {"number": self._number, "time": time, "changes": changes}
+        return {"number": self._number, "time": time, "changes": all_changes(states)}
 
 
-def _packed(state: PageState) -> bytes:
+def _pack(state: PageState) -> bytes:
     return zlib.compress(pickle.dumps(state, protocol=5), 1)
 
 
-def _unpacked(packed: bytes | memoryview) -> PageState:
+def _unpack(packed: bytes | memoryview) -> PageState:
     state = _StateReader(io.BytesIO(zlib.decompress(packed))).load()
     if not isinstance(state, PageState):
         message = f"{type(state)} is no state of a page"
