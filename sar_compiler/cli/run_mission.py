@@ -45,7 +45,7 @@ from sar_compiler.ros.engine import (
     Engine,
     EngineFactory,
     SetupFailedError,
-    described,
+    error_text,
     failure_text,
     find_engine,
     send_cancels,
@@ -488,7 +488,7 @@ class _TreeRun:
             pass  # noticed by the enclosing loop
         except Exception as error:  # noqa: BLE001 - of a leaf's own callback, or of rclpy's: a clock before 0
             self._callback_failure = error
-            tell(self.node, f"A callback failed: {described(error)}. The tree is stopped.", error)
+            tell(self.node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
 
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
         active = len(goals_under_way(self.node)) or (self._robot is not None and self._robot.moves)
@@ -560,7 +560,7 @@ class _TreeRun:
         if self._callback_failure is not None:
             return self._failed(
                 "the tree was stopped, because a callback failed (see above)",
-                f"a callback failed: {described(self._callback_failure)}",
+                f"a callback failed: {error_text(self._callback_failure)}",
             )
         if self._result is None and not self._end.complete:
             return self._interrupted()

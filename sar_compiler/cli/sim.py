@@ -207,7 +207,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         return run_part(options, robots, ros_arguments, signals)
     kept = KeptPlaces(options.keep, world.name) if options.keep is not None else None
     if kept is not None:
-        robots = kept.placed(robots)
+        robots = kept.restore(robots)
     in_parts = options.separate or options.only is not None
     robots = [
         replace(each, localised=options.localised, like=options.like, separate=in_parts) for each in robots

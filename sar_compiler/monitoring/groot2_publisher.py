@@ -23,8 +23,8 @@ from sar_compiler.monitoring.groot2_requests import (
     header,
     read_request,
     reply,
-    shown_status,
     snapshot,
+    snapshot_status,
     transition,
 )
 from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
@@ -160,7 +160,7 @@ class Groot2Publisher:
 
     def _note(self, change: StatusChange) -> None:
         with self._lock:
-            self._shown[change.uid - 1] = shown_status(change.before, change.status)
+            self._shown[change.uid - 1] = snapshot_status(change.before, change.status)
             if self._is_recording:
                 now = (time.monotonic_ns() - self._recording_began) // 1000
                 self._transitions.append(transition(now, change.uid, change.status))

@@ -115,7 +115,7 @@ def snapshot(statuses: Iterable[int]) -> bytes:
     return b"".join(_STATUS.pack(uid, status) for uid, status in enumerate(statuses, 1))
 
 
-def shown_status(before: int, status: int) -> int:
+def snapshot_status(before: int, status: int) -> int:
     """Return how a status is shown in a snapshot."""
     return WAS + before if status == IDLE else status
 
@@ -245,9 +245,9 @@ class Groot2Hooks:
             while hook.holds and self._hooks.get((position, uid)) is hook:
                 yield
             self._tell("the tree is ticked again")
-        return self._left(hook, name)
+        return self._leave(hook, name)
 
-    def _left(self, hook: Hook, name: str) -> int:
+    def _leave(self, hook: Hook, name: str) -> int:
         """Leave a hook; return its overriding outcome, SKIPPED for none."""
         key = hook.position, hook.uid
         with self._lock:

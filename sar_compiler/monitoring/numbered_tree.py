@@ -59,7 +59,7 @@ class NumberedTree:
         self.name = tree.instance.tree.name
         self.scopes = {each.scope.path: each.scope for each in tree.instance.iterate()}
         assert isinstance(tree.origins, Origins)  # noqa: S101 - the compiler makes no other
-        self.nodes = list(_numbered(tree.root, tree.origins))
+        self.nodes = list(_number(tree.root, tree.origins))
         if len(self.nodes) > MOST_NODES:
             message = (
                 f"the tree '{self.name}' has {len(self.nodes)} nodes; numbers of nodes have 16 bits in BehaviorTree.CPP's "
@@ -87,7 +87,7 @@ class NumberedTree:
             yield uid
 
 
-def _numbered(root: Behaviour, origins: Origins) -> Iterator[NumberedNode]:
+def _number(root: Behaviour, origins: Origins) -> Iterator[NumberedNode]:
     waiting = [(root, 0)]
     uid = 0
     while waiting:

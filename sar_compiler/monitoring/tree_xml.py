@@ -75,7 +75,7 @@ class _NodeWriter:
             if node.made.wrapper is None and node.made.bound.subtree is not None:
                 yield self._subtree(node, children[0])
                 continue
-            tag, attributes = self._written(node)
+            tag, attributes = self._tag_and_attributes(node)
             if not is_name(tag):
                 attributes, tag = {"ID": tag, **attributes}, self.specs[tag][0].kind.value
             yield _start(tag, {**attributes, "name": node.name, "_uid": str(node.uid)}, is_empty=not children)
@@ -93,7 +93,7 @@ class _NodeWriter:
         attributes = {"ID": bound.subtree.name, **given, "_fullpath": scope.path, "_uid": uid}
         return _start(SUBTREE_TAG, attributes, is_empty=True)
 
-    def _written(self, node: NumberedNode) -> tuple[str, dict[str, str]]:
+    def _tag_and_attributes(self, node: NumberedNode) -> tuple[str, dict[str, str]]:
         """Return the tag and the attributes that a node has in BehaviorTree.CPP, as far as it has the like."""
         bound = node.made.bound
         if node.made.wrapper is None:
@@ -115,11 +115,11 @@ class _NodeWriter:
         if tag != specs[0].tag:
             specs = language_variants(tag)
         self.specs[tag] = specs
-        known = {*_known(specs)}
+        known = {*_attribute_names(specs)}
         return tag, {name: text for name, text in attributes.items() if name in known or name.startswith("_")}
 
 
-def _known(specs: Iterable[NodeSpec]) -> Iterator[str]:
+def _attribute_names(specs: Iterable[NodeSpec]) -> Iterator[str]:
     """Yield the attributes that BehaviorTree.CPP knows of a node; of one that is built in, that is its ports."""
     specs = list(specs)
     built_in = is_built_in(specs)

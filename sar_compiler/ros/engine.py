@@ -34,7 +34,7 @@ _TRACEBACKS = "traceback"
 """The part that the name of the logger of tracebacks has behind the node's."""
 
 
-def described(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return an exception's type and text in one line; the project's own need no type."""
     text = " ".join(str(error).split())
     if isinstance(error, SarError):
@@ -54,14 +54,14 @@ def called_by_engine(error: BaseException) -> Behaviour | None:
     return passed[0] if passed else None
 
 
-def named(behaviour: Behaviour | None) -> str:
+def behaviour_title(behaviour: Behaviour | None) -> str:
     """Name the behaviour that raised an exception, for a message."""
     if behaviour is None:
         return "a tick handler"
     return f"'{behaviour.name}' ({type(behaviour).__name__})"
 
 
-def places(behaviour: Behaviour | None, error: BaseException) -> str:
+def failure_places(behaviour: Behaviour | None, error: BaseException) -> str:
     """Return where an exception of a behaviour comes from, in brackets: the lines of the tree file and of Python.
 
     Empty if neither is known. The line of Python is that in the behaviour's own method; what is called there is in the
@@ -75,7 +75,7 @@ def places(behaviour: Behaviour | None, error: BaseException) -> str:
 def failure_text(error: BaseException) -> str:
     """Return who has raised an exception in a tick, what, and where."""
     behaviour = raised_in(error)
-    return f"{named(behaviour)} failed: {described(error)}{places(behaviour, error)}"
+    return f"{behaviour_title(behaviour)} failed: {error_text(error)}{failure_places(behaviour, error)}"
 
 
 def _line_of(behaviour: Behaviour | None, error: BaseException) -> str | None:
@@ -197,16 +197,16 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
         The names of the leaves that still had work in progress at the end.
     """
     deadline = time.monotonic() + timeout_sec
-    while _unsettled(root) and time.monotonic() < deadline:
+    while _leaves_at_work(root) and time.monotonic() < deadline:
         try:
             executor.spin_once(timeout_sec=_TURN_SEC)
         except (ExternalShutdownException, InvalidHandle):
             break
         except Exception as error:  # noqa: BLE001 - somebody's callback; the goals still count
-            tell(node, f"while the tree was stopping: {described(error)}")
+            tell(node, f"while the tree was stopping: {error_text(error)}")
         if not executor.context.ok():
             break
-    return [leaf.name for leaf in _unsettled(root)]
+    return [leaf.name for leaf in _leaves_at_work(root)]
 
 
 def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
@@ -238,7 +238,7 @@ def _stop_one(behaviour: Behaviour, node: Node | None) -> None:
         behaviour.stop(Status.INVALID)
     except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
         failed = raised_in(error) or behaviour
-        words = f"{described(error)}{places(failed, error)}"
+        words = f"{error_text(error)}{failure_places(failed, error)}"
         tell(node, f"'{failed.name}' failed while it was stopped: {words}", error)
         # Not again, and not as one that is still running.
         failed.status = Status.INVALID
@@ -248,11 +248,11 @@ def _shut_one_down(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.shutdown()
     except Exception as error:  # noqa: BLE001 - the others must be shut down all the same
-        words = f"{described(error)}{places(behaviour, error)}"
+        words = f"{error_text(error)}{failure_places(behaviour, error)}"
         tell(node, f"'{behaviour.name}' could not be shut down: {words}", error)
 
 
-def _unsettled(root: Behaviour) -> list[Behaviour]:
+def _leaves_at_work(root: Behaviour) -> list[Behaviour]:
     return [leaf for leaf in root.iterate() if isinstance(leaf, Settling) and not leaf.settled()]
 
 
@@ -265,7 +265,9 @@ class SetupFailedError(SarError, RuntimeError):
 
     def __init__(self, behaviour: Behaviour, error: Exception) -> None:
         self.behaviour = behaviour.name
-        super().__init__(f"{named(behaviour)} failed in setup: {described(error)}{places(behaviour, error)}")
+        super().__init__(
+            f"{behaviour_title(behaviour)} failed in setup: {error_text(error)}{failure_places(behaviour, error)}"
+        )
 
 
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:

@@ -21,7 +21,7 @@ NAVIGATION_FAULTS = {NAVIGATION: ("abort", "code", "late", "reject", "die"), LOC
 """The faults of the stand-in for Nav2, the same for every mission."""
 
 
-class _Form(NamedTuple):
+class _FaultForm(NamedTuple):
     """How a kind of fault is written.
 
     Attributes:
@@ -38,14 +38,14 @@ class _Form(NamedTuple):
 
 
 _FORMS = {
-    "drop": _Form("drop=COUNT", amount="count"),
-    "delay": _Form("delay=SECONDS", amount="seconds"),
-    "refuse": _Form("refuse=COUNT", amount="count"),
-    "abort": _Form("abort=PLACE or abort@PLACE,drives=SECONDS", ("=", "@"), "place", "drives"),
-    "code": _Form("code=NUMBER[@PLACE][,after=SECONDS]", ("=", "=@"), "code", "after"),
-    "late": _Form("late=SECONDS", amount="seconds"),
-    "reject": _Form("reject=COUNT", amount="count"),
-    "die": _Form("die[@PLACE][,back=SECONDS]", ("", "@"), option="back"),
+    "drop": _FaultForm("drop=COUNT", amount="count"),
+    "delay": _FaultForm("delay=SECONDS", amount="seconds"),
+    "refuse": _FaultForm("refuse=COUNT", amount="count"),
+    "abort": _FaultForm("abort=PLACE or abort@PLACE,drives=SECONDS", ("=", "@"), "place", "drives"),
+    "code": _FaultForm("code=NUMBER[@PLACE][,after=SECONDS]", ("=", "=@"), "code", "after"),
+    "late": _FaultForm("late=SECONDS", amount="seconds"),
+    "reject": _FaultForm("reject=COUNT", amount="count"),
+    "die": _FaultForm("die[@PLACE][,back=SECONDS]", ("", "@"), option="back"),
 }
 _SHAPE = re.compile(r"(\w*)(?:=([^@,]*))?(?:@([^,]*))?(?:,([^=]*)=?(.*))?", re.DOTALL)
 
@@ -103,13 +103,13 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
         FaultError: If it is invalid; the message says what is allowed.
     """
     target, colon, rest = text.strip().partition(":")
-    _require_known(text, "target", target, targets)
+    _require_among(text, "target", target, targets)
     if not colon or not rest:
         allowed = ", ".join(f"{target}:{_FORMS[kind].text}" for kind in targets[target])
         raise FaultError(text, f"does not say what goes wrong; allowed: {allowed}")
     match = _SHAPE.fullmatch(rest)
     kind, value, place, option, seconds = match.groups() if match else ("", None, None, None, "")
-    _require_known(text, f"fault of {target}", kind, targets[target])
+    _require_among(text, f"fault of {target}", kind, targets[target])
     form = _FORMS[kind]
     parts = f"{'=' if value is not None else ''}{'@' if place is not None else ''}"
     if parts not in form.parts or "" in {value, place}:
@@ -202,7 +202,7 @@ class NavigationFaults:
             FaultError: If a place does not exist.
         """
         for place, fault in self.places.items():
-            _require_known(str(fault), "place", place, known)
+            _require_among(str(fault), "place", place, known)
 
     def rejects_next(self) -> bool:
         """Return whether the goal that has just arrived is to be rejected."""
@@ -332,7 +332,7 @@ async def _sleep(node: "Node", seconds: float, group: Any) -> None:
         node.destroy_timer(timer)
 
 
-def _require_known(text: str, what: str, word: str, words: Collection[str]) -> None:
+def _require_among(text: str, what: str, word: str, words: Collection[str]) -> None:
     if word in words:
         return
     listed = ", ".join(words) or "none"

@@ -43,7 +43,7 @@ def require_middleware() -> None:
     Raises:
         MiddlewareError: If it is not; names those that are.
     """
-    wanted, installed = os.environ.get(_VARIABLE, ""), sorted(set(_installed()))
+    wanted, installed = os.environ.get(_VARIABLE, ""), sorted(set(_installed_middlewares()))
     if not wanted or not installed or wanted in installed:
         return
     message = (
@@ -81,7 +81,7 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
         context.try_shutdown()
 
 
-def _installed() -> Iterator[str]:
+def _installed_middlewares() -> Iterator[str]:
     """Yield the middlewares that are registered where ROS is: in sourced workspaces, or in this environment."""
     for prefix in (*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix):
         folder = Path(prefix) / _INDEX

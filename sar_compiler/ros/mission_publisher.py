@@ -21,7 +21,7 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.situation import CHANGED, Landmark, Situation
 from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
-from sar_compiler.ros.engine import Engine, described
+from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
 
 TOPIC = "behavior_tree_log"
@@ -169,7 +169,7 @@ class MissionPublisher:
             publish()
         except Exception as error:  # noqa: BLE001
             self._is_broken = True
-            self._node.get_logger().error(f"Nothing more is published of the mission: {described(error)}")
+            self._node.get_logger().error(f"Nothing more is published of the mission: {error_text(error)}")
 
     def _publish_state(self) -> None:
         self._is_state_known = True

@@ -37,7 +37,7 @@ from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEnt
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
-from sar_compiler.ros.engine import Engine, described
+from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
 
 # What a class calls a type, where a definition has another word.
@@ -73,17 +73,19 @@ def _fields(kind: Any, inner: dict[str, Any]) -> str:
             beside, there = (import_module(name) for name in (kind.__module__, ".".join(slot.namespaces)))
             found = getattr(there, slot.name, None) or getattr(beside, slot.name)
             inner.setdefault(f"{slot.namespaces[0]}/{slot.name}", found)
-    return "".join(f"{_written(text)} {name}\n" for name, text in kind.get_fields_and_field_types().items())
+    return "".join(
+        f"{_field_type(text)} {name}\n" for name, text in kind.get_fields_and_field_types().items()
+    )
 
 
-def _written(text: str) -> str:
+def _field_type(text: str) -> str:
     """Return a field's type as a definition has it: `float64[36]`, `string[<=10]`, `geometry_msgs/Pose[]`."""
     if text.startswith("sequence<"):
         item, _, most = text.removeprefix("sequence<").removesuffix(">").partition(", ")
-        return f"{_written(item)}[{f'<={most}' if most else ''}]"
+        return f"{_field_type(item)}[{f'<={most}' if most else ''}]"
     if text.endswith("]"):
         item, _, count = text.partition("[")
-        return f"{_written(item)}[{count}"
+        return f"{_field_type(item)}[{count}"
     word, bound, most = text.partition("<")
     if bound:
         return f"{word}<={most.removesuffix('>')}"
@@ -125,7 +127,7 @@ class RecordingError(SarError):
     """A file that cannot be recorded into."""
 
 
-def _known(name: str, types: Iterable[str]) -> Any:
+def _type_to_record(name: str, types: Iterable[str]) -> Any:
     """Return the type of a topic that is to be recorded; None if it is not, or of another type than it should be."""
     kinds = RECORDED.get(name, ())
     return next(
@@ -170,12 +172,12 @@ class McapRecorder:
         self._path, self._file, self._complain = path, file, complain
         self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
         # In bytes; each is counted by one thread alone.
-        self._put_in = self._written = 0
+        self._put_in = self._field_type = 0
         self._is_broken = False
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         # The profiles that a topic is published with, from before its first message is put into the queue.
-        self._offered: dict[str, str] = {}
+        self._offers: dict[str, str] = {}
         self._thread = Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
@@ -202,13 +204,13 @@ class McapRecorder:
 
         def look() -> None:
             for topic, types in node.get_topic_names_and_types():
-                kind = _known(left.get(topic, ""), types)
+                kind = _type_to_record(left.get(topic, ""), types)
                 if kind is None:
                     continue
                 try:
                     self._listen_to(node, topic, left.pop(topic), kind)
                 except Exception as error:  # noqa: BLE001 - such as of another type than this process publishes there
-                    self._complain(f"{topic} is not recorded: {described(error)}")
+                    self._complain(f"{topic} is not recorded: {error_text(error)}")
             if not left:
                 timer.cancel()
 
@@ -220,18 +222,18 @@ class McapRecorder:
         qos = QoSProfile(depth=_DEPTH, durability=latched, reliability=reliable)
 
         def take(data: bytes) -> None:
-            if topic not in self._offered:
-                self._offered[topic] = self._offered_in(node, topic)
+            if topic not in self._offers:
+                self._offers[topic] = self._offers_in(node, topic)
             self._put(_Recorded(topic, kind, data, time.time_ns()))
 
         node.create_subscription(kind, topic, take, qos, raw=True)
 
-    def _offered_in(self, node: Node, topic: str) -> str:
+    def _offers_in(self, node: Node, topic: str) -> str:
         # Asked with the first message: a topic is there already when only somebody listens to it.
         try:
             return _as_yaml(each.qos_profile for each in node.get_publishers_info_by_topic(topic))
         except Exception as error:  # noqa: BLE001 - the message itself is recorded
-            self._complain(f"How {topic} is published is not recorded: {described(error)}")
+            self._complain(f"How {topic} is published is not recorded: {error_text(error)}")
             return _as_yaml([])
 
     def write(self, topic: str, message: Any, *, latched: bool = False) -> None:
@@ -243,7 +245,7 @@ class McapRecorder:
             latched: Whether who comes late has it as well, when it is played.
         """
         if latched:
-            self._offered.setdefault(
+            self._offers.setdefault(
                 topic, _as_yaml([QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)])
             )
         self._put(_Recorded(topic, type(message), serialize_message(message), time.time_ns()))
@@ -251,7 +253,7 @@ class McapRecorder:
     def _put(self, recorded: _Recorded) -> None:
         if self._is_broken:
             return
-        if self._put_in - self._written > _MOST_WAITING:
+        if self._put_in - self._field_type > _MOST_WAITING:
             self._give_up(f"{_MOST_WAITING >> 20} MiB wait for a disk that is too slow")
             return
         self._put_in += len(recorded.data)
@@ -265,8 +267,8 @@ class McapRecorder:
         """
         self._waiting.put(None)
         written = -1
-        while self._thread.is_alive() and written != self._written:
-            written = self._written
+        while self._thread.is_alive() and written != self._field_type:
+            written = self._field_type
             self._thread.join(_PATIENCE_SEC)
         if self._thread.is_alive():
             self._complain(f"{self._path} is left without its end: the disk takes nothing.")
@@ -308,10 +310,10 @@ class McapRecorder:
             if name not in self._schemas:
                 self._schemas[name] = writer.register_schema(name, "ros2msg", message_text(kind).encode())
             # At least the empty list: rosbag2 cannot read the empty text.
-            metadata = {"offered_qos_profiles": self._offered.get(topic, _as_yaml([]))}
+            metadata = {"offered_qos_profiles": self._offers.get(topic, _as_yaml([]))}
             self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name], metadata)
         writer.add_message(self._channels[topic], time_ns, data, time_ns)
-        self._written += len(data)
+        self._field_type += len(data)
 
 
 # What is in other topics of the recording.
@@ -376,4 +378,4 @@ class MissionRecording:
         try:
             self._recorder.write(self._node.resolve_topic_name(name), message, latched=latched)
         except Exception as error:  # noqa: BLE001 - what cannot be written is no reason to stop the mission
-            self._node.get_logger().error(f"A message of {name} is not recorded: {described(error)}")
+            self._node.get_logger().error(f"A message of {name} is not recorded: {error_text(error)}")

@@ -17,15 +17,22 @@ _QUOTED, _LONGEST = 2, 200
 _LINES = 100
 # What says no more than that something has failed.
 _GENERIC = ("Goal failed", "Aborting handle", "[ActionServer]", "Failed to change state")
-# Who is heard.
-_SPEAKERS = {
-    *DRIVING_NODES,
-    "lifecycle_manager_navigation",
+
+MANAGER = "lifecycle_manager_navigation"
+"""The lifecycle manager that brings Nav2 up."""
+BEFORE_NAVIGATOR = (
+    "controller_server",
     "smoother_server",
+    "planner_server",
     "route_server",
+    "behavior_server",
     "velocity_smoother",
     "collision_monitor",
-}
+)
+"""The nodes that it activates before the navigator, in this order."""
+
+# Who is heard.
+_SPEAKERS = {*DRIVING_NODES, *BEFORE_NAVIGATOR, MANAGER}
 
 
 class Nav2Log:

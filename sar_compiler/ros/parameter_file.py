@@ -64,9 +64,9 @@ class ParameterFileError(SarError):
         self.file = file
         self.problems = tuple(sorted(problems, key=lambda problem: (problem.line, problem.column)))
         self.line, self.column = self.problems[0].line, self.problems[0].column
-        super().__init__("\n".join(self._shown(problem) for problem in self.problems))
+        super().__init__("\n".join(self._line(problem) for problem in self.problems))
 
-    def _shown(self, problem: FileProblem) -> str:
+    def _line(self, problem: FileProblem) -> str:
         text = in_one_line(shortened(problem.text))
         if not problem.line:
             return f"{self.file}: {text}"
@@ -118,7 +118,7 @@ def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
         ParameterFileError: If there are mistakes; has all of them, each with its place.
     """
     check_parameter_file(path)
-    return {name: each.value for name, each in _given(path, node).items()}
+    return {name: each.value for name, each in _values_for(path, node).items()}
 
 
 class _Given(NamedTuple):
@@ -128,7 +128,7 @@ class _Given(NamedTuple):
     name: yaml.Node
 
 
-def _given(path: Path | str, node: str) -> dict[str, _Given]:
+def _values_for(path: Path | str, node: str) -> dict[str, _Given]:
     """Return what a file without mistakes gives to a node, by the flat names."""
     text = _text_of(Path(path))
     walk, sections = _Walk(text), dict[str, dict[str, _Given]]()
@@ -154,7 +154,7 @@ class ParameterPlaces:
         self._given: dict[str, tuple[object, str]] = {}
         self._beginning = ""
         for path in paths:
-            given = _given(path, node)
+            given = _values_for(path, node)
             places = {name: f"{path}:{_at(each.name, '').place}" for name, each in given.items()}
             self._given |= {name: (each.value, places[name]) for name, each in given.items()}
             self._beginning = next(iter(places.values()), f"{path}:1:1")

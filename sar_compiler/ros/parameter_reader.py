@@ -39,7 +39,7 @@ class Problem:
 
     def __str__(self) -> str:
         """Return the place, the key and the mistake."""
-        return _placed(self.place, f"{self.key}: {self.text}")
+        return _with_place(self.place, f"{self.key}: {self.text}")
 
 
 class ParameterError(SarError):
@@ -53,7 +53,7 @@ class ParameterError(SarError):
         self.problems = tuple(problems)
         if len(self.problems) == 1:
             [only] = self.problems
-            message = _placed(only.place, f"parameter {only.key}: {only.text}")
+            message = _with_place(only.place, f"parameter {only.key}: {only.text}")
         else:
             lines = "".join(f"\n  {problem}" for problem in self.problems)
             message = f"{len(self.problems)} mistakes in the parameters:{lines}"
@@ -84,7 +84,7 @@ def lookalikes(
             near = get_close_matches(written.lower(), names, 1, _ALIKE)
             if near:
                 note = f"parameter '{written}' is not read; did you mean '{near[0]}'?"
-                notes.setdefault(note, _placed(place_of(name), note))
+                notes.setdefault(note, _with_place(place_of(name), note))
                 break
     return list(notes.values())
 
@@ -149,7 +149,7 @@ class ParameterReader:
         groups = self.group(f"{noun}s", _POSE)
         order = self._order(noun, groups)
         self.notes += [
-            _placed(
+            _with_place(
                 self.place_of(f"{noun}s.{name}"),
                 f"{noun}s.{name} is not in {noun}_order and is never visited",
             )
@@ -179,7 +179,7 @@ class ParameterReader:
             return []
         value = self.parameters[key]
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-            self.report(key, f"{allowed}, is {_shown(value)}")
+            self.report(key, f"{allowed}, is {_describe(value)}")
             return []
         entries = list(value)
         if not entries:
@@ -187,7 +187,7 @@ class ParameterReader:
         order: list[str] = []
         for entry in entries:
             if not isinstance(entry, str) or not entry:
-                self.report(key, f"{allowed} (text), holds {_shown(entry)}")
+                self.report(key, f"{allowed} (text), holds {_describe(entry)}")
             elif entry in order:
                 self.report(key, f"names '{entry}' more than once")
             else:
@@ -213,7 +213,7 @@ class ParameterReader:
         listed = f"{', '.join(names[:-1])} and {names[-1]}"
         for key in self.parameters:
             if key == prefix:
-                self.report(key, f"must hold {listed}, is {_shown(self.parameters[key])}")
+                self.report(key, f"must hold {listed}, is {_describe(self.parameters[key])}")
             elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in names:
                 self.report(key, f"is not known there; {_did_you_mean(key.partition('.')[2], names)}")
 
@@ -225,7 +225,7 @@ class ParameterReader:
             return default or 0.0
         value = self.parameters[key]
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.report(key, f"must be a number, is {_shown(value)}{_unquoted(value)}")
+            self.report(key, f"must be a number, is {_describe(value)}{_hint_at_quotes(value)}")
             return 0.0
         number = float(value)
         if not math.isfinite(number):
@@ -237,13 +237,13 @@ class ParameterReader:
         """Return a list of finite numbers; a missing one is empty."""
         value = self.parameters.get(key, ())
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-            self.report(key, f"must be a list of numbers, is {_shown(value)}")
+            self.report(key, f"must be a list of numbers, is {_describe(value)}")
             return []
         entries = list(value)
         for entry in entries:
             number = isinstance(entry, int | float) and not isinstance(entry, bool)
             if not (number and math.isfinite(entry)):
-                self.report(key, f"must be a list of finite numbers, holds {_shown(entry)}")
+                self.report(key, f"must be a list of finite numbers, holds {_describe(entry)}")
                 return []
         return [float(entry) for entry in entries]
 
@@ -269,15 +269,15 @@ class ParameterReader:
         value = self.parameters.get(key, default)
         if isinstance(value, bool):
             return value
-        self.report(key, f"must be true or false, is {_shown(value)}")
+        self.report(key, f"must be true or false, is {_describe(value)}")
         return default
 
 
-def _placed(place: str, text: str) -> str:
+def _with_place(place: str, text: str) -> str:
     return f"{place}: {text}" if place else text
 
 
-def _shown(value: object) -> str:
+def _describe(value: object) -> str:
     if isinstance(value, str):
         return f"the text '{value}'"
     if isinstance(value, bool):
@@ -289,7 +289,7 @@ def _shown(value: object) -> str:
     return f"the number {value}" if isinstance(value, int | float) else repr(value)
 
 
-def _unquoted(value: object) -> str:
+def _hint_at_quotes(value: object) -> str:
     """Return a hint for a text that would be a number without its quotes."""
     if not isinstance(value, str):
         return ""

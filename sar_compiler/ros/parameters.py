@@ -40,7 +40,7 @@ class DataNode(Node):
                 # The only error caused by the user's values; an empty list is an array of no type.
                 if "PARAMETER_NOT_SET" not in str(error):
                     raise
-                names = _untyped(name, context, cli_args)
+                names = _names_without_type(name, context, cli_args)
                 message = (
                     f"{names}: an empty list, of which ROS cannot tell the type; leave it out or fill it"
                 )
@@ -57,7 +57,7 @@ def _require_sim_time_switch(node: Node) -> None:
         raise RosArgumentError(message)
 
 
-def _untyped(name: str, context: Context | None, cli_args: list[str] | None) -> str:
+def _names_without_type(name: str, context: Context | None, cli_args: list[str] | None) -> str:
     """Return the names of the parameters without a type, read by a node that does not declare them."""
     probe = Node(
         name, context=context, cli_args=cli_args, start_parameter_services=False, enable_rosout=False

@@ -19,7 +19,7 @@ from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
 from sar_compiler.ros.lifecycle_state import PolledService, with_full_name
-from sar_compiler.ros.nav2_log import nav2_log
+from sar_compiler.ros.nav2_log import BEFORE_NAVIGATOR, MANAGER, nav2_log
 from sar_compiler.ros.poses import estimated_pose, turn_by
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.tree.showing import in_one_line
@@ -33,17 +33,6 @@ _LISTEN_SEC = 1.0
 # A pose that is this near to the initial one is the same, metres and radians.
 _AGREES_M, _AGREES_RAD = 0.5, 0.5
 
-# Nav2's bring-up: its lifecycle manager, and the nodes that it activates before the navigator, in this order.
-_MANAGER = "lifecycle_manager_navigation"
-_BEFORE_NAVIGATOR = (
-    "controller_server",
-    "smoother_server",
-    "planner_server",
-    "route_server",
-    "behavior_server",
-    "velocity_smoother",
-    "collision_monitor",
-)
 # What a bring-up without an initial pose fails at.
 _WAITS_FOR_POSE = ("planner_server", "activate")
 
@@ -267,9 +256,9 @@ class NavigatorActive(Requirement):
     def _reason(self, state: str) -> str:
         """Ask the manager, and the nodes that it activates before; return what they have answered."""
         if self._manager is None:
-            self._manager = PolledService(self._node, Trigger, f"{_MANAGER}/is_active")
+            self._manager = PolledService(self._node, Trigger, f"{MANAGER}/is_active")
         self._manager.ask()
-        before = [self._robot.lifecycle(name) for name in _BEFORE_NAVIGATOR]
+        before = [self._robot.lifecycle(name) for name in BEFORE_NAVIGATOR]
         for each in before:
             each.missing()
         states = {each.name: each.state for each in before if each.state is not None}
@@ -278,16 +267,16 @@ class NavigatorActive(Requirement):
         if self._manager.answer is None or self._manager.answer.success:
             return f"; {asleep[0]} is '{asleep[1]}', too" if asleep else ""
         if {state, *states.values()} == {"unconfigured"} and not self._log.quote():
-            call = self._node.resolve_service_name(f"{_MANAGER}/manage_nodes")
+            call = self._node.resolve_service_name(f"{MANAGER}/manage_nodes")
             return (
-                f"; {_MANAGER} has not started Nav2 up (autostart is off): "
+                f"; {MANAGER} has not started Nav2 up (autostart is off): "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
         stuck, what = _stuck({**states, self._lifecycle.name: state})
         said = self._log.quote(stuck)
         pose = ", and give the initial pose within its initial_transform_timeout"
         return (
-            f"; {_MANAGER} has given up starting Nav2 up, {stuck} failed to {what}{f' ({said})' if said else ''}: "
+            f"; {MANAGER} has given up starting Nav2 up, {stuck} failed to {what}{f' ({said})' if said else ''}: "
             f"start Nav2 again{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
 

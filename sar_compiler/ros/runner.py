@@ -24,7 +24,7 @@ from rclpy.timer import Timer
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.ros.engine import (
-    described,
+    error_text,
     give_up,
     require_tickable_depth,
     settle,
@@ -75,7 +75,7 @@ class Beat:
             timer.cancel()
             self._node.destroy_timer(timer)
         except Exception as error:  # noqa: BLE001
-            self._node.get_logger().debug(f"a timer could not be given back: {described(error)}")
+            self._node.get_logger().debug(f"a timer could not be given back: {error_text(error)}")
 
     def _look(self) -> tuple[bool, bool]:
         """Return whether there was no tick, and whether the clock was stopped, since the last call."""
@@ -395,7 +395,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         try:
             action()
         except Exception as error:  # noqa: BLE001
-            tell(self.node, f"{complaint}: {described(error)}")
+            tell(self.node, f"{complaint}: {error_text(error)}")
 
     def _require_not_stopped(self) -> None:
         if self._stopped:

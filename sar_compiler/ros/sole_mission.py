@@ -195,7 +195,7 @@ class SoleMission(Requirement):
             publisher.publish(String(data=json.dumps(self._mine._replace(action=action)._asdict())))
 
     def _take(self, message: String) -> None:
-        claim = _read(message.data)
+        claim = _parse_claim(message.data)
         if claim is None or claim.key == self._mine.key:
             return
         if len(self._others) >= _MOST and claim.key not in self._others:
@@ -207,7 +207,7 @@ class SoleMission(Requirement):
         self._others[claim.key] = claim
 
 
-def _read(text: str) -> MissionClaim | None:
+def _parse_claim(text: str) -> MissionClaim | None:
     """Return the claim that a message holds; None if it holds none."""
     try:
         said: Any = json.loads(text)

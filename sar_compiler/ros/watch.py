@@ -86,7 +86,7 @@ class UnaskedMotion:
             self._ended = self._now()
         if self._robot.moves:
             self._since = self._since or self._now()
-            if self._passed(self._since) >= _BRAKES_SEC:
+            if self._seconds_since(self._since) >= _BRAKES_SEC:
                 self._judge()
         elif self._robot.moves is None:
             self._tell_blindness()
@@ -125,7 +125,7 @@ class UnaskedMotion:
         if self._told:
             self._told = False
             self._node.get_logger().info("The robot stands.")
-        if self._ended is not None and self._passed(self._ended) >= _LATEST_SEC:
+        if self._ended is not None and self._seconds_since(self._ended) >= _LATEST_SEC:
             self._has_sent, self._ended = False, None
 
     def _tell_blindness(self) -> None:
@@ -146,7 +146,7 @@ class UnaskedMotion:
     def _now(self) -> tuple[float, float]:
         return AWAKE.now(), self._clock.now()
 
-    def _passed(self, since: tuple[float, float]) -> float:
+    def _seconds_since(self, since: tuple[float, float]) -> float:
         """Return the seconds since then, of the clock that is slower: a robot brakes by its own."""
         return min(now - then for now, then in zip(self._now(), since, strict=True))
 

@@ -80,7 +80,7 @@ class Amcl:
         if step % _TF_EVERY == 0:
             offset = pose.compose(self._robot.state.odometry.inverse())
             self._tf.publish(TFMessage(transforms=[to_transform(_MAP, _ODOM, offset, to_stamp(now_ns))]))
-        if self._published is None or _moved(pose, self._published, _UPDATE_MOVE, _UPDATE_TURN):
+        if self._published is None or _is_away(pose, self._published, _UPDATE_MOVE, _UPDATE_TURN):
             self._publish(pose)
 
     def _on_initial_pose(self, message: Any) -> None:
@@ -98,7 +98,7 @@ class Amcl:
 
     def _believe(self, pose: Pose2D) -> None:
         truth = self._robot.state.pose
-        if _moved(truth, pose, _NOTABLE_MOVE, _NOTABLE_TURN):
+        if _is_away(truth, pose, _NOTABLE_MOVE, _NOTABLE_TURN):
             self._node.get_logger().warning(
                 f"The initial pose ({pose.x:.2f}, {pose.y:.2f}, yaw={pose.yaw:.2f}) is not where the robot stands "
                 f"({truth.x:.2f}, {truth.y:.2f}, yaw={truth.yaw:.2f}): from now on it drives beside where it is sent to."
@@ -116,5 +116,5 @@ class Amcl:
         self._published = pose
 
 
-def _moved(here: Pose2D, there: Pose2D, move: float, turn: float) -> bool:
+def _is_away(here: Pose2D, there: Pose2D, move: float, turn: float) -> bool:
     return here.distance_to(there) > move or abs(normalise_angle(here.yaw - there.yaw)) > turn

@@ -129,13 +129,8 @@ class _Goal(AcceptedGoal):
         self.progress: DriveProgress | None = None
         self.recovery: tuple[Recovery, float] | None = None
         self.left = list(manner.recoveries)
-        self._all = len(self.left)
+        self.recoveries_begun = 0
         self.localised_at = began
-
-    @property
-    def recovered(self) -> int:
-        """How many recoveries were begun."""
-        return self._all - len(self.left)
 
 
 class BtNavigator(NavigationServer):
@@ -276,8 +271,10 @@ class BtNavigator(NavigationServer):
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
         is_first = goal.drive is None and goal.recovery is None
         if is_first and not self._manner.knows_distance_at_once:
-            goal.handle.publish_feedback(NavigateToPose.Feedback(number_of_recoveries=goal.recovered))
-        outcome = self._fated(goal) or (self._go(goal) if goal.recovery is None else self._recover(goal))
+            goal.handle.publish_feedback(NavigateToPose.Feedback(number_of_recoveries=goal.recoveries_begun))
+        outcome = self._end_by_fault(goal) or (
+            self._go(goal) if goal.recovery is None else self._recover(goal)
+        )
         if feedback_due and goal.progress is not None:
             goal.handle.publish_feedback(self._feedback(goal, goal.progress))
         if goal.fate.dies and goal.drive is not None and self._now - goal.began >= _DIES_AFTER_SEC:
@@ -294,7 +291,7 @@ class BtNavigator(NavigationServer):
         else:
             self._die(fate.back_sec)
 
-    def _fated(self, goal: _Goal) -> DriveOutcome | None:
+    def _end_by_fault(self, goal: _Goal) -> DriveOutcome | None:
         """Return the end that a fault has for a goal, if it is due."""
         fate = goal.fate
         if fate.code is None or self._now - goal.began < fate.after_sec:
@@ -331,6 +328,7 @@ class BtNavigator(NavigationServer):
         if outcome.code not in _RECOVERABLE or not goal.left:
             return outcome
         recovery = goal.left.pop(0)
+        goal.recoveries_begun += 1
         self._node.get_logger().info(f"{outcome.text}: the robot {recovery.name}.")
         goal.recovery, goal.drive = (recovery, self._now + recovery.duration_sec), None
         return None
@@ -392,7 +390,7 @@ class BtNavigator(NavigationServer):
         message = NavigateToPose.Feedback(
             navigation_time=to_duration(self._now - goal.began),
             estimated_time_remaining=to_duration(progress.time_remaining_sec),
-            number_of_recoveries=goal.recovered,
+            number_of_recoveries=goal.recoveries_begun,
             distance_remaining=progress.distance_remaining,
         )
         message.current_pose.header.frame_id = _MAP

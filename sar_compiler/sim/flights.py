@@ -69,7 +69,7 @@ class Flights:
     def _outcome(self, seed: int) -> Played:
         problem = ""
         for _ in range(_MOST_ATTEMPTS):
-            status, output, problem = _flown(["--summary", "json", *self.command(seed)])
+            status, output, problem = _fly(["--summary", "json", *self.command(seed)])
             if _over.is_set() or status == INTERRUPTED:
                 raise CancelledError
             if status in (OK, FINDINGS):
@@ -83,7 +83,7 @@ class Flights:
         raise FlightError(message)
 
 
-def _flown(arguments: Sequence[str]) -> tuple[int, str, str]:
+def _fly(arguments: Sequence[str]) -> tuple[int, str, str]:
     """Fly a mission; return its status, what it has printed, and its last words on standard error."""
     with _free_domain() as (domain, lock):
         process = subprocess.Popen(  # noqa: S603 - the project's own command

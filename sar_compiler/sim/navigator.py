@@ -154,14 +154,12 @@ class DriveProgress:
 
     Attributes:
         command: The next velocity command.
-        elapsed_sec: Simulated seconds since the start of the goal.
         distance_remaining: Remaining distance, metres.
         time_remaining_sec: Estimate, simulated seconds.
         outcome: The end of the goal; None until then.
     """
 
     command: Twist2D
-    elapsed_sec: float
     distance_remaining: float
     time_remaining_sec: float
     outcome: DriveOutcome | None = None
@@ -194,7 +192,6 @@ class Drive:
         self.goal = goal
         self.path = planner.plan(start, goal, manner.tolerance)
         self._follower = Follower(self.path, goal.yaw, manner.limits(limits), manner.follower)
-        self._began = now
         self._mark, self._mark_time = start, now
         self._braking = False
 
@@ -211,9 +208,8 @@ class Drive:
         """
         command = STAND if self._braking else self._follower.command(state)
         left = self._follower.distance_remaining(state.pose)
-        elapsed = now - self._began
         speed = max(abs(state.velocity.v), _CRUISE)
-        return DriveProgress(command, elapsed, left, left / speed, self._outcome(state, now))
+        return DriveProgress(command, left, left / speed, self._outcome(state, now))
 
     def _outcome(self, state: RobotState, now: float) -> DriveOutcome | None:
         if self._braking:

@@ -163,7 +163,7 @@ class KeptPlaces:
             raise KeptPlacesError(self._path, "holds a pose that is not finite; delete it")
         return places
 
-    def placed(self, robots: Sequence[Placement]) -> list[Placement]:
+    def restore(self, robots: Sequence[Placement]) -> list[Placement]:
         """Return the robots where they stood when they were written last; others at their starts.
 
         Raises:

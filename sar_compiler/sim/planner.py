@@ -94,7 +94,7 @@ class Planner:
         while nodes[-1] != goal_node:
             nodes.append(int(previous[nodes[-1]]))
         cells = self._cells[nodes]
-        return Path2D(self._smoothed(self._map.centre_of(cells[:, 0], cells[:, 1]), goal))
+        return Path2D(self._smooth(self._map.centre_of(cells[:, 0], cells[:, 1]), goal))
 
     def _near(self, goal: Pose2D, tolerance: float) -> Pose2D:
         """Return the place nearest to a goal at which the robot fits: the goal, if it does there or is off the map."""
@@ -133,7 +133,7 @@ class Planner:
             raise PlanningError(NavCode.START_OCCUPIED, message)
         return int(np.argmin(distance))
 
-    def _smoothed(self, points: Floats, goal: Pose2D) -> Floats:
+    def _smooth(self, points: Floats, goal: Pose2D) -> Floats:
         """Return the path with rounded corners, where the clearance allows it, ending exactly at the goal."""
         width = 2 * round(_SMOOTHING / self._map.resolution / 2) + 1
         smooth = uniform_filter1d(points, width, axis=0, mode="nearest")

@@ -223,7 +223,7 @@ class SeparatePart:
             host = NodeHost(self._executor, context, cli_args=placement.ros_arguments)
             robot = RemoteRobot(host, f"{part}_robot", knows_truth=part == AMCL)
             self._robots.append(robot)
-            self._parts.append(_made(part, host, robot, occupancy, planner, placement))
+            self._parts.append(_make_part(part, host, robot, occupancy, planner, placement))
 
     def run(self) -> None:
         """Serve until the process is to end; then end current goals."""
@@ -241,7 +241,7 @@ class SeparatePart:
             part.step(now_ns // STEP_NS, now_ns)
 
 
-def _made(
+def _make_part(
     part: str,
     host: NodeHost,
     robot: RemoteRobot,

@@ -57,7 +57,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
     for name, start in starts:
         if not world.solid.clearance(start.x, start.y) > radius:
             problem = (
-                f"would start in an obstacle, or touching one, at {_shown(start)}; "
+                f"would start in an obstacle, or touching one, at {_place_text(start)}; "
                 f"its centre needs more than {radius:g} m around it"
             )
             raise PlacementError(name, problem)
@@ -65,7 +65,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
     for (one, here), (other, there) in itertools.combinations(starts, 2):
         if not here.distance_to(there) > 2 * radius:
             problem = (
-                f"would start at {_shown(there)}, touching robot '{one}' at {_shown(here)}; their centres "
+                f"would start at {_place_text(there)}, touching robot '{one}' at {_place_text(here)}; their centres "
                 f"need more than {2 * radius:g} m between them (give a start: {other}:X,Y)"
             )
             raise PlacementError(other, problem)
@@ -74,7 +74,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
 def _require_on_map(world: World, name: str, start: Pose2D) -> None:
     """Refuse a start pose that the localisation would refuse."""
     if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
-        problem = f"would start at {_shown(start)}, which is outside the world's map (metres, frame map)"
+        problem = f"would start at {_place_text(start)}, which is outside the world's map (metres, frame map)"
         raise PlacementError(name, problem)
 
 
@@ -101,7 +101,7 @@ def seed_of(seed: int, number: int) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
 
 
-def _shown(start: Pose2D) -> str:
+def _place_text(start: Pose2D) -> str:
     return f"({start.x:.2f}, {start.y:.2f})"
 
 
@@ -160,11 +160,6 @@ class SimulatedRobot:
                 faults=NavigationFaults(navigation.faults),
                 manner=manner(placement.like),
             )
-
-    @property
-    def pose(self) -> Pose2D:
-        """The true pose, frame `map`."""
-        return self._robot.state.pose
 
     @property
     def place(self) -> tuple[Pose2D, Pose2D]:
@@ -307,7 +302,7 @@ class Simulation:
 
     def robot_pose(self, name: str = "") -> Pose2D:
         """Return the true pose of the robot called *name*, frame `map`."""
-        return self._robots[name].pose
+        return self._robots[name].place[0]
 
     def keep_places(self, kept: KeptPlaces) -> None:
         """Keep the robots' places from the start on; what cannot be written ends the simulation."""

@@ -60,7 +60,7 @@ class Mapper:
         along = np.stack((np.cos(angles), np.sin(angles)), axis=1)
         hits = np.isfinite(ranges)
         ends = self._cells(pose, along[hits] * ranges[hits, None])
-        passed = self._passed(pose, along, np.where(hits, ranges, self._lidar.range_max))
+        passed = self._cells_passed(pose, along, np.where(hits, ranges, self._lidar.range_max))
         passed = np.setdiff1d(passed, ends, assume_unique=True)
         odds, seen = self._odds.reshape(-1), self._seen.reshape(-1)
         for cells, change in ((passed, _MISS), (ends, _HIT)):
@@ -85,7 +85,7 @@ class Mapper:
             round(self._corner[1] + top * _RESOLUTION, 6),
         )
 
-    def _passed(self, pose: Pose2D, along: Floats, lengths: Floats) -> NDArray[np.int64]:
+    def _cells_passed(self, pose: Pose2D, along: Floats, lengths: Floats) -> NDArray[np.int64]:
         """Return the cells that the rays cross before their ends, without duplicates."""
         spacing = _RESOLUTION / 2
         steps = np.arange(0.0, float(lengths.max(initial=0.0)), spacing)

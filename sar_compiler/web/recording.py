@@ -30,7 +30,7 @@ from sar_compiler.web.page_state import PageState, all_changes
 Explain = Callable[[Path], Mapping[str, Any] | None]
 """Returns why the mission of a journal has failed, as JSON values; None if it has not."""
 
-Display = Callable[[Iterable[JournalEntry]], Iterator[JournalEntry]]
+AddDisplay = Callable[[Iterable[JournalEntry]], Iterator[JournalEntry]]
 """Yields the entries of a journal, with such of the kind `changed` behind others where it has none."""
 
 # Robots whose clocks are farther apart have nothing to do with each other, in seconds.
@@ -84,7 +84,7 @@ class RecordedTrack:
     Args:
         path: The journal.
         explain: Says why its mission has failed.
-        display: Adds what its mission shows, where it does not say that.
+        add_display: Adds what its mission shows, where it does not say that.
 
     Attributes:
         first: The time of the mission's clock at its beginning; None if nothing has begun.
@@ -95,7 +95,7 @@ class RecordedTrack:
         JournalError: If it cannot be read.
     """
 
-    def __init__(self, path: Path, explain: Explain, display: Display) -> None:
+    def __init__(self, path: Path, explain: Explain, add_display: AddDisplay) -> None:
         self._path = path
         self.shift = 0.0
         self.first: float | None = None
@@ -106,17 +106,17 @@ class RecordedTrack:
         self.last = TrackPlace()
         cache = _CacheFile(path)
         if not self._restore(cache.read()):
-            self._make(display)
+            self._make(add_display)
             self.why = None if self.first is None else explain(path)
             known = {"first": self.first, "last": self.last, "why": self.why, "added": self._added}
             cache.write(known, self._checkpoints)
         self._state, self._place = PageState(), TrackPlace()
 
-    def _make(self, display: Display) -> None:
+    def _make(self, add_display: AddDisplay) -> None:
         state, place = PageState(), TrackPlace()
         with closing(JournalFile.read(self._path)) as file, file.snapshot():
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
-            for number, entry in enumerate(display(file.stream_behind(StreamPlace()))):
+            for number, entry in enumerate(add_display(file.stream_behind(StreamPlace()))):
                 if self.first is None:
                     self.first = entry.time
                 if number and number % every == 0:
@@ -182,7 +182,7 @@ class Recording:
     Args:
         paths: The journals.
         explain: Says why a mission has failed.
-        display: Adds what a mission shows, where its journal does not say that.
+        add_display: Adds what a mission shows, where its journal does not say that.
 
     Attributes:
         end: The length of it, in seconds.
@@ -192,9 +192,9 @@ class Recording:
     """
 
     def __init__(
-        self, paths: Sequence[Path], explain: Explain = lambda _: None, display: Display = iter
+        self, paths: Sequence[Path], explain: Explain = lambda _: None, add_display: AddDisplay = iter
     ) -> None:
-        self._tracks = [RecordedTrack(path, explain, display) for path in paths]
+        self._tracks = [RecordedTrack(path, explain, add_display) for path in paths]
         firsts = [track.first for track in self._tracks if track.first is not None]
         begin = min(firsts, default=0.0)
         for track in self._tracks:

@@ -23,11 +23,11 @@ def test_what_was_written_is_read(kept):
 def test_a_robot_starts_where_it_stood_with_the_odometry_that_it_had_and_others_at_their_starts(kept):
     kept.write(PLACES)
     elsewhere = Placement("robot2", Pose2D(3.0, 3.0))
-    assert kept.placed([Placement(""), elsewhere]) == [Placement("", *PLACES[""]), elsewhere]
+    assert kept.restore([Placement(""), elsewhere]) == [Placement("", *PLACES[""]), elsewhere]
 
 
 def test_without_a_file_robots_are_at_their_starts(kept):
-    assert kept.placed([Placement("")]) == [Placement("")]
+    assert kept.restore([Placement("")]) == [Placement("")]
 
 
 @pytest.mark.parametrize(
@@ -62,4 +62,4 @@ def test_a_simulation_keeps_the_places_of_its_robots(kept, ros_context, disaster
     with simulation:
         while not kept._path.is_file():
             assert simulation.failure is None
-    assert kept.placed([Placement("")]) == robots
+    assert kept.restore([Placement("")]) == robots
