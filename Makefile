@@ -39,7 +39,7 @@ help:
 	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
 	@echo "make nav2-test    missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
 	@echo "make lint         style and types"
-	@echo "make soak         the long tests"
+	@echo "make soak         the long tests, and ten times as many random inputs"
 	@echo "make bench        the benchmarks, against the record and other libraries (QUICK=1 a trial, ONLY=verify some, SAVE=1 a new record)"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
 	@echo "make schemas      renew schemas/ from the shipped nodes, and the pages made of findings and commands"
@@ -98,7 +98,7 @@ format: env
 	$(BIN)/ruff format .
 
 soak: env
-	$(BIN)/python -m pytest -v -m slow
+	SAR_ROUNDS=10 $(BIN)/python -m pytest -v -m "slow or random"
 
 bench: env $(PEERS)/.installed
 	$(BIN)/python -m benchmarks $(if $(QUICK),--quick) $(if $(SAVE),--save) $(foreach name,$(ONLY),--only $(name))

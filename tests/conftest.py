@@ -10,6 +10,8 @@ import pytest
 from coverage import Coverage
 from hypothesis import HealthCheck, is_hypothesis_test, settings
 
+from tests.chance import rounds
+
 # Ports of higher domains are among those that Linux gives to anybody.
 _DOMAINS = 100
 
@@ -41,7 +43,9 @@ _state = tempfile.TemporaryDirectory(prefix="state_of_tests")
 os.environ["XDG_STATE_HOME"] = _state.name
 
 # How long an example takes depends on the machine, which is no property of the code.
-settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "untimed", max_examples=rounds(25), deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("untimed")
 
 # Folders whose tests are about other things than the rooms that coverage is measured of.
@@ -51,6 +55,15 @@ _ELSEWHERE = ("cli", "docs", "e2e", "examples", "fuzz", "launch", "packaging", "
 # Under nohup, or in the background of a script, they are ignored, and what the tests start would inherit that.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark the tests whose inputs are random, of which `make soak` tries more."""
+    for item in items:
+        names = dir(getattr(item, "module", None))
+        if is_hypothesis_test(getattr(item, "obj", None)) or "rounds" in names or "TIMES" in names:
+            item.add_marker("random")
 
 
 @pytest.hookimpl(wrapper=True)

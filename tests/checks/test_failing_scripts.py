@@ -10,6 +10,7 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import PlainVariables
+from tests.chance import rounds
 from tests.trees import forest
 
 CODES = {"failing-script", "idle-statement"}
@@ -110,7 +111,7 @@ def raises(script, x, y):
     return False
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=rounds(100))
 @given(PART)
 def test_what_is_said_to_raise_raises_with_all_values_and_of_constants_everything_that_raises_is_said(text):
     script = parse(text)

@@ -8,6 +8,7 @@ import pytest
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
+from tests.chance import rounds
 from tests.checks.outcome_oracle import REGISTRY, SUBSETS, RandomTrees, answers_of, leaf
 from tests.node_forms import Form, forms
 from tests.trees import forest
@@ -16,7 +17,11 @@ FORMS = forms(REGISTRY)
 # One in so many combinations of what the children answer is tried of a node that reads keys, whose surroundings make
 # each of them dear; with no divisor of the number of subsets, so that every child answers every one.
 TRIED_WITH_KEYS = 71
-RANDOM_TREES = 240
+RANDOM_TREES = rounds(60)
+
+
+# How much of what it answers is known before; of all other nodes everything.
+SURE_OF = {"RateController": 0.85}
 
 
 def combinations(form: Form):
@@ -36,25 +41,17 @@ def tree(form: Form, subsets) -> str:
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("form", FORMS, ids=str)
 def test_a_node_answers_what_its_record_says_and_nothing_else(form):
+    seen = known = 0
     for subsets in combinations(form):
         answers = answers_of(tree(form, subsets))
         if answers is not None:  # one that py_trees cannot skip, or a count out of reach
             assert answers.seen <= answers.may, subsets
             if answers.complete:
                 assert answers.known <= answers.seen, subsets
-
-
-@pytest.mark.unmeasured
-def test_nearly_every_answer_that_is_seen_is_known_before():
-    """A record that is sure of nothing would be right, and of no use."""
-    seen = known = 0
-    for form in FORMS:
-        for subsets in combinations(form):
-            answers = None if form.reads_keys else answers_of(tree(form, subsets))
-            if answers is not None:
-                seen += len(answers.seen)
-                known += len(answers.known & answers.seen)
-    assert known >= 0.99 * seen
+            seen += len(answers.seen)
+            known += len(answers.known & answers.seen)
+    # A record that is sure of nothing would be right, and of no use.
+    assert form.reads_keys or known >= SURE_OF.get(form.spec.tag, 1.0) * seen
 
 
 @pytest.mark.unmeasured

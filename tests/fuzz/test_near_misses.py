@@ -12,6 +12,7 @@ from sar_compiler.nodes.spec import Direction
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
+from tests.chance import rounds
 from tests.fuzz.random_trees import REGISTRY, SPECS
 from tests.trees import class_of, document
 
@@ -71,7 +72,7 @@ def nearly_right(draw):
     return written(spec, {**required(spec), **draw(more)})
 
 
-@settings(max_examples=500)
+@settings(max_examples=rounds(125))
 @given(nearly_right())
 def test_several_attributes_that_are_nearly_right_are_findings_or_do_no_harm(text):
     assert_sound(text)

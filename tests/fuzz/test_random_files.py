@@ -15,6 +15,7 @@ from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
+from tests.chance import rounds
 from tests.fuzz.bounds import TooMuchWorkError, at_most
 
 PARSERS = {".xml": parse_xml, ".yaml": parse_yaml}
@@ -99,14 +100,14 @@ def answers(seed, count):
             raise
 
 
-@settings(max_examples=1000)
+@settings(max_examples=rounds(250))
 @given(st.sampled_from(sorted(PARSERS)), st.binary(max_size=200))
 def test_random_bytes_give_findings(suffix, data):
     assert answer(suffix, data)
 
 
 def test_mutated_files_give_findings_or_trees():
-    codes = list(answers(1, 1000))
+    codes = list(answers(1, rounds(400)))
     assert [] in codes, "no mutation left a file whole, so compiling was not tried"
     assert len({code for each in codes for code in each}) > 15
 

@@ -8,6 +8,7 @@ from sar_compiler.runtime.context import preview_of
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
+from tests.chance import rounds
 from tests.fuzz.random_trees import REGISTRY, tree_texts
 
 
@@ -29,7 +30,7 @@ def tried(make):
         return None, [finding.code for finding in error.findings]
 
 
-@settings(max_examples=300)
+@settings(max_examples=rounds(75))
 @given(tree_texts())
 def test_checking_gives_findings_in_order_each_once_at_a_place_in_the_text(text):
     findings = check(Forest.of(parse_xml(text)), REGISTRY)
@@ -39,7 +40,7 @@ def test_checking_gives_findings_in_order_each_once_at_a_place_in_the_text(text)
     assert [f.span.line for f in findings] == sorted(f.span.line for f in findings)
 
 
-@settings(max_examples=300)
+@settings(max_examples=rounds(75))
 @given(tree_texts())
 def test_what_the_check_passes_can_be_looked_at(text):
     forest = Forest.of(parse_xml(text))
@@ -49,7 +50,7 @@ def test_what_the_check_passes_can_be_looked_at(text):
     assert all(node.id in tree.origins for node in tree.root.iterate())
 
 
-@settings(max_examples=300)
+@settings(max_examples=rounds(75))
 @given(tree_texts())
 def test_compiling_for_a_mission_raises_nothing_but_what_is_said_in_words(text):
     forest = Forest.of(parse_xml(text))

@@ -15,6 +15,7 @@ from sar_compiler.checks import check
 from sar_compiler.cli.compile import main
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
+from tests.chance import rounds
 from tests.fuzz.random_trees import PARENTS, REGISTRY, tree_texts, wrong_tree_texts
 from tests.fuzz.test_near_misses import required
 
@@ -60,7 +61,7 @@ def test_no_rule_fails_where_some_of_the_children_are_unknown_or_none_are_there(
     assert [each.message for each in findings if each.code == "internal-error"] == []
 
 
-@settings(max_examples=300)
+@settings(max_examples=rounds(75))
 @given(wrong_tree_texts())
 def test_no_rule_fails_on_a_tree_that_is_wrong(text):
     findings = check(Forest.of(parse_xml(text)), REGISTRY)
@@ -70,7 +71,7 @@ def test_no_rule_fails_on_a_tree_that_is_wrong(text):
 
 @pytest.mark.parametrize("command", LOOKS)
 def test_every_look_at_a_tree_that_is_wrong_ends_in_words(command):
-    @settings(max_examples=25)
+    @settings(max_examples=rounds(10))
     @given(st.tuples(wrong_tree_texts(), wrong_tree_texts() | tree_texts()))
     def looks(texts):
         status, output = answer(command, texts)

@@ -14,6 +14,7 @@ from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search_state import SearchState
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
+from tests.chance import rounds
 from tests.trees import forest
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def flying(stage: "Stage", zones: ZoneManager, record: MissionRecord, attempts: 
 
 
 @pytest.mark.ros
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=rounds(20), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     count=st.integers(1, 4), attempts=st.integers(1, 4), steps=st.lists(st.sampled_from(STEPS), max_size=25)
 )

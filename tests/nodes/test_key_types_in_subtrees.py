@@ -11,6 +11,7 @@ from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.ports import Input
+from tests.chance import rounds
 from tests.trees import errors, forest_of
 
 
@@ -123,7 +124,7 @@ def in_main(items):
     return text, {line: index for (_, index), line in places.items()}
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=rounds(75))
 @given(TREES)
 def test_a_key_has_the_type_that_it_has_with_all_subtrees_in_place(trees):
     text, places = written(trees)

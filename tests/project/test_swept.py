@@ -17,6 +17,7 @@ from sar_compiler.project.swept import (
     varied,
 )
 from sar_compiler.tree.diagnostic import TreeError
+from tests.chance import rounds
 from tests.trees import document
 
 TREE = Path("trees/search_and_rescue.xml").resolve()
@@ -60,7 +61,7 @@ def test_an_event_that_never_happens_is_a_finding():
         play.events(play.understood().simulated)
 
 
-@settings(max_examples=25)
+@settings(max_examples=rounds(8))
 @given(st.integers(0, 10_000))
 def test_the_smallest_scenario_fails_as_its_run_has_and_leaves_nothing_to_chance(seed):
     if not missed(runs(), seed):

@@ -13,6 +13,7 @@ from sar_compiler.checks.verify.counterfactual import (
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.views.why import Inquiry, recorded
+from tests.chance import rounds
 from tests.trees import document
 from tests.views.flown import REGISTRY, Said, flown, injected, simulated
 
@@ -121,6 +122,9 @@ def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
         counterfactual(simulated(path), [*record, RecordedTick(9, 0.0, {0: "FAILURE"})], ["one"])
 
 
+RUNS = rounds(25)
+
+
 class Changed:
     """Answers as another policy, but for one answer, and after that what is usual.
 
@@ -146,9 +150,9 @@ class Changed:
 
 
 @pytest.mark.unmeasured
-def test_with_what_is_changed_a_hundred_faulty_runs_succeed_and_mostly_it_is_the_faulty_leafs_answer(path):
+def test_with_what_is_changed_faulty_runs_succeed_and_mostly_it_is_the_faulty_leafs_answer(path):
     blamed = []
-    for (faulty, stream, policy), _ in zip(injected(path), range(100), strict=False):
+    for (faulty, stream, policy), _ in zip(injected(path), range(RUNS), strict=False):
         names = names_in(stream)
         change = counterfactual(simulated(path), recorded(stream, Inquiry.of(stream).count), names)
         assert change is not None
@@ -156,5 +160,5 @@ def test_with_what_is_changed_a_hundred_faulty_runs_succeed_and_mostly_it_is_the
         leaf = names[change.instead.node]
         assert flown(simulated(path), Changed(policy(), change, leaf))[1] == "SUCCESS"
         blamed.append(leaf == faulty)
-    assert len(blamed) == 100
-    assert sum(blamed) >= 95
+    assert len(blamed) == RUNS
+    assert sum(blamed) >= 0.95 * RUNS

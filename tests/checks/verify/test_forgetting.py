@@ -4,6 +4,7 @@ import pytest
 
 from sar_compiler.checks.verify.verifying import verify
 from sar_compiler.tree.diagnostic import TreeError
+from tests.chance import rounds
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import bound, simulated_tree
 from tests.runtime.kernel.stage import FlatStage
@@ -11,7 +12,7 @@ from tests.runtime.kernel.stage import bound as bound_tree
 
 pytestmark = pytest.mark.unmeasured
 
-_TREES = 150
+_TREES = rounds(40)
 _MOST_STATES = 3000
 
 

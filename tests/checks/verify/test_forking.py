@@ -8,6 +8,7 @@ from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.searching import explore
 from sar_compiler.runtime.kernel.trail import Trail
+from tests.chance import rounds
 from tests.checks.verify.stage import BROKEN, PROVED, TAGS, bound, outcome, simulated_tree, verified
 from tests.checks.verify.test_same_as_py_trees import trees
 
@@ -41,7 +42,7 @@ def graph_of(binding, few, properties=None):
     return list(graph.states), edges, graph.breaches, bytes(graph.ends), stepper.ran, error
 
 
-@pytest.mark.parametrize("binding", trees(range(200, 260)))
+@pytest.mark.parametrize("binding", trees(range(200, 200 + rounds(15))))
 def test_where_ticks_meet_nothing_is_lost(binding):
     assert graph_of(binding, 0) == graph_of(binding, NEVER)
 

@@ -14,6 +14,7 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.views.verification import verification_as_json, verification_as_text
+from tests.chance import rounds
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import BROKEN, PROVED, TAGS, simulated_tree
 from tests.checks.verify.test_forking import NEVER, PROPERTIES, graph_of
@@ -59,7 +60,7 @@ def copied(body):
 
 
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("seed", range(400, 480))
+@pytest.mark.parametrize("seed", range(400, 400 + rounds(20)))
 def test_a_control_of_ones_own_has_the_answers_of_the_one_that_it_copies(seed):
     body = random_tree(seed)
     assert outcomes(copied(body)).get(OWN_RECORDS, PROVED) is PROVED
@@ -78,7 +79,7 @@ WRITTEN = [
 
 
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("body", [*WRITTEN, *map(copied, map(random_tree, range(500, 530)))])
+@pytest.mark.parametrize("body", [*WRITTEN, *map(copied, map(random_tree, range(500, 500 + rounds(8))))])
 def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_no_other(body):
     binding = own_binding(body)
     reached = set(tick_sequences(binding))
@@ -93,7 +94,7 @@ def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_n
     "body",
     [
         *WRITTEN,
-        *map(copied, map(random_tree, range(600, 640))),
+        *map(copied, map(random_tree, range(600, 600 + rounds(10)))),
         "<OwnRecovery retries='2'><Fallback><A/><A/></Fallback><Sequence><A/><A/><OwnCount most='2'><A/></OwnCount></Sequence></OwnRecovery>",
         "<OwnTwice><Fallback><A/><P/></Fallback><A/></OwnTwice>",
         "<OwnSequence><OwnTimeout><OwnFallback><A/><A/></OwnFallback></OwnTimeout><OwnTwice><A/><OwnFallback><P/><B/></OwnFallback></OwnTwice></OwnSequence>",

@@ -20,6 +20,7 @@ from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.diagnostic import TreeError
+from tests.chance import TIMES
 from tests.checks.outcome_oracle import REGISTRY, leaf
 from tests.node_forms import Form, forms, reads_keys
 from tests.trees import forest
@@ -182,11 +183,12 @@ def difference(body: str, binding: Any, seed: int) -> str:
 
 @pytest.mark.parametrize("around", OF_TAG.values(), ids=str)
 def test_every_node_does_below_it_what_is_proved(around):
-    flown = 0
+    flown, place = 0, list(OF_TAG).index(around.spec.tag)
     for seed, answers in enumerate((_ACTS, (*_ACTS, "SKIPPED"))):
-        for body in trees(around, answers):
-            binding = bound(body)
+        for number, body in enumerate(trees(around, answers)):
+            # Every pair of nodes is flown with one of the two; with both where more is tried.
+            binding = bound(body) if TIMES > 1 or (number + seed + place) % 2 else None
             if binding is not None:
                 assert difference(body, binding, flown + seed) == ""
                 flown += 1
-    assert flown > len(FORMS) // 2
+    assert flown > len(FORMS) // 4

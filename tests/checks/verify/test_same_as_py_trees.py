@@ -13,6 +13,7 @@ from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.searching import explore
 from sar_compiler.runtime.stub_leaf import ANSWERED
 from sar_compiler.tree.diagnostic import TreeError
+from tests.chance import rounds
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import bound, simulated_tree
 
@@ -101,7 +102,7 @@ def tick_sequences(binding):
     yield None
 
 
-@pytest.mark.parametrize("binding", trees(range(60)))
+@pytest.mark.parametrize("binding", trees(range(rounds(15))))
 def test_every_state_that_py_trees_comes_to_is_found_and_no_other(binding):
     seen = set(tick_sequences(binding))
     assert None not in seen, f"more than {_MOST_RUNS} runs: let the trees be smaller"
@@ -129,7 +130,7 @@ class Repeating:
         return next(option for option in options if option == answer)
 
 
-@pytest.mark.parametrize("binding", trees(range(100, 130)))
+@pytest.mark.parametrize("binding", trees(range(100, 100 + rounds(8))))
 def test_the_run_that_is_told_leads_py_trees_to_the_same_state(binding):
     explored = Explored(simulated_tree(binding), _MOST_STATES)
     retracing = Retracing(explored.stepper, explored.graph)

@@ -6,6 +6,7 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import load
 from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.runtime.parents import Built
+from tests.chance import rounds
 from tests.runtime.kernel.stage import (
     FlatStage,
     HeldStage,
@@ -19,7 +20,7 @@ from tests.trees import class_of
 
 pytestmark = pytest.mark.unmeasured
 
-TREES = 250
+TREES = rounds(80)
 TICKS = 14
 
 
@@ -73,7 +74,7 @@ def test_the_random_trees_have_every_known_class_in_them():
     used = {
         type(node.behaviour)
         for skips in (False, True)
-        for seed, binding in random_bindings(TREES, skips=skips)
+        for seed, binding in random_bindings(max(TREES, 250), skips=skips)
         for node in FlatStage(binding, seed).flat.nodes
     }
     assert known_classes() - used == set()
