@@ -28,10 +28,12 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.nodes.registry import Named, Registry
 from sar_compiler.project import load
 from sar_compiler.project.simulated import Simulated, play_scenario
+from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.views.outline import ascii_tree, outline
 
 __all__ = [
     "RENEW",
+    "ManualClock",
     "Simulated",
     "assert_matches_golden",
     "assert_scenario_holds",

@@ -1,6 +1,9 @@
 """What is public: its names are there, lazily and typed, and everybody outside uses nothing else."""
 
 import ast
+import collections
+import importlib
+import itertools
 import re
 import subprocess
 import sys
@@ -12,8 +15,20 @@ import sar_compiler
 from tests.docs.markdown import PAGES, blocks
 
 FINDINGS = sorted(Path("docs/findings").glob("*.md"))
-PUBLIC = {"sar_compiler", "sar_compiler.testing"}
-ROS = {"TreeRunner", "serve", "readable_ros_errors"}
+GROUPS = {
+    name: importlib.import_module(name)
+    for name in ("sar_compiler", "sar_compiler.leaves", "sar_compiler.missions", "sar_compiler.testing")
+}
+PUBLIC = [f"{group}.{name}" for group, module in GROUPS.items() for name in module.__all__]
+# `testing` is a module as any other, in which its names live.
+LAZY = [group for group in GROUPS if group != "sar_compiler.testing"]
+ROS = {
+    "sar_compiler.TreeRunner",
+    "sar_compiler.missions.serve",
+    "sar_compiler.missions.readable_ros_errors",
+}
+ON_FIRST_PAGE = 20
+"""How many names the first group has at most: what one learns of the project in an hour."""
 
 
 def in_python(program):
@@ -22,53 +37,117 @@ def in_python(program):
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("name", sorted(set(sar_compiler.__all__) - ROS))
-def test_a_public_name_is_there_without_ros(name):
-    assert (
-        in_python(f"import sys; sys.modules['rclpy'] = None\nimport sar_compiler; sar_compiler.{name}") == ""
-    )
+def test_the_first_group_can_be_learned():
+    assert len(GROUPS["sar_compiler"].__all__) <= ON_FIRST_PAGE
+
+
+def test_a_public_name_stands_in_one_group():
+    names = collections.Counter(name.rpartition(".")[2] for name in PUBLIC)
+    # `LoadedTree.simulate` returns it, and so does `testing.simulate`.
+    assert {name for name, count in names.items() if count > 1} == {"Simulated"}
+
+
+@pytest.mark.parametrize("group", LAZY)
+def test_the_public_names_of_a_group_are_there_without_ros(group):
+    names = sorted(set(GROUPS[group].__all__) - {name.rpartition(".")[2] for name in ROS})
+    asked = "; ".join(f"group.{name}" for name in names)
+    assert in_python(f"import sys; sys.modules['rclpy'] = None\nimport {group} as group; {asked}") == ""
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("name", sorted(ROS))
 def test_a_public_name_for_ros_is_there(name):
-    assert callable(getattr(sar_compiler, name))
+    group, _, attribute = name.rpartition(".")
+    assert callable(getattr(GROUPS[group], attribute))
 
 
-def test_to_import_the_package_imports_no_library():
+def home_of(group, name):
+    """Return the path of the source in which a public name is given: the group imports it from there, or is that itself."""
+    source = Path(sys.modules[group].__file__ or "")
+    home = next(
+        (
+            node.module
+            for node in ast.walk(ast.parse(source.read_text("utf-8")))
+            if isinstance(node, ast.ImportFrom) and name in {alias.name for alias in node.names}
+        ),
+        group,
+    )
+    path = Path(*(home or "").split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def doc_of(node, after, name):
+    """Return the docstring that a statement gives to a name; one of a constant or an alias stands below it."""
+    if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+        return node.name == name and ast.get_docstring(node)
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+    given = any(isinstance(target, ast.Name) and target.id == name for target in targets)
+    is_text = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+    return given and is_text and after.value.value
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_name_is_documented(name):
+    group, _, attribute = name.rpartition(".")
+    body = ast.parse(home_of(group, attribute).read_text("utf-8")).body
+    texts = [doc_of(node, after, attribute) for node, after in itertools.pairwise([*body, None])]
+    assert any(texts)
+
+
+@pytest.mark.parametrize("group", LAZY)
+def test_to_import_a_group_imports_no_library(group):
     libraries = ("py_trees", "lxml", "rclpy", "yaml")
-    assert in_python(f"import sys, sar_compiler; print([x for x in {libraries} if x in sys.modules])") == "[]"
+    assert in_python(f"import sys, {group}; print([x for x in {libraries} if x in sys.modules])") == "[]"
 
 
-def test_a_name_that_is_not_public_is_no_attribute():
-    with pytest.raises(AttributeError, match="module 'sar_compiler' has no attribute 'Regsitry'"):
-        sar_compiler.Regsitry  # noqa: B018
+@pytest.mark.parametrize("group", LAZY)
+def test_a_name_that_is_not_public_is_no_attribute(group):
+    with pytest.raises(AttributeError, match=f"module '{group}' has no attribute 'Regsitry'"):
+        GROUPS[group].Regsitry  # noqa: B018
 
 
-def test_everything_public_is_listed_for_completion():
-    assert set(sar_compiler.__all__) <= set(dir(sar_compiler))
+@pytest.mark.parametrize("group", GROUPS)
+def test_everything_public_is_listed_for_completion(group):
+    assert set(GROUPS[group].__all__) <= set(dir(GROUPS[group]))
 
 
-def test_what_type_checkers_see_is_what_there_is():
+@pytest.mark.parametrize("group", LAZY)
+def test_what_type_checkers_see_is_what_there_is(group):
     """The names are said three times: for type checkers, for `import *`, and for the look-up."""
-    module = ast.parse(Path("sar_compiler/__init__.py").read_text(encoding="utf-8"))
-    (typed,) = [node for node in module.body if isinstance(node, ast.If)]
-    seen = {
-        alias.name: str(node.module).removeprefix("sar_compiler.")
+    module = ast.parse(Path(GROUPS[group].__file__ or "").read_text(encoding="utf-8"))
+    typed = next(node for node in module.body if isinstance(node, ast.If))
+    seen = [
+        (str(node.module).removeprefix("sar_compiler."), alias.name)
         for node in typed.body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
-    }
-    assert seen == sar_compiler._HOMES
-    assert sorted(seen) == sorted(sar_compiler.__all__)
+    ]
+    assert sorted(seen) == sorted(
+        (home, name) for home, names in GROUPS[group]._MODULES.items() for name in names
+    )
+    assert sorted(name for _, name in seen) == sorted(GROUPS[group].__all__)
+
+
+MOVED = {name: f"sar_compiler.{group}" for group, names in sar_compiler._MOVED.items() for name in names}
+
+
+@pytest.mark.parametrize("name", [name for name, group in MOVED.items() if f"{group}.{name}" not in ROS])
+def test_a_name_of_before_the_groups_is_there_and_says_where_it_is_now(name):
+    group = MOVED[name]
+    with pytest.warns(
+        DeprecationWarning, match=re.escape(f"sar_compiler.{name} is {group}.{name} now")
+    ) as warned:
+        assert getattr(sar_compiler, name) is getattr(GROUPS[group], name)
+    assert warned[0].filename == __file__
 
 
 def test_type_checkers_know_the_names(tmp_path):
     program = tmp_path / "typed.py"
     program.write_text(
         "import sar_compiler\n"
+        "from sar_compiler.leaves import Kind, Knid\n"
         'tree = sar_compiler.load("x.xml").compile(parameters={"n": 1})\n'
-        "reveal_type(tree)\nreveal_type(sar_compiler.Kind.ACTION)\n",
+        "reveal_type(tree)\nreveal_type(Kind.ACTION)\n",
         encoding="utf-8",
     )
     done = subprocess.run(
@@ -76,6 +155,7 @@ def test_type_checkers_know_the_names(tmp_path):
     )
     assert 'Revealed type is "sar_compiler.compiler.CompiledTree"' in done.stdout, done.stdout
     assert "sar_compiler.nodes.spec.Kind" in done.stdout
+    assert '"sar_compiler.leaves" has no attribute "Knid"' in done.stdout
 
 
 def imported(text):
@@ -93,16 +173,16 @@ def test_a_page_imports_from_the_face_only(page):
     # What is shown of a class may have no body.
     whole = [text if not text.rstrip().endswith(")") else f"{text}class _: ..." for text in texts]
     modules = {module for text in whole for module in imported(text) if re.match(r"sar_compiler\b", module)}
-    assert modules <= PUBLIC
+    assert modules <= set(GROUPS)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name != "architecture.md"], ids=str)
 def test_a_page_for_users_names_no_module_behind_the_face(page):
     named = set(re.findall(r"\bsar_compiler\.\w+\.\w+", page.read_text("utf-8")))
-    assert {name for name in named if not name.startswith("sar_compiler.testing.")} == set()
+    assert {name for name in named if name.rpartition(".")[0] not in GROUPS} == set()
 
 
 @pytest.mark.parametrize("path", sorted(Path("examples").rglob("*.py")), ids=str)
 def test_an_example_imports_from_the_face_only(path):
     modules = {each for each in imported(path.read_text("utf-8")) if re.match(r"sar_compiler\b", each)}
-    assert modules <= PUBLIC
+    assert modules <= set(GROUPS)

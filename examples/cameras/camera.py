@@ -12,7 +12,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from sar_compiler import SarError, readable_ros_errors, serve
+from sar_compiler import SarError
+from sar_compiler.missions import readable_ros_errors, serve
 
 _RATE = ParameterDescriptor(
     description="pictures per second",

@@ -6,7 +6,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from sar_compiler import readable_ros_errors, serve
+from sar_compiler.missions import readable_ros_errors, serve
 
 
 class ImageProcessor(Node):

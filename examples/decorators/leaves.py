@@ -3,7 +3,7 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 
 
 @register("DoorIsClosed", kind=Kind.CONDITION, outcomes={Status.SUCCESS, Status.FAILURE})

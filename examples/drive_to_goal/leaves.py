@@ -10,7 +10,7 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler import Kind, TopicLeaf, Use, register
+from sar_compiler.leaves import Kind, TopicLeaf, Use, register
 
 
 class _OdometryLeaf(TopicLeaf):

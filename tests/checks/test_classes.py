@@ -3,9 +3,9 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import ActionLeaf
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.single_nodes import check_classes
+from sar_compiler.leaves import ActionLeaf
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from tests.trees import class_of, errors, forest

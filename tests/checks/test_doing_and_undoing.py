@@ -4,8 +4,8 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Answer, Kind, register
 from sar_compiler.checks import check
+from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.registry import load_registry
 from tests.trees import forest
 

@@ -4,8 +4,8 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Kind
 from sar_compiler.checks import check
+from sar_compiler.leaves import Kind
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.blackboard import Scope

@@ -7,8 +7,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.composites import Sequence
 
-from sar_compiler import Kind, register
 from sar_compiler.checks import check
+from sar_compiler.leaves import Kind, register
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import MARK, NodeSpec, Use

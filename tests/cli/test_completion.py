@@ -24,7 +24,7 @@ TREE = """\
 """
 LEAVES = """\
 from py_trees.behaviour import Behaviour
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 
 @register("WaterPlants", kind=Kind.ACTION)
 class WaterPlants(Behaviour):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from py_trees.common import Status
 
-from sar_compiler import Input, Output
+from sar_compiler.leaves import Input, Output
 from tests.docs.markdown import blocks
 
 SOURCE = next(block.text for block in blocks(Path("docs/writing_a_leaf.md")) if block.file == "rover.py")

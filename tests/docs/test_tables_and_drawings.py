@@ -9,8 +9,9 @@ from pathlib import Path
 import yaml
 from py_trees.common import Status
 
-from sar_compiler import Clock, Journal, register
 from sar_compiler.checks import check
+from sar_compiler.leaves import Clock, register
+from sar_compiler.missions import Journal
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.missions.search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from sar_compiler.nodes.registry import default_registry

@@ -15,7 +15,7 @@ STAND_INS = Path(__file__).parents[1] / "stand_ins"
 
 LEAVES = """
 from py_trees.behaviour import Behaviour
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 
 
 @register("Forgetful", kind=Kind.ACTION)

@@ -120,7 +120,7 @@ def test_a_file_for_another_node_says_whose_its_sections_are(start, tmp_path):
 @pytest.mark.parametrize("use", ['Use.action("navigate_to_pose")', "Use.nav2()"])
 def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, use):
     (tmp_path / "drives.py").write_text(
-        "from py_trees.behaviours import Dummy\nfrom sar_compiler import Kind, Use, register\n"
+        "from py_trees.behaviours import Dummy\nfrom sar_compiler.leaves import Kind, Use, register\n"
         f"@register('Drive', kind=Kind.ACTION, uses=[{use}])\n"
         "class Drive(Dummy):\n    def __init__(self, name: str) -> None:\n        super().__init__(name)\n",
         encoding="utf-8",

@@ -64,7 +64,7 @@ def test_a_leaf_that_raises_ends_the_run_and_is_named(start, tmp_path):
     leaves = tmp_path / "failing_leaves.py"
     leaves.write_text(
         "from py_trees.behaviour import Behaviour\n"
-        "from sar_compiler import Kind, register\n"
+        "from sar_compiler.leaves import Kind, register\n"
         "@register('Explode', kind=Kind.ACTION)\n"
         "class Explode(Behaviour):\n"
         "    def __init__(self, name: str) -> None:\n"

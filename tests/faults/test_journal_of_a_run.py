@@ -163,7 +163,8 @@ def test_a_leaf_may_ask_for_the_journal_of_its_run(start, tmp_path):
     (tmp_path / "diary.py").write_text(
         "from py_trees.behaviour import Behaviour\n"
         "from py_trees.common import Status\n"
-        "from sar_compiler import Journal, Kind, register\n"
+        "from sar_compiler.leaves import Kind, register\n"
+        "from sar_compiler.missions import Journal\n"
         "@register('Write', kind=Kind.ACTION)\n"
         "class Write(Behaviour):\n"
         "    def __init__(self, name: str, journal: Journal | None = None) -> None:\n"

@@ -25,7 +25,7 @@ LEAVES = """
 import os, pathlib, signal, time
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 
 
 @register("Misbehave", kind=Kind.ACTION)

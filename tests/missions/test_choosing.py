@@ -15,7 +15,7 @@ from tests.trees import forest
 SOURCE = """
 from py_trees.behaviour import Behaviour
 from sar_compiler.missions.mission import Mission, MissionRun
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 from sar_compiler.runtime.context import mission_context
 
 @mission_context

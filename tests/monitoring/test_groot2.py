@@ -18,11 +18,13 @@ from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 
 import sar_compiler
-from sar_compiler import Groot2Publisher, Kind, ManualClock, SarError, register
+from sar_compiler import Groot2Publisher, SarError
+from sar_compiler.leaves import Clock, Kind, register
 from sar_compiler.monitoring import groot2_publisher
 from sar_compiler.monitoring.groot2_requests import snapshot
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.blackboard import Entry
+from sar_compiler.testing import ManualClock
 from tests.monitoring.groot2_client import Client, request
 from tests.processes import free_port
 from tests.trees import write
@@ -50,7 +52,7 @@ def stage(tmp_path):
             path = tmp_path / "tree.xml"
             write(path, *content, main="Main")
             loaded = sar_compiler.load(path, nodes=[Queue])
-            tree = loaded.compile(parameters=parameters or {}, context={sar_compiler.Clock: ManualClock()})
+            tree = loaded.compile(parameters=parameters or {}, context={Clock: ManualClock()})
             port = free_port()
             publisher = stack.enter_context(closing(Groot2Publisher(tree, port, **options)))
             ticking = BehaviourTree(tree.root)

@@ -6,7 +6,9 @@ from contextlib import ExitStack, closing
 import pytest
 
 import sar_compiler
-from sar_compiler import Groot2Publisher, ManualClock, TreeRunner
+from sar_compiler import Groot2Publisher, TreeRunner
+from sar_compiler.leaves import Clock
+from sar_compiler.testing import ManualClock
 from tests.monitoring.groot2_client import Client, request
 from tests.monitoring.test_groot2 import FAILURE, IDLE, RUNNING, SUCCESS, WAS, Queue, main
 from tests.processes import free_port
@@ -30,7 +32,7 @@ def stage(ros, tmp_path):
         def show(body, **options):
             path = tmp_path / "tree.xml"
             write(path, *main(body), main="Main")
-            tree = sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
+            tree = sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
             port = free_port()
             told: list[str] = []
             # A machine that stalls is not somebody who has gone.

@@ -3,7 +3,7 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Kind, Use, register
+from sar_compiler.leaves import Kind, Use, register
 from sar_compiler.runtime.context import mission_context
 
 

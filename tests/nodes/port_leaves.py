@@ -6,7 +6,7 @@ from pathlib import Path
 from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, Status
 
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 from sar_compiler.runtime.ports import InOut, Input, Output
 
 

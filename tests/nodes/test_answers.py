@@ -4,7 +4,7 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Answer, Kind, register
+from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.answers import Identifiers, filled, mistake_in, number_text
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.registry import Registry, default_registry

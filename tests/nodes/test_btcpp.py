@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Input, Kind, Seconds, register
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
+from sar_compiler.leaves import Input, Kind, Seconds, register
 from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp, to_btcpp
 from sar_compiler.nodes.models.palette import is_built_in
 from sar_compiler.nodes.registry import Registry, default_registry

@@ -154,7 +154,7 @@ def test_no_node_of_the_language_is_imported_to_be_checked(tmp_path):
 def test_a_leaf_that_has_changed_is_checked_as_it_is_now(tmp_path):
     leaf = tmp_path / "mine.py"
     source = (
-        "from py_trees.behaviour import Behaviour\nfrom sar_compiler import Kind, register\n"
+        "from py_trees.behaviour import Behaviour\nfrom sar_compiler.leaves import Kind, register\n"
         "@register('Mine', kind=Kind.ACTION)\nclass Mine(Behaviour):\n"
         "    def __init__(self, name: str, {0}: int = 0) -> None: ...\n    def update(self): ...\n"
     )

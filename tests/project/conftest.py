@@ -14,7 +14,7 @@ LEAVES = """
 from pathlib import Path
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 
 Path("{proof}").write_text("it has run")
 

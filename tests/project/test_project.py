@@ -10,8 +10,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 import sar_compiler
-from sar_compiler import Clock, Kind, RegistryError, Severity, TreeError, UnreadableFileError, load, register
+from sar_compiler import RegistryError, Severity, TreeError, UnreadableFileError, load
 from sar_compiler.cli.compile import main
+from sar_compiler.leaves import Clock, Kind, register
 from sar_compiler.project import Additions, Workspace
 from sar_compiler.runtime.clock import ManualClock, WallClock
 from sar_compiler.testing import assert_scenario_holds, compiled, simulate

@@ -214,7 +214,7 @@ def test_what_the_runs_of_several_files_raise_in_one_place_is_told_once(tmp_path
 LEAVES = """
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 
 
 @register("Ask{name}", kind=Kind.ACTION)

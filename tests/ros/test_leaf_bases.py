@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import ClearingPolicy, Status
 
-from sar_compiler import ActionLeaf, Input, Kind, Output, ServiceLeaf, TopicLeaf, Use, register
+from sar_compiler.leaves import ActionLeaf, Input, Kind, Output, ServiceLeaf, TopicLeaf, Use, register
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.errors import LeafDefinitionError
 from sar_compiler.runtime.blackboard import Board, Scope

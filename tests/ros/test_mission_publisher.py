@@ -7,9 +7,11 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import sar_compiler
-from sar_compiler import ManualClock, TreeRunner
+from sar_compiler import TreeRunner
 from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.leaves import Clock
 from sar_compiler.monitoring.numbered_tree import NumberedTree
+from sar_compiler.testing import ManualClock
 from tests.monitoring.test_groot2 import Queue, main
 from tests.trees import write
 
@@ -56,7 +58,7 @@ def publish(ros, tmp_path):
     def begin(body):
         path = tmp_path / "tree.xml"
         write(path, *main(body), main="Main")
-        tree = sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
+        tree = sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
         node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
         publisher = MissionPublisher(node, NumberedTree(tree))
         publisher.watch(runner)

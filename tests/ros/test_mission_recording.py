@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 
 import sar_compiler
-from sar_compiler import ManualClock, TreeRunner
+from sar_compiler import TreeRunner
 from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.leaves import Clock
 from sar_compiler.monitoring.numbered_tree import NumberedTree
+from sar_compiler.testing import ManualClock
 from tests.launch.test_search_and_rescue_launch import FILE
 from tests.monitoring.test_groot2 import Queue, main
 from tests.trees import write
@@ -41,7 +43,7 @@ def tree(tmp_path):
         *main('<Sequence><Queue name="one" answers="S"/><Queue name="two" answers="S"/></Sequence>'),
         main="Main",
     )
-    return sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
+    return sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
 
 
 @pytest.fixture

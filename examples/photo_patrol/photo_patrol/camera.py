@@ -5,7 +5,7 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from sar_compiler import ServiceFaults, create_service
+from sar_compiler.missions import ServiceFaults, create_service
 
 
 class Camera(Node):

@@ -6,7 +6,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import ActionLeaf, Kind, ServiceLeaf, Use, register
+from sar_compiler.leaves import ActionLeaf, Kind, ServiceLeaf, Use, register
 
 from .patrol import Patrol
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler import (
+from sar_compiler.missions import (
     Display,
     Figure,
     Journal,
@@ -22,7 +22,7 @@ from .patrol import Patrol
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler import FaultPlan
+    from sar_compiler.missions import FaultPlan
 
 _HERE = Path(__file__).parent
 

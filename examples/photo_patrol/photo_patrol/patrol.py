@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sar_compiler import Journal, JournalEntry, mission_context
+from sar_compiler.missions import Journal, JournalEntry, mission_context
 
 
 def _preview() -> "Patrol":

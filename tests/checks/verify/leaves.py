@@ -6,7 +6,7 @@ A, B and C act, P answers at once; X, Y and Z share a fact, about which W does n
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Answer, Kind, register
+from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.runtime.ports import Output
 
 _ACTS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}

@@ -6,7 +6,7 @@ from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import SKIPPED, Clock, Control, Decorator, Kind, Semantics, Tick, register
+from sar_compiler.leaves import SKIPPED, Clock, Control, Decorator, Kind, Semantics, Tick, register
 
 Next = Behaviour | Status
 

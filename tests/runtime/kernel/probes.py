@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Kind, register
+from sar_compiler.leaves import Kind, register
 from sar_compiler.runtime.context import mission_context
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
 
