@@ -24,6 +24,8 @@ PUBLIC = [f"{group}.{name}" for group, module in GROUPS.items() for name in modu
 LAZY = [group for group in GROUPS if group != "sar_compiler.testing"]
 ROS = {
     "sar_compiler.TreeRunner",
+    "sar_compiler.missions.DataNode",
+    "sar_compiler.missions.flat_parameters",
     "sar_compiler.missions.serve",
     "sar_compiler.missions.readable_ros_errors",
 }
@@ -81,7 +83,9 @@ def doc_of(node, after, name):
     if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
         return node.name == name and ast.get_docstring(node)
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-    given = any(isinstance(target, ast.Name) and target.id == name for target in targets)
+    given = name in {
+        part.id for each in targets if each for part in ast.walk(each) if isinstance(part, ast.Name)
+    }
     is_text = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
     return given and is_text and after.value.value
 

@@ -33,12 +33,12 @@ def sar_journal() -> int:
 
 def sar_detect_survivor_server() -> int:
     """Run `sar-detect-survivor-server` and return its exit status."""
-    return _command("missions.survivor_servers", "detect", is_server=True)
+    return _command("missions.search_and_rescue.server_commands", "detect", is_server=True)
 
 
 def sar_report_survivor_server() -> int:
     """Run `sar-report-survivor-server` and return its exit status."""
-    return _command("missions.survivor_servers", "report", is_server=True)
+    return _command("missions.search_and_rescue.server_commands", "report", is_server=True)
 
 
 def _command(module: str, function: str = "main", *, is_server: bool = False) -> int:

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.journal.journal import Journal
-    from sar_compiler.missions.mission import MissionRun
-    from sar_compiler.missions.verbs import Verb
+    from sar_compiler.missions.mission import MissionRun, Verb
     from sar_compiler.project import Workspace
 
 # How often journals of other processes are looked at, in seconds; they are written once a second.
@@ -158,7 +157,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 def _form(verb: "Verb") -> dict[str, Any]:
     """Return what the page must know of a verb, as JSON values."""
-    from sar_compiler.missions.verbs import LONGEST
+    from sar_compiler.missions.mission import LONGEST
 
     return {
         "name": verb.name,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.missions.verbs import Verb, VerbError
+from sar_compiler.missions.mission import Verb, VerbError
 from sar_compiler.ros.leaves.interfaces import find_interface
 
 if TYPE_CHECKING:

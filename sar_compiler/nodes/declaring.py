@@ -20,8 +20,9 @@ name and the children, so that nothing is imported for a tree to be checked::
 
 from collections.abc import Mapping
 
-from sar_compiler.nodes.spec import Direction, Kind, Parameter, Role, Signature
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, Use
 from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, type_of
+from sar_compiler.runtime.answers import Answer, Fact
 
 NAME = Parameter("name", Role.NAME, required=False, value_type=type_of(str), doc="The node's name.")
 """The parameter for the node's name, which every node has."""
@@ -49,6 +50,47 @@ def signature(
     """
     described = {each.name: each for each in (NAME, *_STRUCTURE.get(kind, ()), *parameters)}
     return Signature(described, doc, fixed or {}, factory)
+
+
+def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf
+    path: str,
+    doc: str,
+    *parameters: Parameter,
+    answers: tuple[Answer, ...],
+    kind: Kind = Kind.ACTION,
+    effects: str = "",
+    uses: tuple[Use, ...] = (),
+    facts: Mapping[str, Fact] | None = None,
+    reads: tuple[str, ...] = (),
+    writes: tuple[str, ...] = (),
+) -> NodeSpec:
+    """Return the spec of a leaf whose tag is the name of its class; its outcomes are those of its answers.
+
+    Args:
+        path: The import path of the class (`module:name`).
+        doc: The leaf's description, in a sentence or two.
+        *parameters: The parameters of the constructor but for the name, in their order.
+        answers: What it can answer in a run without a robot.
+        kind: An action or a condition.
+        effects: Its effect on the world, in a few words.
+        uses: What it needs outside the tree.
+        facts: The facts that its answers use, with their initial values.
+        reads: Further facts that its behaviour depends on.
+        writes: Further facts that it changes.
+    """
+    return NodeSpec(
+        path.rpartition(":")[2],
+        path,
+        kind,
+        frozenset(answer.status for answer in answers),
+        effects,
+        uses,
+        answers,
+        facts or {},
+        reads,
+        writes,
+        signature=signature(kind, doc, *parameters),
+    )
 
 
 def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
@@ -79,16 +121,16 @@ def inout_port(keyword: str, kind: object, doc: str, default: object = ...) -> P
     return _port(Direction.INOUT, keyword, kind, doc, default)
 
 
-def handed_over(keyword: str, path: str, doc: str, *, required: bool = True) -> Parameter:
+def handed_over(keyword: str, target: type | str, doc: str, *, required: bool = True) -> Parameter:
     """Return a parameter for an object that the mission provides.
 
     Args:
         keyword: Its name.
-        path: The import path of the object's class, which is marked by `mission_context`.
+        target: The object's class, which is marked by `mission_context`, or its import path.
         doc: Its description.
         required: Whether the node cannot do without; otherwise the default is None.
     """
-    return Parameter(keyword, Role.CONTEXT, required, target_or_path=path, doc=doc)
+    return Parameter(keyword, Role.CONTEXT, required, target_or_path=target, doc=doc)
 
 
 def reference(keyword: str, path: str, doc: str) -> Parameter:

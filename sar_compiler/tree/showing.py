@@ -29,6 +29,11 @@ def in_one_line(text: str) -> str:
     return visible(text).replace("\n", "\\n")
 
 
+def short_line(text: str) -> str:
+    """Return a text of somebody else's as a log may have it: in one line, without its middle if it is a very long one."""
+    return in_one_line(shortened(text))
+
+
 def _code(match: re.Match[str]) -> str:
     code = ord(match[0])
     return f"\\x{code:02x}" if code < 0x100 else match[0].encode("ascii", "backslashreplace").decode()  # noqa: PLR2004

@@ -49,7 +49,10 @@ def test_what_the_simulator_lacks_is_not_taken_for_a_missing_ros(library, comman
     assert "ROS 2 is not here" not in said
 
 
-SERVERS = [("missions.survivor_servers:detect",), ("missions.survivor_servers:report",)]
+SERVERS = [
+    ("missions.search_and_rescue.server_commands:detect",),
+    ("missions.search_and_rescue.server_commands:report",),
+]
 
 
 WITHOUT_ROS = [

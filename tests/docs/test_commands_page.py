@@ -13,7 +13,7 @@ from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
 from sar_compiler.cli.loading import PROJECT_OPTIONS, add_project_options
-from sar_compiler.missions import survivor_servers
+from sar_compiler.missions.search_and_rescue import server_commands
 from sar_compiler.ros.serving import server_parser
 from sar_compiler.testing import RENEW
 from tests.docs.markdown import headings
@@ -24,8 +24,8 @@ PARSERS = [
     sar_run._parser(),
     sar_journal._parser(),
     sar_sim._parser(),
-    server_parser(*survivor_servers.DETECT),
-    server_parser(*survivor_servers.REPORT),
+    server_parser(*server_commands.DETECT),
+    server_parser(*server_commands.REPORT),
 ]
 # The pages that say more, by command, or command and option.
 MORE = {

@@ -13,7 +13,6 @@ from py_trees.common import Status
 from sar_compiler import load
 from sar_compiler.cli.compile import main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
-from sar_compiler.missions.fence import Fence
 from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZones
 from sar_compiler.missions.search_and_rescue.failsafes import (
     BaseInReach,
@@ -26,8 +25,8 @@ from sar_compiler.missions.search_and_rescue.failsafes import (
 from sar_compiler.missions.search_and_rescue.operating import AwaitStandstill, NotHeld
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
@@ -338,7 +337,7 @@ class TestConditions:
         zones = ZoneManager(
             [{"id": name, "x": 0, "y": 0, "yaw": 0} for name in ("zone_a", "zone_b")], {"x": 0, "y": 0, "yaw": 0}
         )  # fmt: skip
-        SearchState(zones, record)
+        Search(zones, record)
         record.alarmed("the battery is low")
         assert listening.to(AbandonZones("Abandon", zones, record=record)).update() is Status.SUCCESS
         assert not zones.has_remaining()
@@ -425,7 +424,7 @@ class TestOrders:
     @pytest.fixture
     def held(self, ros: Any, orders: OperatorOrders, zones: ZoneManager, record: MissionRecord) -> Any:
         fence = Fence([(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)])
-        SearchState(zones, record, orders=orders)
+        Search(zones, record, orders=orders)
         leaf = NotHeld("NotHeld?", orders, zones, fence=fence, record=record)
         leaf.setup(node=ros.node("mission"))
         yield leaf

@@ -25,8 +25,8 @@ from sar_compiler.cli.compile import main as compile_command
 from sar_compiler.cli.run import main as run_command
 from sar_compiler.cli.sim import main as sim_command
 from sar_compiler.errors import SarError
-from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe_end
-from sar_compiler.missions.search_and_rescue.map_extent import FARTHEST, MapExtent
+from sar_compiler.missions.search_and_rescue.actions.navigation import describe_end
+from sar_compiler.missions.search_and_rescue.actions.survivors import FARTHEST, MapExtent
 from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.world import load_world

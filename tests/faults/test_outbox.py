@@ -9,11 +9,15 @@ from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import SimulatedTree, compile_simulated
-from sar_compiler.missions.search_and_rescue.actions.backoff import Backoff
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
+from sar_compiler.missions.search_and_rescue.actions.report_queue import Backoff
 from sar_compiler.missions.search_and_rescue.operating import NotHeld
-from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.record import (
+    KeptReports,
+    MissionRecord,
+    Standing,
+    SurvivorReport,
+)
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
@@ -172,8 +176,8 @@ class TestJudging:
     """The operator's word on a find, by its service."""
 
     @pytest.fixture
-    def search(self) -> SearchState:
-        search = SearchState(ZoneManager([], {"x": 0, "y": 0, "yaw": 0}))
+    def search(self) -> Search:
+        search = Search(ZoneManager([], {"x": 0, "y": 0, "yaw": 0}))
         for number in (1, 2):
             report = SurvivorReport(f"survivor_{number}", float(number), 0.0)
             search.record.survivor_named(report.survivor_id, report.x, report.y)
@@ -181,11 +185,11 @@ class TestJudging:
         return search
 
     @pytest.fixture
-    def kept(self, search: SearchState) -> KeptReports:
+    def kept(self, search: Search) -> KeptReports:
         return search.kept
 
     @pytest.fixture
-    def record(self, ros: Any, search: SearchState) -> Any:
+    def record(self, ros: Any, search: Search) -> Any:
         leaf = NotHeld("NotHeld?", search.orders, search.zones, record=search.record)
         leaf.setup(node=ros.node("mission"))
         yield search.record

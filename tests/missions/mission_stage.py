@@ -20,7 +20,7 @@ from sar_interfaces.srv import DetectSurvivor as DetectService
 from sar_interfaces.srv import ReportSurvivor as ReportService
 from tf2_msgs.msg import TFMessage
 
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from tests.waiting import SILENCE_SEC
 
@@ -320,7 +320,7 @@ class Stage:
         self._server_context = server_context or context
         self.namespace = f"/stage_{next(_numbers)}"
         self.node = self._mission_node()
-        search = SearchState(ZoneManager(ZONES, BASE))
+        search = Search(ZoneManager(ZONES, BASE))
         self.zones, self.record, self.kept = search.zones, search.record, search.kept
         self.wakes = 0
         self._executor = SingleThreadedExecutor(context=context)

@@ -5,8 +5,8 @@ from py_trees.common import Status
 
 from sar_compiler.missions.ending import EndCondition, Until
 from sar_compiler.missions.mission import MissionRun
-from sar_compiler.missions.search_and_rescue.plugin import Search
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 SUCCESS, FAILURE, RUNNING, SKIPPED = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
@@ -15,7 +15,7 @@ POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 @pytest.fixture
 def mission():
-    return Search([{"id": "a", **POSE}], POSE)
+    return Search(ZoneManager([{"id": "a", **POSE}], POSE))
 
 
 @pytest.fixture

@@ -2,9 +2,13 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
-from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.record import (
+    KeptReports,
+    MissionRecord,
+    Standing,
+    SurvivorReport,
+)
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import is_mission_context, preview_of
 
@@ -12,17 +16,17 @@ FIRST, SECOND = SurvivorReport("survivor_1", 1.0, 2.0), SurvivorReport("survivor
 
 
 @pytest.fixture
-def search() -> SearchState:
-    return SearchState(ZoneManager([], {"x": 0, "y": 0, "yaw": 0}))
+def search() -> Search:
+    return Search(ZoneManager([], {"x": 0, "y": 0, "yaw": 0}))
 
 
 @pytest.fixture
-def record(search: SearchState) -> MissionRecord:
+def record(search: Search) -> MissionRecord:
     return search.record
 
 
 @pytest.fixture
-def kept(search: SearchState) -> KeptReports:
+def kept(search: Search) -> KeptReports:
     return search.kept
 
 

@@ -2,26 +2,25 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
-from sar_compiler.missions.search_and_rescue.record import FoundSurvivor, MissionRecord
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.record import FoundSurvivor, MissionRecord, SurvivorReport
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import preview_of
 
 
 @pytest.fixture
-def search() -> SearchState:
+def search() -> Search:
     plan = [{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}, {"id": "zone_b", "x": 1, "y": 0, "yaw": 0}]
-    return SearchState(ZoneManager(plan, {"x": 0, "y": 0, "yaw": 0}))
+    return Search(ZoneManager(plan, {"x": 0, "y": 0, "yaw": 0}))
 
 
 @pytest.fixture
-def zones(search: SearchState) -> ZoneManager:
+def zones(search: Search) -> ZoneManager:
     return search.zones
 
 
 @pytest.fixture
-def record(search: SearchState) -> MissionRecord:
+def record(search: Search) -> MissionRecord:
     return search.record
 
 

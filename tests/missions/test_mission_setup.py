@@ -18,8 +18,8 @@ from sar_compiler.missions.search_and_rescue.actions.survivors import (
     NotifyBase,
 )
 from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.record import SurvivorReport
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.ros.leaves.errors import MissingNodeError
 from sar_compiler.runtime.leaf_protocol import Settling
@@ -37,7 +37,7 @@ def one_zone() -> ZoneManager:
 def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
     zones = one_zone()
     detect = DetectSurvivor("DetectSurvivor", zones)
-    search = SearchState(zones)
+    search = Search(zones)
     search.record.report_kept(SurvivorReport("survivor_1", 1.0, 2.0))
     kept = search.kept
     return [
@@ -92,7 +92,7 @@ def test_the_drives_can_be_waited_for() -> None:
 
 class TestAdvanceZone:
     def test_it_moves_on_notes_the_visit_and_wakes_the_tree(self) -> None:
-        search, wakes = SearchState(one_zone()), []
+        search, wakes = Search(one_zone()), []
         zones, record = search.zones, search.record
         leaf = AdvanceZone("AdvanceZone", zones)
         leaf.setup(node=object(), wake=lambda: wakes.append("wake"))

@@ -17,10 +17,15 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import CHANGED, Landmark, Situation
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
-from sar_compiler.missions.search_and_rescue.plugin import MISSION, Search
-from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.record import (
+    KeptReports,
+    MissionRecord,
+    Standing,
+    SurvivorReport,
+)
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
 from sar_compiler.ros.parameter_reader import ParameterReader
 

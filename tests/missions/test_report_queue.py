@@ -8,8 +8,7 @@ from py_trees.common import Status
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.search_and_rescue.actions.report_queue import DeliverReports, KeepReport
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
-from sar_compiler.missions.search_and_rescue.done_before import DoneBefore
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import DoneBefore, KeptReports, SurvivorReport
 from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:

@@ -8,24 +8,22 @@ import pytest
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import Level
-from sar_compiler.missions.fence import Fence
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
-from sar_compiler.missions.search_and_rescue.record import Standing
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.record import Standing, SurvivorReport
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager
 
 
 @pytest.fixture
-def search() -> SearchState:
+def search() -> Search:
     plan = [{"id": name, "x": float(x), "y": 0.0, "yaw": 0.0} for x, name in enumerate("abcd")]
-    return SearchState(ZoneManager(plan, {"x": 9.0, "y": 9.0, "yaw": 0.0}))
+    return Search(ZoneManager(plan, {"x": 9.0, "y": 9.0, "yaw": 0.0}))
 
 
-def shown(search: SearchState, kind: str) -> list[tuple[Any, ...]]:
+def shown(search: Search, kind: str) -> list[tuple[Any, ...]]:
     return [(each.name, each.state, each.level) for each in search.display().landmarks if each.kind == kind]
 
 
-def test_zones_have_their_states(search: SearchState) -> None:
+def test_zones_have_their_states(search: Search) -> None:
     search.record.zone_searched("a", None)
     search.zones.advance()
     search.zones.abandon("the operator has skipped it")
@@ -42,7 +40,7 @@ def test_zones_have_their_states(search: SearchState) -> None:
     assert shown(search, "zone")[2] == ("c", "postponed", Level.TO_COME)
 
 
-def test_a_zone_that_is_given_up_says_why(search: SearchState) -> None:
+def test_a_zone_that_is_given_up_says_why(search: Search) -> None:
     search.record.zone_started("a")
     search.zones.abandon()
     search.zones.abandon("the operator has skipped it")
@@ -50,7 +48,7 @@ def test_a_zone_that_is_given_up_says_why(search: SearchState) -> None:
     assert reasons == ["after attempt 1", "the operator has skipped it", "", ""]
 
 
-def test_a_zone_where_nobody_has_looked_is_not_done_wherever_the_robot_was(search: SearchState) -> None:
+def test_a_zone_where_nobody_has_looked_is_not_done_wherever_the_robot_was(search: Search) -> None:
     search.zones.advance()
     search.record.zone_searched("b", None)
     search.zones.abandon()
@@ -60,7 +58,7 @@ def test_a_zone_where_nobody_has_looked_is_not_done_wherever_the_robot_was(searc
     ]
 
 
-def test_survivors_have_theirs(search: SearchState) -> None:
+def test_survivors_have_theirs(search: Search) -> None:
     record = search.record
     for x, name in ((1.0, "survivor_1"), (20.0, "survivor_2"), (40.0, "survivor_3")):
         record.zone_searched("a", (x, 1.0))
@@ -79,13 +77,13 @@ def test_survivors_have_theirs(search: SearchState) -> None:
     assert details == ["acknowledged", "not sent", "kept", "not sent"]
 
 
-def test_two_who_have_no_name_yet_are_two_however_near_they_are(search: SearchState) -> None:
+def test_two_who_have_no_name_yet_are_two_however_near_they_are(search: Search) -> None:
     for y in (0.0, 0.001):
         search.record.zone_searched("a", (1.0, y))
     assert [name for name, *_ in shown(search, "survivor")] == ["find 1", "find 2"]
 
 
-def test_the_base_station_is_done_while_the_robot_is_there(search: SearchState) -> None:
+def test_the_base_station_is_done_while_the_robot_is_there(search: Search) -> None:
     search.record.base_reached()
     assert shown(search, "base") == [("base station", "home", Level.DONE)]
     search.record.zone_started("a")
@@ -94,13 +92,13 @@ def test_the_base_station_is_done_while_the_robot_is_there(search: SearchState) 
 
 def test_the_geofence_is_an_outline() -> None:
     corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0)]
-    search = SearchState(ZoneManager([], {"x": 0.0, "y": 0.0, "yaw": 0.0}), fence=Fence(corners))
+    search = Search(ZoneManager([], {"x": 0.0, "y": 0.0, "yaw": 0.0}), fence=Fence(corners))
     assert [tuple(each.corners) for each in search.display().landmarks if each.kind == "geofence"] == [
         tuple(corners)
     ]
 
 
-def test_it_says_how_far_it_is(search: SearchState) -> None:
+def test_it_says_how_far_it_is(search: Search) -> None:
     search.zones.advance()
     search.record.zone_searched("b", (1.0, 2.0))
     assert [each.text for each in search.display().figures] == [
@@ -110,7 +108,7 @@ def test_it_says_how_far_it_is(search: SearchState) -> None:
     ]
 
 
-def test_it_is_held_while_the_operator_holds_it(search: SearchState) -> None:
+def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
     search.record.zone_started("a")
     search.orders.hold()
     assert search.display().phase == ("held", "by the operator", "a")
@@ -135,11 +133,11 @@ def test_it_is_held_while_the_operator_holds_it(search: SearchState) -> None:
         ("base_reached", {}, "reached the base station"),
     ],
 )
-def test_a_fact_is_a_sentence(search: SearchState, kind: str, data: dict[str, Any], sentence: str) -> None:
+def test_a_fact_is_a_sentence(search: Search, kind: str, data: dict[str, Any], sentence: str) -> None:
     assert search.sentence(JournalEntry(1, 1, 0.0, 0.0, kind, data)) == sentence
 
 
-def test_no_zone_is_under_way_once_the_run_has_ended(search: SearchState, tmp_path: Path) -> None:
+def test_no_zone_is_under_way_once_the_run_has_ended(search: Search, tmp_path: Path) -> None:
     journal = open_journal(tmp_path / "mission.journal")
     search.keep_in(journal)
     journal.begin({}, {})

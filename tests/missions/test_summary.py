@@ -1,14 +1,14 @@
 """The summary of a mission."""
 
-from sar_compiler.missions.search_and_rescue.plugin import Search
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 
 def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
-    search = Search([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE)
+    search = Search(ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE))
     zones, record = search.context[ZoneManager], search.context[MissionRecord]
     zones.advance()
     record.zone_searched("a", (1.0, 2.0))
@@ -26,7 +26,7 @@ def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
 
 
 def test_a_mission_without_survivors_says_so():
-    search = Search([], POSE)
+    search = Search(ZoneManager([], POSE))
     record = search.context[MissionRecord]
     record.base_reached()
     assert search.summary(0.0, 1).splitlines()[:3] == [

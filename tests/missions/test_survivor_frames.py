@@ -6,8 +6,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.survivors import BroadcastSurvivorTF, DetectSurvivor
-from sar_compiler.missions.search_and_rescue.static_transforms import static_transforms_of
+from sar_compiler.missions.search_and_rescue.actions.survivors import (
+    BroadcastSurvivorTF,
+    DetectSurvivor,
+    static_transforms_of,
+)
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage

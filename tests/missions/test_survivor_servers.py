@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.survivor_servers import detect, report
+from sar_compiler.missions.search_and_rescue.server_commands import detect, report
 from tests.processes import BIN
 from tests.waiting import SILENCE_SEC
 
@@ -67,7 +67,7 @@ class Caller:
 
 class TestDetecting:
     def serve(self, ros: Ros, *parameters: str, faults: Any = None) -> Caller:
-        from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
+        from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer
 
         arguments = ["--ros-args", *(part for each in parameters for part in ("-p", each))]
         ros.add(DetectSurvivorServer(faults, context=ros.context, cli_args=arguments if parameters else None))
@@ -111,7 +111,7 @@ class TestDetecting:
         assert warnings == ["parameter 'survivor' is not read; did you mean 'survivors'?"]
 
     def test_its_service_follows_its_namespace(self, make_ros: Callable[..., Ros]) -> None:
-        from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
+        from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer
 
         ros = make_ros(["--ros-args", "-r", "__ns:=/robot1"])
         ros.add(DetectSurvivorServer(context=ros.context))
@@ -131,7 +131,7 @@ class TestDetecting:
 
 class TestReporting:
     def serve(self, ros: Ros, faults: Any = None) -> Caller:
-        from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
+        from sar_compiler.missions.search_and_rescue.servers import ReportSurvivorServer
 
         ros.add(ReportSurvivorServer(faults, context=ros.context))
         return Caller(ros)

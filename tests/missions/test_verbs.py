@@ -2,8 +2,8 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.operator_verbs import VERBS
-from sar_compiler.missions.verbs import Verb, VerbError, VerbField
+from sar_compiler.missions.mission import Verb, VerbError, VerbField
+from sar_compiler.missions.search_and_rescue.orders import VERBS
 
 GO = Verb(
     "go",

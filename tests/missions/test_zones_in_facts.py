@@ -11,7 +11,7 @@ from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search_state import SearchState
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from tests.chance import rounds
@@ -49,7 +49,7 @@ def test_postponing_in_rounds_is_postponing_each_zone_so_often(
     stage: "Stage", count: int, attempts: int, steps: list[str]
 ) -> None:
     plan = [{"id": f"zone_{index}", "x": 0.0, "y": 0.0, "yaw": 0.0} for index in range(count)]
-    search = SearchState(ZoneManager(plan, BASE))
+    search = Search(ZoneManager(plan, BASE))
     zones, record = search.zones, search.record
     real, simulated_tree = flying(stage, zones, record, attempts), simulated_with(count, attempts)
     stand_ins = {leaf.name: leaf for leaf in simulated_tree.leaves}

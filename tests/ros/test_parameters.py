@@ -14,8 +14,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.parameters import read_survivors
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.zone_manager import read_survivors
 from sar_compiler.resources import shipped_root
 from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.ros.parameter_reader import (

@@ -15,7 +15,8 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.missions.search_and_rescue.plugin import Search
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.views.why import difference_text, first_difference, why, why_text
 
@@ -146,7 +147,7 @@ def mission(update, told):
             return F
 
     journal = Journal()
-    Search([{"id": "zone_a", **AT_HOME}], AT_HOME).keep_in(journal)
+    Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).keep_in(journal)
     act = Selector("try", memory=False, children=[Act("act", [F], F), leaf("go on", S)])
     root = Sequence("root", memory=True, children=[act, leaf("complete?", F)])
     return why(flown(root, 1, journal, told))

@@ -11,7 +11,7 @@ from selenium.webdriver.common.keys import Keys
 from sar_compiler.cli.run_page import _form, _TellsWhy
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.missions.search_and_rescue.operator_verbs import VERBS
+from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import RecordedFeed, as_json
 from sar_compiler.web.page_server import PageServer

@@ -6,15 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
 
-from sar_compiler.missions.fence import Fence
+from sar_compiler.leaves import (
+    Clock,
+    RobotEstimate,
+    RosLeaf,
+    Seconds,
+    TopicLeaf,
+    alive,
+    find_interface,
+    robot_estimate,
+)
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.nodes.values import Seconds
-from sar_compiler.ros.leaves.interfaces import find_interface
-from sar_compiler.ros.leaves.leaf import RosLeaf, alive
-from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
-from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
-from sar_compiler.runtime.clock import Clock
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence
 
 if TYPE_CHECKING:
     from rclpy.client import Client

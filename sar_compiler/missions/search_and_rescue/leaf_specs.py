@@ -3,21 +3,26 @@
 So a tree of the mission is checked without an import of what flies it.
 """
 
-from collections.abc import Mapping
-
-from sar_compiler.nodes.declaring import attribute, handed_over, reference, signature
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Use
-from sar_compiler.nodes.values import SECONDS, at_least
-from sar_compiler.runtime.answers import Answer, Fact
+from sar_compiler.leaves import (
+    Answer,
+    Clock,
+    Kind,
+    Seconds,
+    Use,
+    at_least,
+    attribute,
+    handed_over,
+    leaf_spec,
+    reference,
+)
 
 _HERE = "sar_compiler.missions.search_and_rescue"
 _ZONES = f"{_HERE}.zone_manager:ZoneManager"
 _RECORD = f"{_HERE}.record:MissionRecord"
-_KEPT_REPORTS = f"{_HERE}.kept_reports:KeptReports"
+_KEPT_REPORTS = f"{_HERE}.record:KeptReports"
 _ORDERS = f"{_HERE}.orders:OperatorOrders"
 _SEARCH = f"{_HERE}.actions.survivors:DetectSurvivor"
-_FENCE = "sar_compiler.missions.fence:Fence"
-_CLOCK = "sar_compiler.runtime.clock:Clock"
+_FENCE = f"{_HERE}.zone_manager:Fence"
 
 _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 _KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
@@ -26,56 +31,26 @@ _KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = 
 # postponed in it.
 _ROUND_IS_OVER = "postponed_in_round >= zones_left"
 _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
-_SERVER_TIMEOUT = attribute("server_timeout_sec", SECONDS, "How long to wait for a server, seconds.", 10.0)
+_SERVER_TIMEOUT = attribute("server_timeout_sec", Seconds, "How long to wait for a server, seconds.", 10.0)
 _DRIVE = (
     attribute("action", str, "The action's name.", "navigate_to_pose"),
     _SERVER_TIMEOUT,
     attribute(
-        "acceptance_timeout_sec", SECONDS, "How long to wait for the goal to be accepted, seconds.", 5.0
+        "acceptance_timeout_sec", Seconds, "How long to wait for the goal to be accepted, seconds.", 5.0
     ),
-    attribute("feedback_timeout_sec", SECONDS, "How long a server may be silent, seconds.", 10.0),
+    attribute("feedback_timeout_sec", Seconds, "How long a server may be silent, seconds.", 10.0),
     attribute(
         "hold_timeout_sec",
-        SECONDS,
+        Seconds,
         "How long to wait for somebody to judge the goal: for Nav2 and its localisation, or the end of another client's goal, seconds.",
         60.0,
     ),
 )
 
 
-def _leaf(  # noqa: PLR0913 - all that there is to say of a leaf
-    path: str,
-    doc: str,
-    *parameters: Parameter,
-    answers: tuple[Answer, ...],
-    kind: Kind = Kind.ACTION,
-    effects: str = "",
-    uses: tuple[Use, ...] = (),
-    facts: Mapping[str, Fact] | None = None,
-    reads: tuple[str, ...] = (),
-    writes: tuple[str, ...] = (),
-) -> NodeSpec:
-    """Return the spec of a leaf whose tag is the name of its class; *path* is seen from this package."""
-    outcomes = frozenset(answer.status for answer in answers)
-    signed = signature(kind, doc, *parameters)
-    return NodeSpec(
-        path.rpartition(":")[2],
-        f"{_HERE}.{path}",
-        kind,
-        outcomes,
-        effects,
-        uses,
-        answers,
-        facts or {},
-        reads,
-        writes,
-        signature=signed,
-    )
-
-
 SPECS = [
-    _leaf(
-        "actions.navigation:NavigateToZone",
+    leaf_spec(
+        f"{_HERE}.actions.navigation:NavigateToZone",
         "Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         handed_over("record", _RECORD, "Where the drive is noted.", required=False),
@@ -92,8 +67,8 @@ SPECS = [
         ),
         facts={"zones_left": 3, "at": "", "navigation_lost": False},
     ),
-    _leaf(
-        "actions.navigation:NavigateToBase",
+    leaf_spec(
+        f"{_HERE}.actions.navigation:NavigateToBase",
         "Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.",
         handed_over("zone_manager", _ZONES, "The mission's zones and base station."),
         handed_over("record", _RECORD, "Where the return is noted.", required=False),
@@ -109,14 +84,14 @@ SPECS = [
         ),
         facts={"at": "", "navigation_lost": False},
     ),
-    _leaf(
-        "actions.survivors:DetectSurvivor",
+    leaf_spec(
+        f"{_HERE}.actions.survivors:DetectSurvivor",
         "Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         handed_over("record", _RECORD, "Where a find is noted.", required=False),
         attribute("service", str, "The service's name.", "detect_survivor"),
         _SERVER_TIMEOUT,
-        attribute("timeout_sec", SECONDS, "How long to wait for the answer, seconds.", 5.0),
+        attribute("timeout_sec", Seconds, "How long to wait for the answer, seconds.", 5.0),
         effects="searches the current zone for a survivor",
         uses=(Use.service("{service}"),),
         answers=(
@@ -129,8 +104,8 @@ SPECS = [
         facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
         reads=("at",),
     ),
-    _leaf(
-        "actions.survivors:BroadcastSurvivorTF",
+    leaf_spec(
+        f"{_HERE}.actions.survivors:BroadcastSurvivorTF",
         "Give the survivor that was found a name, and publish a static frame of that name under `map`.",
         reference("detect_node", _SEARCH, "The search that found the survivor; is told the name."),
         handed_over("zone_manager", _ZONES, "Gives out the names."),
@@ -151,14 +126,14 @@ SPECS = [
             "kept_by_{detect_node}": False,
         },
     ),
-    _leaf(
-        "actions.survivors:NotifyBase",
+    leaf_spec(
+        f"{_HERE}.actions.survivors:NotifyBase",
         "Report the survivor that was found: SUCCESS if the base station acknowledges the report.",
         reference("detect_node", _SEARCH, "The search that found the survivor."),
         handed_over("record", _RECORD, "Where the acknowledgement is noted.", required=False),
         attribute("service", str, "The service's name.", "report_survivor"),
         _SERVER_TIMEOUT,
-        attribute("timeout_sec", SECONDS, "How long to wait for the answer, seconds.", 5.0),
+        attribute("timeout_sec", Seconds, "How long to wait for the answer, seconds.", 5.0),
         effects="reports the survivor to the base station",
         uses=(Use.service("{service}"),),
         answers=(
@@ -174,14 +149,14 @@ SPECS = [
         ),
         facts={"named_by_{detect_node}": False, "kept_by_{detect_node}": False, "reports_kept": 0},
     ),
-    _leaf(
-        "actions.survivors:LogNoDetection",
+    leaf_spec(
+        f"{_HERE}.actions.survivors:LogNoDetection",
         "Log that no survivor was found.",
         handed_over("zone_manager", _ZONES, "Names the zone, if requested.", required=False),
         answers=(Answer("SUCCESS", "logged"),),
     ),
-    _leaf(
-        "actions.report_queue:KeepReport",
+    leaf_spec(
+        f"{_HERE}.actions.report_queue:KeepReport",
         "Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.",
         reference("detect_node", _SEARCH, "The search that found the survivor."),
         handed_over("record", _RECORD, "Where it is noted that the report is kept.", required=False),
@@ -192,18 +167,18 @@ SPECS = [
         ),
         facts={"reports_kept": 0, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
     ),
-    _leaf(
-        "actions.report_queue:DeliverReports",
+    leaf_spec(
+        f"{_HERE}.actions.report_queue:DeliverReports",
         "Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.",
         handed_over("kept_reports", _KEPT_REPORTS, "Where the reports are kept."),
         handed_over("record", _RECORD, "Where acknowledgements are noted.", required=False),
-        handed_over("clock", _CLOCK, "The clock of the back-off.", required=False),
+        handed_over("clock", Clock, "The clock of the back-off.", required=False),
         attribute("service", str, "The service's name.", "report_survivor"),
         _SERVER_TIMEOUT,
-        attribute("timeout_sec", SECONDS, "How long to wait for each answer, seconds.", 5.0),
+        attribute("timeout_sec", Seconds, "How long to wait for each answer, seconds.", 5.0),
         attribute(
             "backoff_sec",
-            SECONDS,
+            Seconds,
             "How long to send nothing after the first failure, seconds; 0 to send again at once.",
             0.0,
         ),
@@ -218,8 +193,8 @@ SPECS = [
         ),
         facts={"reports_kept": 0},
     ),
-    _leaf(
-        "actions.zones:AdvanceZone",
+    leaf_spec(
+        f"{_HERE}.actions.zones:AdvanceZone",
         "Mark the current zone as visited, so that the next one becomes the current zone.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         effects="marks the current zone as visited",
@@ -230,8 +205,8 @@ SPECS = [
         facts={"zones_left": 3},
         writes=("at",),
     ),
-    _leaf(
-        "actions.zones:PostponeZone",
+    leaf_spec(
+        f"{_HERE}.actions.zones:PostponeZone",
         "Put the current zone after all others, to try it again later; FAILURE after its last attempt.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         attribute(
@@ -256,8 +231,8 @@ SPECS = [
         ),
         facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
     ),
-    _leaf(
-        "actions.zones:AbandonZone",
+    leaf_spec(
+        f"{_HERE}.actions.zones:AbandonZone",
         "Take the current zone out of the plan, unvisited; the mission can then no longer be complete.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         effects="takes the current zone out of the plan, unvisited",
@@ -267,8 +242,8 @@ SPECS = [
         ),
         facts={"zones_left": 3, "zones_abandoned": 0},
     ),
-    _leaf(
-        "actions.zones:AbandonZones",
+    leaf_spec(
+        f"{_HERE}.actions.zones:AbandonZones",
         "Take all zones that are left out of the plan, unvisited, for the reason that a failsafe has given.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         handed_over("record", _RECORD, "Knows the reason.", required=False),
@@ -276,8 +251,8 @@ SPECS = [
         answers=(Answer("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
         facts={"zones_left": 3, "zones_abandoned": 0},
     ),
-    _leaf(
-        "conditions:ZonesRemaining",
+    leaf_spec(
+        f"{_HERE}.conditions:ZonesRemaining",
         "Is a zone left to be visited? SUCCESS if so, else FAILURE.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         kind=Kind.CONDITION,
@@ -287,8 +262,8 @@ SPECS = [
         ),
         facts={"zones_left": 3},
     ),
-    _leaf(
-        "conditions:IsSurvivorDetected",
+    leaf_spec(
+        f"{_HERE}.conditions:IsSurvivorDetected",
         "Did the last search find a survivor? SUCCESS if so, else FAILURE.",
         reference("detect_node", _SEARCH, "The search whose answer counts."),
         kind=Kind.CONDITION,
@@ -298,8 +273,8 @@ SPECS = [
         ),
         facts={"found_by_{detect_node}": False},
     ),
-    _leaf(
-        "conditions:MissionComplete",
+    leaf_spec(
+        f"{_HERE}.conditions:MissionComplete",
         "Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.",
         handed_over("record", _RECORD, "What has happened in the mission."),
         handed_over("zone_manager", _ZONES, "The mission's zones."),
@@ -310,30 +285,24 @@ SPECS = [
         ),
         facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
     ),
-    _leaf(
-        "failsafes:NotAborted",
+    leaf_spec(
+        f"{_HERE}.failsafes:NotAborted",
         "Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called.",
         handed_over("orders", _ORDERS, "What the operator has ordered."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         kind=Kind.CONDITION,
-        answers=(
-            Answer("SUCCESS", "not aborted"),
-            Answer("FAILURE", "aborted"),
-        ),
+        answers=(Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")),
     ),
-    _leaf(
-        "failsafes:NotRecalled",
+    leaf_spec(
+        f"{_HERE}.failsafes:NotRecalled",
         "Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called.",
         handed_over("orders", _ORDERS, "What the operator has ordered."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         kind=Kind.CONDITION,
-        answers=(
-            Answer("SUCCESS", "not recalled"),
-            Answer("FAILURE", "recalled"),
-        ),
+        answers=(Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")),
     ),
-    _leaf(
-        "failsafes:NavigationAvailable",
+    leaf_spec(
+        f"{_HERE}.failsafes:NavigationAvailable",
         "Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.",
         handed_over("record", _RECORD, "Knows it, and where the reason is noted.", required=False),
         kind=Kind.CONDITION,
@@ -343,8 +312,8 @@ SPECS = [
         ),
         facts={"navigation_lost": False},
     ),
-    _leaf(
-        "failsafes:BatterySuffices",
+    leaf_spec(
+        f"{_HERE}.failsafes:BatterySuffices",
         "Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.",
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         attribute("at_least", float, "The limit, of 1 for a full battery.", 0.2),
@@ -354,46 +323,37 @@ SPECS = [
             "A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` counts.",
             "battery_state",
         ),
-        attribute("max_age_sec", SECONDS, "How long it may be silent, seconds of the node's clock.", 30.0),
+        attribute("max_age_sec", Seconds, "How long it may be silent, seconds of the node's clock.", 30.0),
         kind=Kind.CONDITION,
         uses=(Use.topic("{topic}"),),
-        answers=(
-            Answer("SUCCESS", "enough"),
-            Answer("FAILURE", "low"),
-        ),
+        answers=(Answer("SUCCESS", "enough"), Answer("FAILURE", "low")),
     ),
-    _leaf(
-        "failsafes:InsideFence",
+    leaf_spec(
+        f"{_HERE}.failsafes:InsideFence",
         "Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.",
         handed_over("fence", _FENCE, "The geofence."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         kind=Kind.CONDITION,
-        answers=(
-            Answer("SUCCESS", "inside"),
-            Answer("FAILURE", "outside"),
-        ),
+        answers=(Answer("SUCCESS", "inside"), Answer("FAILURE", "outside")),
     ),
-    _leaf(
-        "failsafes:MissionTimeLeft",
+    leaf_spec(
+        f"{_HERE}.failsafes:MissionTimeLeft",
         "Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.",
-        attribute("limit", SECONDS, "How long the mission may take, seconds of the mission's clock."),
-        handed_over("clock", _CLOCK, "The clock."),
+        attribute("limit", Seconds, "How long the mission may take, seconds of the mission's clock."),
+        handed_over("clock", Clock, "The clock."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         kind=Kind.CONDITION,
-        answers=(
-            Answer("SUCCESS", "time left"),
-            Answer("FAILURE", "time is up"),
-        ),
+        answers=(Answer("SUCCESS", "time left"), Answer("FAILURE", "time is up")),
     ),
-    _leaf(
-        "failsafes:BaseInReach",
+    leaf_spec(
+        f"{_HERE}.failsafes:BaseInReach",
         "Is the base station there? FAILURE if its service was in no network for too long.",
-        handed_over("clock", _CLOCK, "The clock of the patience."),
+        handed_over("clock", Clock, "The clock of the patience."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         attribute(
             "service", str, "Its service, of the type `sar_interfaces/srv/ReportSurvivor`.", "report_survivor"
         ),
-        attribute("patience", SECONDS, "How long it may be away, seconds of the mission's clock.", 60.0),
+        attribute("patience", Seconds, "How long it may be away, seconds of the mission's clock.", 60.0),
         kind=Kind.CONDITION,
         uses=(Use.service("{service}"),),
         answers=(
@@ -407,8 +367,8 @@ SPECS = [
         ),
         facts={"base_lost": False, "losses_left": 1},
     ),
-    _leaf(
-        "operating:NotHeld",
+    leaf_spec(
+        f"{_HERE}.operating:NotHeld",
         "Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.",
         handed_over("orders", _ORDERS, "What the operator has ordered."),
         handed_over("zone_manager", _ZONES, "The mission's zones."),
@@ -427,12 +387,9 @@ SPECS = [
         ),
         facts={"orders_left": 1, "zones_left": 3, "zones_abandoned": 0},
     ),
-    _leaf(
-        "operating:AwaitStandstill",
+    leaf_spec(
+        f"{_HERE}.operating:AwaitStandstill",
         "Wait until the robot stands by its odometry: RUNNING while it moves, for `settle_timeout_sec` at most, then SUCCESS with a warning.",
-        answers=(
-            Answer("SUCCESS", "stands"),
-            Answer("RUNNING", "moves"),
-        ),
+        answers=(Answer("SUCCESS", "stands"), Answer("RUNNING", "moves")),
     ),
 ]

@@ -5,15 +5,10 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.missions.fence import Fence
+from sar_compiler.leaves import RosLeaf, Standstill, robot_estimate, yaw_of
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
-from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Zone, ZoneManager
-from sar_compiler.ros.leaves.goals_under_way import goals_under_way
-from sar_compiler.ros.leaves.leaf import RosLeaf
-from sar_compiler.ros.leaves.standstill import Standstill
-from sar_compiler.ros.poses import yaw_of
-from sar_compiler.ros.robot_estimate import robot_estimate
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
 
 
 class NotHeld(RosLeaf):
@@ -155,7 +150,7 @@ class AwaitStandstill(RosLeaf):
 
     def initialise(self) -> None:
         """Wait anew."""
-        self._rest = Standstill(self, self._wake, "it was told to stand", goals_under_way(self.node))
+        self._rest = Standstill(self, self._wake, "it was told to stand", with_goals=True)
 
     def update(self) -> Status:
         """Look at the goals and at the odometry."""

@@ -1,18 +1,21 @@
 """The record of a mission's events, for its summary and its exit status."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
-from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, JournalEntry
-from sar_compiler.journal.situation import FactTime, position
-from sar_compiler.missions.search_and_rescue.done_before import DoneBefore
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions import (
+    RUN_BEGAN,
+    RUN_ENDED,
+    FactTime,
+    Journal,
+    JournalEntry,
+    mission_context,
+    position,
+)
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.runtime.context import mission_context
 
 DUPLICATE_RADIUS_M = 3.0
 
@@ -104,6 +107,119 @@ class ZoneRecord:
     left: FactTime | None = None
     unplaced: str = ""
     given_up: str = ""
+
+
+@dataclass(frozen=True)
+class SurvivorReport:
+    """The report of a survivor to the base station.
+
+    Attributes:
+        survivor_id: The survivor's name, which is also the name of the TF frame.
+        x: Position in the frame `map`, metres.
+        y: Position in the frame `map`, metres.
+    """
+
+    survivor_id: str
+    x: float
+    y: float
+
+
+@mission_context
+class KeptReports:
+    """The reports of one mission that are still to be delivered, the oldest first; one for each survivor. Facts of the mission make them."""
+
+    def __init__(self) -> None:
+        self._reports: dict[str, SurvivorReport] = {}
+        self._places: dict[str, tuple[float, float]] = {}
+
+    def __len__(self) -> int:
+        """Return how many reports are kept."""
+        return len(self._reports)
+
+    def __iter__(self) -> Iterator[SurvivorReport]:
+        """Yield the reports, from a snapshot taken at the start of the iteration."""
+        return iter(list(self._reports.values()))
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change what is kept by a fact.
+
+        Raises:
+            LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        data = fact.data
+        if fact.kind == "survivor_named":
+            self._places[data["survivor"]] = position(data["x"], data["y"])
+        elif fact.kind == "report_kept":
+            # Journals of before have the place with the name alone.
+            place = position(data["x"], data["y"]) if "x" in data else self._places[data["survivor"]]
+            self._reports.setdefault(data["survivor"], SurvivorReport(data["survivor"], *place))
+        elif fact.kind == "report_acknowledged" or (
+            fact.kind == "survivor_judged" and data["standing"] != "confirmed"
+        ):
+            self._reports.pop(data["survivor"], None)
+
+
+class DoneBefore:
+    """What an earlier run has done of what a resumed one begins with: the tree starts anew, and this is not done again.
+
+    Searches and names are those of the zone that was not left yet. Each is handed out once, in its order: what a tree does
+    again on purpose is done again.
+    """
+
+    def __init__(self) -> None:
+        self._searches: list[tuple[str, tuple[float, float] | None]] = []
+        self._names: list[tuple[str, tuple[float, float]]] = []
+        self._survivors: set[str] = set()
+        self._home = False
+
+    @classmethod
+    def of(cls, facts: Iterable[JournalEntry]) -> "DoneBefore":
+        """Return what the facts of earlier runs say, which fit their mission."""
+        before = cls()
+        for fact in facts:
+            before._take(fact)
+        return before
+
+    def _take(self, fact: JournalEntry) -> None:
+        data = fact.data
+        if fact.kind == "zone_searched":
+            place = None if data["survivor"] is None else position(*data["survivor"])
+            self._searches.append((data["zone"], place))
+        elif fact.kind == "survivor_named":
+            self._names.append((data["survivor"], position(data["x"], data["y"])))
+            self._survivors.add(data["survivor"])
+        elif fact.kind in ("zone_visited", "zone_postponed", "zone_abandoned"):
+            self._searches.clear()
+            self._names.clear()
+        elif fact.kind in ("zone_started", "base_reached"):
+            self._home = fact.kind == "base_reached"
+
+    def at_home(self, *, home: bool) -> None:
+        """Note whether the robot is home."""
+        self._home = home
+
+    def has_searched(self, zone_id: str) -> bool:
+        """Return whether there is a search of a zone."""
+        return any(zone == zone_id for zone, _ in self._searches)
+
+    def take_search(self, zone_id: str) -> tuple[float, float] | None:
+        """Return where the first search of a zone has found a survivor, None if nobody; it is then not there any more."""
+        index = next(index for index, (zone, _) in enumerate(self._searches) if zone == zone_id)
+        return self._searches.pop(index)[1]
+
+    def take_name(self, x: float, y: float) -> str | None:
+        """Return the name of the survivor at a position; it is then not there any more."""
+        index = next((index for index, (_, place) in enumerate(self._names) if place == (x, y)), None)
+        return None if index is None else self._names.pop(index)[0]
+
+    def has_named(self, survivor_id: str) -> bool:
+        """Return whether an earlier run has named a survivor so, in whatever zone."""
+        return survivor_id in self._survivors
+
+    def take_home(self) -> bool:
+        """Return whether the robot is home; afterwards it must be driven there."""
+        home, self._home = self._home, False
+        return home
 
 
 @mission_context

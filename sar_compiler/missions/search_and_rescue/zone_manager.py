@@ -1,15 +1,23 @@
-"""The state of the mission: the remaining zones, the base station, the names assigned to survivors."""
+"""The plan of the mission: the remaining zones, the base station, the geofence, the names assigned to survivors."""
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any, TypedDict, cast
 
-from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import FACTS_LOST, JournalEntry
-from sar_compiler.journal.situation import position
-from sar_compiler.runtime.context import mission_context
+from sar_compiler.missions import (
+    FACTS_LOST,
+    Journal,
+    JournalEntry,
+    ParameterReader,
+    mission_context,
+    position,
+)
 
+_GEOFENCE = "geofence"
+_LEAST_CORNERS = 3
+_POINT = ("x", "y")
 _LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 
 MAP_FRAME = "map"
@@ -173,3 +181,63 @@ class ZoneManager:
         else:
             self._zones.append(zone)
             self._postponed[zone["id"]] += 1
+
+
+@mission_context
+class Fence:
+    """A polygon in the frame `map`.
+
+    Args:
+        corners: Its corners in their order, x and y in metres; none for no fence, which allows everything.
+    """
+
+    def __init__(self, corners: Sequence[tuple[float, float]] = ()) -> None:
+        self.corners = tuple(corners)
+
+    def __bool__(self) -> bool:
+        """Return whether there is a fence."""
+        return bool(self.corners)
+
+    def contains(self, x: float, y: float) -> bool:
+        """Return whether a position is inside; with no fence every one is.
+
+        Args:
+            x: Metres, frame `map`.
+            y: Metres, frame `map`.
+        """
+        inside = not self.corners
+        for (ax, ay), (bx, by) in itertools.pairwise((*self.corners, *self.corners[:1])):
+            # A ray to the right crosses the boundary an odd number of times from inside.
+            if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+                inside = not inside
+        return inside
+
+
+def read_fence(reader: ParameterReader) -> Fence:
+    """Read the parameter `geofence`: `[x1, y1, x2, y2, x3, y3, …]`; without one there is no fence."""
+    numbers = reader.numbers(_GEOFENCE)
+    corners = list(zip(numbers[::2], numbers[1::2], strict=False))
+    if numbers and (len(numbers) % 2 or len(corners) < _LEAST_CORNERS):
+        text = f"must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds {len(numbers)} numbers"
+        reader.report(_GEOFENCE, text)
+        return Fence()
+    return Fence(corners)
+
+
+def read_survivors(
+    parameters: Mapping[str, object], default: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Read the survivors' positions by zone from `survivors.<zone>.{x,y}`.
+
+    Returns:
+        The positions in metres in the frame `map`.
+
+    Raises:
+        ParameterError: If there are mistakes; has all of them.
+    """
+    reader = ParameterReader(parameters)
+    points = {
+        zone_id: reader.point(f"survivors.{zone_id}", _POINT) for zone_id in reader.group("survivors", _POINT)
+    }
+    reader.complain()
+    return {zone_id: (point["x"], point["y"]) for zone_id, point in points.items()} or dict(default)

@@ -6,7 +6,7 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.ros.leaves.errors import MissingNodeError
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
-from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.tree.showing import short_line
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -66,9 +66,9 @@ class RosLeaf(Behaviour):
 
     def say(self, text: str) -> None:
         """Write a line to the mission's log; what is not of one line, or no text for a terminal, is escaped."""
-        self.node.get_logger().info(in_one_line(shortened(text)))
+        self.node.get_logger().info(short_line(text))
 
     def complain(self, text: str) -> None:
         """Log a warning, as `say` does, and keep it as the leaf's feedback message."""
         self.feedback_message = text
-        self.node.get_logger().warning(in_one_line(shortened(text)))
+        self.node.get_logger().warning(short_line(text))

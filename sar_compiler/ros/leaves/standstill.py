@@ -1,7 +1,7 @@
 """A leaf's wait for a robot that is to stand."""
 
 from sar_compiler.ros.leaves.deadline import Deadline
-from sar_compiler.ros.leaves.goals_under_way import GoalsUnderWay
+from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.leaf_protocol import Wake
@@ -14,11 +14,12 @@ class Standstill:
         leaf: The leaf, which is set up; it says what it waits for, and that it has waited in vain.
         wake: Requests a tick.
         since: What the robot is to stand after, in words.
-        goals: Goals that must have ended as well; by default those of the caller have.
+        with_goals: Whether the goals of the leaf's node must have ended as well; else those of the caller have.
     """
 
-    def __init__(self, leaf: RosLeaf, wake: Wake, since: str, goals: GoalsUnderWay | None = None) -> None:
-        self._leaf, self._wake, self._since, self._goals = leaf, wake, since, goals
+    def __init__(self, leaf: RosLeaf, wake: Wake, since: str, *, with_goals: bool = False) -> None:
+        self._leaf, self._wake, self._since = leaf, wake, since
+        self._goals = goals_under_way(leaf.node) if with_goals else None
         self._robot = robot_estimate(leaf.node)
         self._due: Deadline | None = None
         self._told = False

@@ -1,19 +1,52 @@
 """Reports that could not be delivered: kept, and delivered when the base station answers again."""
 
+import math
 from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.backoff import Backoff
-from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
-from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, report_of
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.nodes.values import Seconds
-from sar_compiler.ros.leaves.leaf import RosLeaf
-from sar_compiler.runtime.clock import Clock, WallClock
+from sar_compiler.leaves import Clock, RosLeaf, Seconds, WallClock
+from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, ReportLeaf, report_of
+from sar_compiler.missions.search_and_rescue.record import KeptReports, MissionRecord, SurvivorReport
 
 _LONGEST_BACKOFF_SEC = 60.0
+
+
+class Backoff:
+    """The pause after a failure: twice as long after each further one.
+
+    Args:
+        clock: The clock that it is measured with.
+        first_sec: The pause after the first failure, seconds; 0 for none at all.
+        longest_sec: The longest pause, seconds.
+    """
+
+    def __init__(self, clock: Clock, first_sec: float, longest_sec: float) -> None:
+        self._clock = clock
+        self._first_sec, self._longest_sec = first_sec, max(first_sec, longest_sec)
+        self._pause_sec = 0.0
+        self._since = -math.inf
+
+    @property
+    def left_sec(self) -> float:
+        """Seconds of the pause that are left; 0 or less if it is over."""
+        elapsed = self._clock.now() - self._since
+        # A clock that jumps back, as that of a simulator which starts anew, ends the pause.
+        return self._pause_sec - elapsed if elapsed >= 0.0 else 0.0
+
+    @property
+    def waits(self) -> bool:
+        """Whether nothing is to be tried yet."""
+        return self.left_sec > 0.0
+
+    def failed(self) -> None:
+        """Begin a pause."""
+        self._pause_sec = min(self._pause_sec * 2 or self._first_sec, self._longest_sec)
+        self._since = self._clock.now()
+
+    def reset(self) -> None:
+        """End the pauses: an attempt has succeeded."""
+        self._pause_sec = 0.0
 
 
 class KeepReport(RosLeaf):
@@ -25,11 +58,7 @@ class KeepReport(RosLeaf):
     """
 
     def __init__(
-        self,
-        name: str,
-        detect_node: DetectSurvivor,
-        *,
-        record: MissionRecord | None = None,
+        self, name: str, detect_node: DetectSurvivor, *, record: MissionRecord | None = None
     ) -> None:
         super().__init__(name)
         self._detect_node = detect_node

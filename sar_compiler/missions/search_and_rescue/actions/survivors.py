@@ -1,20 +1,73 @@
 """Searching for survivors, giving them a frame, and reporting them."""
 
-from typing import Any
+import math
+from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
-from sar_compiler.missions.search_and_rescue.map_extent import MapExtent, map_extent_of
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
+from sar_compiler.leaves import RosLeaf, Seconds, ServiceLeaf, of_node, qos_profile, yaw_of
+from sar_compiler.missions.search_and_rescue.record import MissionRecord, SurvivorReport
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
-from sar_compiler.nodes.values import Seconds
-from sar_compiler.ros.leaves.leaf import RosLeaf
-from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 
-# The result of the last search of a DetectSurvivor, which a new search resets.
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+    from nav_msgs.msg import MapMetaData
+    from rclpy.node import Node
+
+_MAP_TOPIC = "map"
+"""What Nav2's map server, or SLAM, publishes the map on, for late subscribers as well."""
+
+FARTHEST = 100_000.0
+"""No robot drives so far, metres: the limit of a coordinate while nobody publishes a map."""
+_FRAMES_TOPIC = "/tf_static"
+"""Absolute, like tf2's own; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
+
+
+class MapExtent:
+    """The rectangle of the map that a node last received, if any: nobody is rescued from infinity, or from beyond the map.
+
+    Use `map_extent_of`: one subscription does for all leaves.
+
+    Args:
+        node: The rclpy node that subscribes.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from nav_msgs.msg import OccupancyGrid
+
+        self._info: MapMetaData | None = None
+        latched = qos_profile(type(self).__name__, "transient_local")
+        node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._take, latched)
+
+    def objection(self, x: float, y: float) -> str:
+        """Return why nothing can be at a position, metres in the frame `map`; empty if something can."""
+        if not (math.isfinite(x) and math.isfinite(y)):
+            return f"({x}, {y}) is no position"
+        if max(abs(x), abs(y)) > FARTHEST:
+            return f"({x:g}, {y:g}) is farther away than any robot drives"
+        if self._info is not None and not _contains(self._info, x, y):
+            return f"({x:.2f}, {y:.2f}) is not on the map"
+        return ""
+
+    def _take(self, message: Any) -> None:
+        info = message.info
+        origin, turn = info.origin.position, info.origin.orientation
+        numbers = (info.resolution, origin.x, origin.y, yaw_of(turn))
+        if all(map(math.isfinite, numbers)) and info.resolution > 0.0:  # else it is no map
+            self._info = info
+
+
+def _contains(info: "MapMetaData", x: float, y: float) -> bool:
+    origin, yaw = info.origin.position, yaw_of(info.origin.orientation)
+    right, up = x - origin.x, y - origin.y
+    along = right * math.cos(yaw) + up * math.sin(yaw)
+    across = up * math.cos(yaw) - right * math.sin(yaw)
+    return bool(0.0 <= along < info.width * info.resolution and 0.0 <= across < info.height * info.resolution)
+
+
+def map_extent_of(node: "Node") -> MapExtent:
+    """Return the extent of a node's map, the same object in every call."""
+    return of_node(node, MapExtent, lambda: MapExtent(node))
 
 
 class DetectSurvivor(ServiceLeaf):
@@ -117,6 +170,40 @@ class DetectSurvivor(ServiceLeaf):
         return self._extent.objection(response.survivor_x, response.survivor_y)
 
 
+class StaticTransforms:
+    """The static frames of one node, published so that a late subscriber receives all of them.
+
+    `/tf_static` keeps one message for late subscribers, so that message must contain every frame published so far,
+    and a frame that is sent again must replace its earlier version. (tf2_ros for Python ignores the second sending.)
+
+    Use `static_transforms_of`: of two publishers on one node each would send late subscribers only its own frames.
+
+    Args:
+        node: The rclpy node that publishes.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from tf2_msgs.msg import TFMessage
+
+        latched = qos_profile(type(self).__name__, "transient_local")
+        self._message_type = TFMessage
+        self._publisher = node.create_publisher(TFMessage, _FRAMES_TOPIC, latched)
+        self._transforms: dict[str, TransformStamped] = {}
+
+    def put(self, transform: "TransformStamped") -> None:
+        """Publish a frame, together with all earlier ones; one with the same child frame is replaced."""
+        self._transforms[transform.child_frame_id] = transform
+        self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
+
+
+def static_transforms_of(node: "Node") -> StaticTransforms:
+    """Return the static frames of a node, the same object in every call.
+
+    They exist as long as the node: frames of a finished mission remain known.
+    """
+    return of_node(node, StaticTransforms, lambda: StaticTransforms(node))
+
+
 class BroadcastSurvivorTF(RosLeaf):
     """Give the survivor that was found a name, and publish a static frame of that name under `map`.
 
@@ -214,6 +301,63 @@ def report_of(
         leaf.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
         return Status.SUCCESS
     return SurvivorReport(survivor_id, *pose)
+
+
+class ReportLeaf(ServiceLeaf):
+    """A leaf that reports a survivor to the base station, and handles the acknowledgement.
+
+    Subclasses choose the survivor.
+
+    Args:
+        record: Where the acknowledgement is noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
+    """
+
+    service_type = "sar_interfaces/srv/ReportSurvivor"
+
+    def __init__(
+        self,
+        name: str,
+        record: MissionRecord | None,
+        service: str,
+        server_timeout_sec: float,
+        timeout_sec: float,
+    ) -> None:
+        super().__init__(name)
+        self.service_name = service
+        self.server_timeout_sec = server_timeout_sec
+        self.timeout_sec = timeout_sec
+        self._record = record or MissionRecord()
+        self._survivor_id = ""
+
+    def on_send(self) -> None:
+        """Note that the survivor is reported, and log the name."""
+        self._record.report_sent(self._survivor_id)
+        self.say(f"Reporting {self._survivor_id} to base...")
+
+    def on_response(self, response: Any) -> Status:
+        """Return SUCCESS if the base station has acknowledged the report, else FAILURE."""
+        if not response.acknowledged:
+            self.complain(f"Base did not acknowledge {self._survivor_id}.")
+            return Status.FAILURE
+        self._record.survivor_acknowledged(self._survivor_id)
+        self.feedback_message = f"{self._survivor_id} acknowledged"
+        self.say(f"Base acknowledged {self._survivor_id}.")
+        return Status.SUCCESS
+
+    def is_good_news(self, response: Any) -> bool:
+        """Return whether the report was acknowledged."""
+        return bool(response.acknowledged)
+
+    def _request_for(self, report: SurvivorReport) -> Any:
+        self._survivor_id = report.survivor_id
+        request = self.interface.Request(survivor_id=report.survivor_id)
+        request.location.header.frame_id = MAP_FRAME
+        request.location.header.stamp = self.node.get_clock().now().to_msg()
+        request.location.point.x, request.location.point.y = report.x, report.y
+        return request
 
 
 class NotifyBase(ReportLeaf):

@@ -4,10 +4,9 @@ from typing import Annotated
 
 from py_trees.common import Status
 
+from sar_compiler.leaves import RosLeaf, at_least
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.nodes.values import at_least
-from sar_compiler.ros.leaves.leaf import RosLeaf
 
 Attempts = Annotated[int, at_least(1)]
 

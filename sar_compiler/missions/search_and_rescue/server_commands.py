@@ -1,13 +1,12 @@
-"""The two servers of search and rescue as commands, `sar-detect-survivor-server` and `sar-report-survivor-server`.
+"""The two servers as commands, `sar-detect-survivor-server` and `sar-report-survivor-server`.
 
-They are not in the package of their mission, whose import is slow: Ctrl-C must end a command cleanly from its
-very start.
+ROS is imported by `serve`, which says what is wrong where there is none.
 """
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.ros.serving import serve
+from sar_compiler.missions import serve
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -36,12 +35,12 @@ def report(argv: Sequence[str] | None = None) -> int:
 
 
 def _detector(context: "Context", arguments: list[str]) -> "Node":
-    from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
+    from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer
 
     return DetectSurvivorServer(context=context, cli_args=arguments)
 
 
 def _base(context: "Context", arguments: list[str]) -> "Node":
-    from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
+    from sar_compiler.missions.search_and_rescue.servers import ReportSurvivorServer
 
     return ReportSurvivorServer(context=context, cli_args=arguments)

@@ -1,17 +1,36 @@
-"""The state of a search: what its facts make of the plan, the record, the reports and the orders, and what is shown of that."""
+"""One run of the mission: what its facts make of the plan, the record, the reports and the orders, and what is shown of that."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
+from typing import TYPE_CHECKING, Any
 
-from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.situation import Alarm, Display, Figure, Landmark, LandmarkKind, Level, MissionPhase
-from sar_compiler.missions.fence import Fence
-from sar_compiler.missions.search_and_rescue.done_before import DoneBefore
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
-from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
-from sar_compiler.missions.search_and_rescue.record import FoundSurvivor, MissionRecord, Standing
-from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
+from sar_compiler.missions import (
+    Alarm,
+    Display,
+    Figure,
+    Journal,
+    JournalEntry,
+    Landmark,
+    LandmarkKind,
+    Level,
+    MissionPhase,
+    MissionRun,
+    Verb,
+)
+from sar_compiler.missions.search_and_rescue.orders import VERBS, OperatorOrders
+from sar_compiler.missions.search_and_rescue.record import (
+    DoneBefore,
+    FoundSurvivor,
+    KeptReports,
+    MissionRecord,
+    Standing,
+)
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, Zone, ZoneManager
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.missions import FaultPlan
 
 KINDS = (
     LandmarkKind("zone", "zones"),
@@ -26,16 +45,18 @@ BASE = "base station"
 """The base station's name."""
 
 
-class SearchState:
-    """What a search remembers; its parts share one journal, and each fact changes all that it concerns.
+class Search(MissionRun):
+    """A search: its parts share one journal, and each fact changes all that it concerns.
 
     Args:
         zones: The plan.
         record: What has happened.
         kept: The reports that are still to be delivered.
         orders: What the operator has ordered.
-        fence: The geofence, which is shown as well.
+        fence: The geofence.
     """
+
+    kinds = KINDS
 
     def __init__(
         self,
@@ -50,10 +71,28 @@ class SearchState:
         self.record = record or MissionRecord()
         self.kept = KeptReports() if kept is None else kept
         self.orders = orders or OperatorOrders()
-        corners = fence.corners if fence is not None else ()
-        self._fence = [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
+        self._fence = fence or Fence()
+        self.context = {
+            type(part): part for part in (zones, self.record, self.kept, self.orders, self._fence)
+        }
+        self._identity: dict[str, object] = {
+            "zones": zones.remaining_zones(),
+            "base_station": zones.base_pose(),
+        }
         self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
         self._share(Journal(apply=self.apply))
+
+    def greeting(self) -> list[str]:
+        """Return the number of zones and the pose of the base station."""
+        base = self.zones.base_pose()
+        return [
+            f"Loaded {self.zones.total_zones()} search zones from parameters.",
+            f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).",
+        ]
+
+    def identity(self) -> dict[str, object]:
+        """Return the zones in their order, and the base station."""
+        return self._identity
 
     def keep_in(self, journal: Journal) -> None:
         """Take over what earlier runs have done, and keep the facts from now on.
@@ -88,7 +127,7 @@ class SearchState:
                 *map(self._zone, self._plan.values()),
                 *map(_survivor, survivors, count(1)),
                 self._base(),
-                *self._fence,
+                *self._area(),
             ],
             (
                 Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
@@ -135,10 +174,69 @@ class SearchState:
             "base", BASE, base["x"], base["y"], "home" if home else "", Level.DONE if home else Level.TO_COME
         )
 
+    def _area(self) -> list[Landmark]:
+        corners = self._fence.corners
+        return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
+
     def sentence(self, fact: JournalEntry) -> str:
         """Return a fact as a sentence."""
         say = _SENTENCES.get(fact.kind)
         return say(**fact.data) if say is not None else ""
+
+    def facts(self) -> dict[str, int]:
+        """Return the number of zones."""
+        return {"zones_left": self.zones.total_zones()}
+
+    def verbs(self) -> Sequence[Verb]:
+        """Return the orders that guarded trees heed."""
+        return VERBS
+
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Return the positions of the zones."""
+        return {zone["id"]: (zone["x"], zone["y"]) for zone in self.zones.remaining_zones()}
+
+    def route(self) -> list[tuple[str, float, float]]:
+        """Return the zones that are left, and the base station."""
+        base = self.zones.base_pose()
+        zones = [(zone["id"], zone["x"], zone["y"]) for zone in self.zones.remaining_zones()]
+        return [*zones, ("base station", base["x"], base["y"])]
+
+    def allows(self, x: float, y: float) -> bool:
+        """Return whether a position is inside the geofence."""
+        return self._fence.contains(x, y)
+
+    def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
+        """Create the two servers."""
+        from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer, ReportSurvivorServer
+
+        return [
+            DetectSurvivorServer(faults=faults.for_service("detect_survivor"), **options),
+            ReportSurvivorServer(faults=faults.for_service("report_survivor"), **options),
+        ]
+
+    def shortfalls(self) -> list[str]:
+        """Return what is not yet visited, acknowledged, or home."""
+        return self.record.shortfalls(self.zones)
+
+    def nothing_left(self) -> str:
+        """Return that no zone is left, once that is so."""
+        return "" if self.zones.has_remaining() else "No zone is left"
+
+    def summary(self, elapsed_sec: float, ticks: int) -> str:
+        """Return the zones, the survivors, the return home, and what is missing."""
+        record, visited = self.record, self.record.zones_visited
+        shortfalls = self.shortfalls()
+        names = f" ({', '.join(visited)})" if visited else ""
+        return "\n".join(
+            (
+                f"Summary: the mission is {'incomplete' if shortfalls else 'complete'}.",
+                f"  zones visited:   {len(visited)} of {self.zones.total_zones()}{names}",
+                *_survivor_lines(record),
+                f"  back at base:    {'yes' if record.home else 'no'}",
+                f"  duration:        {elapsed_sec:.1f} s, {ticks} ticks",
+                *(f"  missing:         {line}" for line in shortfalls),
+            )
+        )
 
 
 def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
@@ -205,3 +303,14 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     "alarmed": lambda reason: f"alarm: {reason}",
     "base_reached": lambda: "reached the base station",
 }
+
+
+def _survivor_lines(record: MissionRecord) -> list[str]:
+    label = "  survivors found: "
+    if not record.survivors:
+        return [f"{label}none"]
+    told = [
+        f"{survivor}, {'acknowledged' if survivor.acknowledged else 'NOT acknowledged'}"
+        for survivor in record.survivors
+    ]
+    return [f"{label}{told[0]}", *(" " * len(label) + line for line in told[1:])]

@@ -1,0 +1,103 @@
+"""The two servers of the mission: `detect_survivor`, which looks for survivors, and `report_survivor`, the base station."""
+
+import math
+from typing import Any
+
+from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
+
+from sar_compiler.missions import (
+    DataNode,
+    ServiceFaults,
+    create_service,
+    flat_parameters,
+    lookalikes,
+    short_line,
+)
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, read_survivors
+
+SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
+"""The survivors' default positions: x and y in metres in the frame `map`, by zone."""
+
+
+class DetectSurvivorServer(DataNode):
+    """Answers from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default one.
+
+    Args:
+        faults: The faults to inject.
+        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
+
+    Raises:
+        ParameterError: If the table in the parameters is invalid.
+        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
+    """
+
+    def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:
+        super().__init__("detect_survivor_server", **options)
+        parameters = flat_parameters(self)
+        self._survivors = read_survivors(parameters, SURVIVORS)
+        for note in lookalikes(parameters, ["survivors"]):
+            self.get_logger().warning(note)
+        create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
+        self.get_logger().info("DetectSurvivor service ready.")
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        survivor, zone = self._survivors.get(request.zone_id), short_line(request.zone_id)
+        if survivor is None:
+            self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
+            return response
+        response.found = True
+        response.survivor_x, response.survivor_y = x, y = survivor
+        self.get_logger().info(f"Detection request for {zone}: FOUND at ({x:.2f}, {y:.2f})")
+        return response
+
+
+class ReportSurvivorServer(DataNode):
+    """Acknowledges every report that is given in the frame `map`.
+
+    One that comes again, because its sender has not had the answer, is acknowledged again and counts once.
+
+    Args:
+        faults: The faults to inject.
+        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
+
+    Raises:
+        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
+    """
+
+    def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:
+        super().__init__("report_survivor_server", **options)
+        self._received: set[str] = set()
+        create_service(
+            self, ReportSurvivor, "report_survivor", self._answer, refuse=self._refuse, faults=faults
+        )
+        self.get_logger().info("ReportSurvivor service ready.")
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        frame = request.location.header.frame_id
+        if frame != MAP_FRAME:
+            self.get_logger().warning(
+                f"Report of {_told(request)} refused: it is in frame '{short_line(frame)}', and must be in '{MAP_FRAME}'."
+            )
+            response.acknowledged = False
+            return response
+        point = request.location.point
+        if not (math.isfinite(point.x) and math.isfinite(point.y)):
+            return self._refuse(request, response)
+        response.acknowledged = True
+        if _told(request) in self._received:
+            self.get_logger().info(f"Report received again: {_told(request)}. Acknowledged.")
+            return response
+        self._received.add(_told(request))
+        self.get_logger().info(f"Report received: {_told(request)}. Acknowledged.")
+        self.get_logger().info(f"The point of {short_line(request.survivor_id)} is in frame '{frame}'.")
+        return response
+
+    def _refuse(self, request: Any, response: Any) -> Any:
+        self.get_logger().warning(f"Report of {_told(request)} refused.")
+        response.acknowledged = False
+        return response
+
+
+def _told(request: Any) -> str:
+    point = request.location.point
+    return f"{short_line(request.survivor_id)} at ({point.x:.2f}, {point.y:.2f})"
