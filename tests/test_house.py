@@ -112,7 +112,6 @@ MIRRORS = {
 }
 # Modules that share a name without mirroring each other, with the reason.
 SAME_MODULE_NAMES = {
-    "conditions.py": "leaves of the mission, beside the attributes of any node",
     "errors.py": "each room has its own",
     "leaves.py": "what leaves are made of, beside the leaves of the language",
 }

@@ -18,7 +18,7 @@ from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis
 from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Kind, load
-from sar_compiler.runtime.conditions import Conditions, ConditionScripts
+from sar_compiler.runtime.script_nodes import Conditions, ConditionScripts
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.model import SUBTREE_TAG
 

@@ -1,5 +1,7 @@
 """Nodes that work with one entry of the blackboard."""
 
+from dataclasses import dataclass
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -10,7 +12,7 @@ from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.kernel.cells import RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.leaf_nodes import UpdateCheckNode
 from sar_compiler.runtime.kernel.turning import UpdateGuardNode
-from sar_compiler.runtime.parents import Built, Decorator
+from sar_compiler.runtime.parents import Built, OwnDecorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.variables import RefusedValueError, said
 
@@ -105,55 +107,33 @@ class WasEntryUpdated(Built):
     """Succeeds if an entry was written since this node last looked, else fails.
 
     py_trees has nothing like it: its blackboard does not count writes.
-
-    Args:
-        entry: The entry.
-        scope: Where the entry is looked up, if it is given by its key, without braces.
     """
 
     node_class = UpdateCheckNode
 
     def __init__(self, name: str, entry: Input[object], scope: Scope) -> None:
         super().__init__(name)
-        self._entry = _entry(entry, scope)
+        self.entry = entry
+        self.scope = scope
 
 
-class _IfUpdated(Decorator):
-    """Ticks its child if an entry was written since this node last looked; while the child runs, it does not look."""
-
-    node_class = UpdateGuardNode
-    _otherwise: int
-
-    def __init__(self, name: str, child: Behaviour, entry: Input[object], scope: Scope) -> None:
-        super().__init__(name, child)
-        self._entry = _entry(entry, scope)
-
-
-class SkipUnlessUpdated(_IfUpdated):
+@dataclass(eq=False, repr=False)
+class SkipUnlessUpdated(OwnDecorator):
     """Ticks its child if an entry was written since this node last looked, and is skipped if not.
 
-    py_trees has nothing like it: its blackboard does not count writes.
+    While the child runs, it does not look. py_trees has nothing like it: its blackboard does not count writes.
 
-    Args:
-        entry: The entry.
-        scope: Where the entry is looked up, if it is given by its key, without braces.
+    Attributes:
+        entry: The entry, or its key without braces.
     """
 
-    _otherwise = SKIPPED
+    node_class = UpdateGuardNode
+    otherwise = SKIPPED
+    entry: Input[object]
+    scope: Scope
 
 
-class WaitValueUpdate(_IfUpdated):
-    """Ticks its child once an entry was written since this node last looked, and waits until then.
+class WaitValueUpdate(SkipUnlessUpdated):
+    """Ticks its child once an entry was written since this node last looked, and waits until then."""
 
-    py_trees has nothing like it: its blackboard does not count writes.
-
-    Args:
-        entry: The entry.
-        scope: Where the entry is looked up, if it is given by its key, without braces.
-    """
-
-    _otherwise = RUNNING
-
-
-def _entry(port: Input[object], scope: Scope) -> Entry:
-    return port.entry or scope.resolve(str(port.get()))
+    otherwise = RUNNING

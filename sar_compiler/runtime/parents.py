@@ -9,6 +9,7 @@ is said by that node (`node_class`), whether it is ticked by itself or in a tree
 """
 
 from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import InitVar, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from py_trees.behaviour import Behaviour
@@ -46,6 +47,16 @@ class Built(Behaviour):
     clock: Clock = WallClock()
     place: "tuple[LiveTree, int] | None" = None
     """The tree that has its node, and the node's index there."""
+    wake: Wake = staticmethod(stay_asleep)
+    """Asks for the next tick at once, for a node that pauses by RUNNING, so that the rest of the tree gets its turn."""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Take what the runner offers.
+
+        Args:
+            **kwargs: Perhaps `wake`, to be called when the tree is to be ticked again at once.
+        """
+        self.wake = kwargs.get("wake", stay_asleep)
 
     def build_node(self, part: "Part") -> "TreeNode":
         """Build the node, of what the kernel offers."""
@@ -202,19 +213,32 @@ class Decorator(Parent, StockDecorator):
         return outcome
 
 
-class Yielding(Parent):
-    """A node that pauses in the middle of its work, so that the rest of the tree gets its turn.
+@dataclass(eq=False, repr=False)
+class OwnControl(Control):
+    """A control of ours: a record of what its tag says, which its node in the kernel reads.
 
-    To pause is to ask for the next tick at once and to answer RUNNING. A stock composite goes on in the same
-    tick, and a stock decorator waits for the next beat of the clock.
+    Attributes:
+        name: The node's name.
+        children: The children, in order.
     """
 
-    _wake: Wake = staticmethod(stay_asleep)
+    name: str
+    children: list[Behaviour]
 
-    def setup(self, **kwargs: Any) -> None:
-        """Take what the runner offers.
+    def __post_init__(self) -> None:
+        super().__init__(self.name, self.children)
 
-        Args:
-            **kwargs: Perhaps `wake`, to be called when the tree is to be ticked again at once.
-        """
-        self._wake = kwargs.get("wake", stay_asleep)
+
+@dataclass(eq=False, repr=False)
+class OwnDecorator(Decorator):
+    """A decorator of ours, as `OwnControl`.
+
+    Attributes:
+        name: The node's name.
+    """
+
+    name: str
+    child: InitVar[Behaviour]
+
+    def __post_init__(self, child: Behaviour) -> None:
+        super().__init__(self.name, child)

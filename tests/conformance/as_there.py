@@ -17,7 +17,6 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from sar_compiler.runtime import (
-    controls,
     entries,
     entry_types,
     operators,
@@ -25,14 +24,14 @@ from sar_compiler.runtime import (
     variables,
 )
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
-from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.entries import SetBlackboard
+from sar_compiler.runtime.kernel import ordering
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING
 from sar_compiler.runtime.kernel.ordering import ResumingNode
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.turning import PreconditionNode
 from sar_compiler.runtime.parents import Built
-from sar_compiler.runtime.script_nodes import Precondition
+from sar_compiler.runtime.script_nodes import Conditions, Precondition
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
 Case = Mapping[str, Any]
@@ -152,7 +151,7 @@ def _skips_counted_on() -> Iterator[None]:
             ticker.cells[self.skips] = skips
             return answer
 
-    with _replaced(controls, "ResumingNode", CountedOn):
+    with _replaced(ordering, "ResumingNode", CountedOn):
         yield
 
 

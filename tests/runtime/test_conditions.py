@@ -5,12 +5,11 @@ from py_trees import composites
 from py_trees.common import Status
 from py_trees.decorators import SuccessIsFailure
 
-from sar_compiler.runtime.branches import WhileDoElse
-from sar_compiler.runtime.conditions import Conditions, ConditionScripts
-from sar_compiler.runtime.controls import Sequence
-from sar_compiler.runtime.loops import LoopInt
+from sar_compiler.runtime.controls import Sequence, WhileDoElse
+from sar_compiler.runtime.decorators import LoopInt
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.script_nodes import Conditions, ConditionScripts
 from sar_compiler.runtime.scripting import NodeScriptError
 from tests.conformance.leaves import ScriptedError
 from tests.runtime.stage import Stage

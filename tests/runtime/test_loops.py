@@ -9,7 +9,7 @@ from py_trees.behaviours import Success
 from py_trees.common import Status
 
 from sar_compiler.runtime.chosen_outcome import Outcome
-from sar_compiler.runtime.loops import LoopBool, LoopDouble, LoopInt, LoopString
+from sar_compiler.runtime.decorators import LoopBool, LoopDouble, LoopInt, LoopString
 from sar_compiler.runtime.ports import Input, Output, PortError
 from sar_compiler.runtime.queues import QueueError
 from tests.runtime.stage import Stage

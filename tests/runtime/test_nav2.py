@@ -194,7 +194,7 @@ class TestPersistentSequence:
 
     def test_a_place_before_the_first_child_is_an_error(self):
         root = self.persistent(Stage(place=-1), a="S")
-        with pytest.raises(nav2.PlaceError, match="'p' is to begin with child -1"):
+        with pytest.raises(Nav2ControlError, match="'p' is to begin with child -1"):
             root.tick_once()
 
 

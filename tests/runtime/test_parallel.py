@@ -3,7 +3,8 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.runtime.parallel import Parallel, ParallelAll, ThresholdError
+from sar_compiler.runtime.controls import Parallel, ParallelAll
+from sar_compiler.runtime.kernel.counting import ThresholdError
 from sar_compiler.runtime.ports import Input
 from tests.runtime.stage import Stage
 

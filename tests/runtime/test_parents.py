@@ -8,15 +8,13 @@ from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
-from sar_compiler.runtime.branches import TryCatch
 from sar_compiler.runtime.clock import Clock, ManualClock
-from sar_compiler.runtime.controls import Fallback, Sequence, SequenceWithMemory
+from sar_compiler.runtime.controls import Fallback, Parallel, Sequence, SequenceWithMemory, TryCatch
 from sar_compiler.runtime.decorators import Inverter, SubTree
 from sar_compiler.runtime.kernel.cells import RUNNING
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.user_nodes import Tick
-from sar_compiler.runtime.parallel import Parallel
 from sar_compiler.runtime.parents import Control, Decorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.skipping import SKIPPED

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from py_trees.common import Status
 
+from sar_compiler.runtime.decorators import Repeat, RetryUntilSuccessful
 from sar_compiler.runtime.ports import Input, PortError
-from sar_compiler.runtime.repetition import Repeat, RetryUntilSuccessful
 from tests.conformance.leaves import Scripted
 from tests.runtime.stage import Stage
 

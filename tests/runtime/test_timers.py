@@ -7,8 +7,9 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.kernel.times import ClockTimes
+from sar_compiler.runtime.kernel.timing import DurationError
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.timers import Delay, DurationError, Sleep, Timeout
+from sar_compiler.runtime.timers import Delay, Sleep, Timeout
 from tests.runtime.stage import Stage
 
 CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)

@@ -83,7 +83,7 @@ def _switch(cases: int) -> NodeSpec:
     ordinals = ("first", "second", "third", "fourth", "fifth", "sixth")[:cases]
     return _own(
         f"Switch{cases}",
-        "branches:Switch",
+        "controls:Switch",
         Semantics(outcome_sets.selection),
         "Ticks the child whose case is equal to a variable, and the last one if none is.",
         input_port(
@@ -103,7 +103,7 @@ def _switch(cases: int) -> NodeSpec:
 
 def _branching(tag: str, doc: str) -> NodeSpec:
     means = Semantics(outcome_sets.branches, gates=after_the_first)
-    return _own(tag, f"branches:{tag}", means, doc, child_count=(2, 3))
+    return _own(tag, f"controls:{tag}", means, doc, child_count=(2, 3))
 
 
 SPECS = [
@@ -141,7 +141,7 @@ SPECS = [
     ),
     _own(
         "Parallel",
-        "parallel:Parallel",
+        "controls:Parallel",
         replace(
             Semantics.parallel(outcome_sets.counting),
             counterpart=Counterpart(built_in=True, rewrite=rewrites.parallel),
@@ -202,7 +202,7 @@ SPECS = [
     ),
     _own(
         "ParallelAll",
-        "parallel:ParallelAll",
+        "controls:ParallelAll",
         Semantics.parallel(outcome_sets.counting_all),
         "Waits for all children, then fails if too many of them have failed.",
         input_port(
@@ -224,7 +224,7 @@ SPECS = [
     *(_switch(cases) for cases in range(2, 7)),
     _own(
         "TryCatch",
-        "branches:TryCatch",
+        "controls:TryCatch",
         Semantics(outcome_sets.attempt, gates=one_after_the_other, counterpart=Counterpart(since="4.9")),
         "Ticks its children in order but for the last one, which is ticked when one of them has failed.",
         input_port(

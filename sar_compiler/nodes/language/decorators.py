@@ -130,7 +130,7 @@ def _unless_updated(own: int) -> Semantics:
 def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec:
     return _own(
         tag,
-        f"loops:{tag}",
+        f"decorators:{tag}",
         Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
         f"Ticks its child once for each {item} of a queue.",
         input_port(
@@ -162,7 +162,7 @@ BEHAVIORTREE_CPP = [
     ),
     _own(
         "Repeat",
-        "repetition:Repeat",
+        "decorators:Repeat",
         _rewritten(Semantics.repeating(S, "num_cycles"), rewrites.repeat),
         "Repeats its child until it has succeeded num_cycles times; a failure ends it.",
         input_port(
@@ -173,7 +173,7 @@ BEHAVIORTREE_CPP = [
     ),
     _own(
         "RetryUntilSuccessful",
-        "repetition:RetryUntilSuccessful",
+        "decorators:RetryUntilSuccessful",
         Semantics.repeating(F, "num_attempts"),
         "Retries its child until it has failed num_attempts times; a success ends it.",
         input_port(

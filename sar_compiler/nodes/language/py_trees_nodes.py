@@ -30,10 +30,10 @@ from sar_compiler.nodes.language.narrow_types import PolicyName, StatusName
 from sar_compiler.nodes.language.node_rules import HOW_TO_SELECT, NO_ANSWER, clash_with, place_of
 from sar_compiler.nodes.language.py_trees_keys import Keys
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input
+from sar_compiler.runtime.script_nodes import Conditions
 from sar_compiler.runtime.scripting import NodeScript
 
 

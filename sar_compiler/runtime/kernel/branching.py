@@ -1,6 +1,6 @@
 """Branches of BehaviorTree.CPP: which child is ticked depends on another one, or on a value."""
 
-from typing import Final
+from typing import Any, Final
 
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import (
@@ -12,6 +12,7 @@ from sar_compiler.runtime.kernel.tree_nodes import (
     reset_all,
     running,
 )
+from sar_compiler.runtime.operators import equal_texts
 
 _NONE: Final = 0
 
@@ -95,25 +96,44 @@ class WhileDoElseNode(ControlNode):
 
 
 class SwitchNode(ControlNode):
-    """Ticks the child whose case is chosen; the behaviour itself says which one that is.
+    """Ticks the child whose case is equal to the variable, the last one if none is.
 
     Attributes:
+        cases: The cases.
         running: The cell with the number of the child that runs, or is in hand, counted from 1.
     """
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
+        behaviour = part.behaviour
+        self.variable: Any = behaviour.variable
+        self.numbers: Any = behaviour.enums.numbers
+        self.cases: list[Any] = [
+            getattr(behaviour, f"case_{number}") for number in range(1, len(part.children))
+        ]
         self.running = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child that is chosen; halt another one that has been running."""
         cells = ticker.cells
-        selected: int = self.behaviour._select()
+        selected = self.select()
         before = cells[self.running]
         if before not in (_NONE, selected + 1):
             reset(self.children[before - 1], ticker)
         cells[self.running] = selected + 1
         return self.tick_child(self.children[selected], ticker)
+
+    def select(self) -> int:
+        """Return the index of the child that is to be ticked; neither a variable nor a case without a value is equal to any."""
+        variable = self.variable.get(None)
+        if variable is not None:
+            for index, case in enumerate(self.cases):
+                text = case.get(None)
+                if text is not None and equal_texts(variable, text, self.numbers):
+                    self.behaviour.feedback_message = f"case {index + 1}"
+                    return index
+        self.behaviour.feedback_message = "no case"
+        return len(self.cases)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Pass on what the child answers."""
@@ -200,7 +220,7 @@ class TryCatchNode(ControlNode):
         self.catches = False
         try:
             if cells[self.at] == RUNNING and not cells[self.catching]:
-                self.catches = bool(self.behaviour._catch_on_halt.get())
+                self.catches = bool(self.behaviour.catch_on_halt.get())
         except BaseException:
             reset_all(self.children, ticker)
             raise

@@ -1,7 +1,12 @@
 """Parallels of BehaviorTree.CPP: children side by side, until enough of them have ended."""
 
+from sar_compiler.errors import SarError
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, reset_all
+
+
+class ThresholdError(SarError):
+    """A parallel is to wait for more children than it has."""
 
 
 class CountingNode(ControlNode):
@@ -59,6 +64,21 @@ class CountingNode(ControlNode):
         cells[self.current] = index + 1
         return self.decide_early(ticker)
 
+    def threshold(self, port: str, wanted: int) -> int:
+        """Return how many children an attribute means; counted from the end if it is negative.
+
+        Raises:
+            ThresholdError: If they are more than there are.
+        """
+        count = len(self.children)
+        if wanted > count:
+            message = (
+                f"'{self.behaviour.name}' can never count {wanted} children, because it has {count}; "
+                f"{port} is at most {count}, or negative to count from the end (-1: all)"
+            )
+            raise ThresholdError(message)
+        return wanted if wanted >= 0 else max(count + wanted + 1, 0)
+
     def decide_early(self, ticker: Ticker) -> int:  # noqa: ARG002 - for nodes that do
         """Return the outcome if the children so far decide, else INVALID."""
         return INVALID
@@ -102,9 +122,9 @@ class ParallelNode(CountingNode):
     def begin(self, ticker: Ticker) -> int:
         """Read the thresholds, and begin with the first child that has not ended."""
         cells, behaviour = ticker.cells, self.behaviour
-        wanted = behaviour._success_count.get()
-        cells[self.enough] = behaviour._threshold("success_count", wanted)
-        cells[self.too_many] = behaviour._threshold("failure_count", behaviour._failure_count.get())
+        wanted: int = behaviour.success_count.get()
+        cells[self.enough] = self.threshold("success_count", wanted)
+        cells[self.too_many] = self.threshold("failure_count", behaviour.failure_count.get())
         cells[self.counts_skips] = int(wanted < 0)
         return super().begin(ticker)
 
@@ -147,9 +167,7 @@ class ParallelAllNode(CountingNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Read the threshold, and begin with the first child that has not ended."""
-        behaviour = self.behaviour
-        threshold = behaviour._threshold("max_failures", behaviour._max_failures.get())
-        ticker.cells[self.too_many] = threshold
+        ticker.cells[self.too_many] = self.threshold("max_failures", self.behaviour.max_failures.get())
         return super().begin(ticker)
 
     def decide_at_the_end(self, ticker: Ticker) -> int:

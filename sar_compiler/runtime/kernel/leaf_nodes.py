@@ -7,7 +7,7 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, STATUSES, SUCCESS, number_of
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
-from sar_compiler.runtime.kernel.turning import is_news
+from sar_compiler.runtime.kernel.turning import is_news, watched_entry
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.parents import Built
 
@@ -280,7 +280,7 @@ class UpdateCheckNode(TreeNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.entry: Any = part.behaviour._entry
+        self.entry = watched_entry(part.behaviour)
         self.seen = part.cell()
         part.watch(self.entry, self.seen)
 

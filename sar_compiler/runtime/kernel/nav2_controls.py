@@ -6,6 +6,9 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, is_reset, reset, reset_all
 
+_USUAL_RETRIES: Final = 1
+"""How often to recover where the number is less than 0."""
+
 
 class Nav2ControlError(SarError):
     """A control cannot go on with what a child has answered, or a port holds."""
@@ -27,7 +30,8 @@ class RecoveryNodeNode(ControlNode):
     def begin(self, ticker: Ticker) -> int:
         """Read how many recoveries are allowed, and go on with the child in hand."""
         cells = ticker.cells
-        cells[self.wanted] = self.behaviour.number_of_retries()
+        number: int = self.behaviour.number_of_retries.get()
+        cells[self.wanted] = number if number >= 0 else _USUAL_RETRIES
         cells[self.at] = RUNNING
         if cells[self.retries] > cells[self.wanted]:
             return self.end(ticker, FAILURE)
@@ -179,7 +183,7 @@ class RoundRobinNode(ControlNode):
             is_last = cells[self.current] + 1 == count
             cells[self.failures] += int(outcome == FAILURE)
             cells[self.skips] += int(outcome == SKIPPED)
-            if is_last and not self.behaviour.wraps():
+            if is_last and not self.behaviour.wrap_around.get():
                 return self.give_up(ticker)
             cells[self.current] = 0 if is_last else cells[self.current] + 1
             if outcome == SUCCESS:
@@ -278,8 +282,16 @@ class PersistentNode(ControlNode):
         self.position = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Read the place, and go on there."""
-        ticker.cells[self.position] = self.behaviour.read_place()
+        """Read the place, and go on there.
+
+        Raises:
+            Nav2ControlError: If it is below 0.
+        """
+        place: int = self.behaviour.current_child_idx.get()
+        if place < 0:
+            message = f"'{self.behaviour.name}' is to begin with child {place}; they are counted from 0"
+            raise Nav2ControlError(message)
+        ticker.cells[self.position] = place
         ticker.cells[self.at] = RUNNING
         return self.resume(ticker, INVALID)
 
@@ -301,14 +313,14 @@ class PersistentNode(ControlNode):
             if outcome == FAILURE:
                 return self.end(ticker, FAILURE)
             cells[self.position] = index + 1
-            self.behaviour.write_place(index + 1)
+            self.behaviour.current_child_idx.set(index + 1)
             outcome = INVALID
 
     def end(self, ticker: Ticker, outcome: int) -> int:
         """End; the next start is with the first child."""
         self.forget(ticker)
         reset_all(self.children, ticker)
-        self.behaviour.write_place(0)
+        self.behaviour.current_child_idx.set(0)
         ticker.cells[self.at] = outcome
         return outcome
 

@@ -37,7 +37,8 @@ class RateNode(DecoratorNode):
         """Tick the child if it is due."""
         cells = ticker.cells
         if self.starts(ticker):
-            ticker.values[self.period] = self.behaviour.period()
+            rate: float = self.behaviour.hz.get()
+            ticker.values[self.period] = 1.0 / rate if rate else math.inf
             self.wait(ticker)
         elif cells[self.child.at] != RUNNING and not self.timer.is_up(ticker):
             self.behaviour.feedback_message = (

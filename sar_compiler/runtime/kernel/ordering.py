@@ -14,7 +14,7 @@ class OrderedNode(ControlNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.hands_over: int = part.behaviour._hands_over
+        self.hands_over: int = part.behaviour.hands_over
         self.position = part.cell()
 
     def break_off(self, ticker: Ticker) -> None:
@@ -143,7 +143,7 @@ class PausingNode(ResumingNode):
             if outcome == SKIPPED:
                 cells[self.skips] += 1
             elif at_once and index + 1 < len(self.children):
-                self.behaviour._wake()
+                self.behaviour.wake()
                 return RUNNING
             outcome = INVALID
 

@@ -4,7 +4,7 @@ from collections import deque
 from typing import Any, Final
 
 from sar_compiler.runtime.frozen import freeze, thaw
-from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, number_of
+from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, number_of
 from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, is_reset, reset
 
 _ENDLESS: Final = -1
@@ -13,6 +13,12 @@ _ENDLESS: Final = -1
 class AgainNode(DecoratorNode):
     """Ticks its child again after one end, up to a number of times; the other end ends it.
 
+    Args:
+        part: What it is built of.
+        times: The port with the number of times; -1 for no end.
+        goes_on: The outcome of the child after which it is ticked again.
+        noun: What a time is called.
+
     Attributes:
         done: The cell with the number of times so far.
         wanted: The cell with the number of times that are wanted, and 2 more, in a tick.
@@ -20,11 +26,11 @@ class AgainNode(DecoratorNode):
         told: How often one without an end has ticked its child. It makes no difference, so it is in no cell.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: Part, times: Any, goes_on: int, noun: str) -> None:
         super().__init__(part)
-        behaviour = part.behaviour
-        self.goes_on: int = behaviour._again
-        self.times: Any = behaviour._times
+        self.times = times
+        self.goes_on = goes_on
+        self.noun = noun
         self.done, self.wanted, self.before = part.cell(), part.cell(), part.cell()
         self.endless: bool = self.times.entry is None and self.times.get() == _ENDLESS
         self.told = 0
@@ -51,7 +57,7 @@ class AgainNode(DecoratorNode):
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Count an end, and tick the child again."""
-        cells, behaviour = ticker.cells, self.behaviour
+        cells = ticker.cells
         wanted, was_running = cells[self.wanted] - 2, cells[self.before] == RUNNING
         cells[self.wanted] = cells[self.before] = 0
         if outcome == RUNNING:
@@ -62,11 +68,15 @@ class AgainNode(DecoratorNode):
         if outcome != self.goes_on:
             return self.end(ticker, outcome)
         self.count(ticker)
-        wanted = behaviour._read_again(wanted)
+        wanted = self.read_again(wanted)
         if not was_running and self.is_short(ticker, wanted):
-            behaviour._wake()
+            self.behaviour.wake()
             return RUNNING
         return self.go_on(ticker, wanted)
+
+    def read_again(self, wanted: int) -> int:
+        """Return how often the child is to be ticked, after it has been once more."""
+        return wanted
 
     def tell(self, ticker: Ticker, wanted: int) -> None:
         """Report how often the child has been ticked, as the feedback message."""
@@ -74,7 +84,7 @@ class AgainNode(DecoratorNode):
             return
         number = (self.told if self.endless else ticker.cells[self.done]) + 1
         limit = "" if wanted < 0 else f" of {wanted}"
-        self.behaviour.feedback_message = f"{self.behaviour._counted} {number}{limit}"
+        self.behaviour.feedback_message = f"{self.noun} {number}{limit}"
 
     def count(self, ticker: Ticker) -> None:
         """Count one more time."""
@@ -96,6 +106,25 @@ class AgainNode(DecoratorNode):
         self.told = 0
 
 
+class RepeatNode(AgainNode):
+    """Ticks its child again after a success."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part, part.behaviour.num_cycles, SUCCESS, "cycle")
+
+
+class RetryNode(AgainNode):
+    """Ticks its child again after a failure; the child may have changed the number of attempts."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part, part.behaviour.num_attempts, FAILURE, "attempt")
+
+    def read_again(self, wanted: int) -> int:
+        """Return how often the child is to be ticked, after it has been once more."""
+        again: int = self.times.get(wanted)
+        return again
+
+
 _UNSEEN: Final = 0
 """In place of a queue that was not read yet."""
 
@@ -110,7 +139,7 @@ class LoopNode(DecoratorNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        literal = part.behaviour._literal
+        literal = part.behaviour.literal
         self.literal: Any = _UNSEEN if literal is None else _frozen(literal)
         self.left, self.child_runs = part.value(_UNSEEN), part.cell()
         self.is_reset = self.heeds_end = is_reset(part.behaviour)
@@ -138,7 +167,7 @@ class LoopNode(DecoratorNode):
         """Answer what is wanted when no item is left."""
         behaviour = self.behaviour
         behaviour.feedback_message = "no item left"
-        return self.pass_on(ticker, number_of(behaviour._if_empty.get().status) or SKIPPED)
+        return self.pass_on(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
 
     def next_item(self, ticker: Ticker) -> bool:
         """Write the next item to the output, if there is one."""
@@ -159,11 +188,11 @@ class LoopNode(DecoratorNode):
         """Look at the queue; return it if others take from it, too, else note what is left of it."""
         if self.literal != _UNSEEN:
             return None
-        held = self.behaviour._port.get()
+        held = self.behaviour.queue.get()
         if isinstance(held, deque):
             return held
         if ticker.values[self.left] == _UNSEEN:
-            ticker.values[self.left] = _frozen(self.behaviour._read(held))
+            ticker.values[self.left] = _frozen(self.behaviour.read(held))
         return None
 
     def forget(self, ticker: Ticker) -> None:

@@ -1,7 +1,8 @@
 """Nodes that measure time."""
 
-from typing import Final
+from typing import Any, Final
 
+from sar_compiler.errors import SarError
 from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode, reset
 
@@ -9,6 +10,24 @@ OFF: Final = 0
 COUNTING: Final = 1
 UP: Final = 2
 UNLIMITED: Final = 3
+_MILLISECONDS: Final = 1000.0
+
+
+class DurationError(SarError):
+    """A node is to wait for less than no time."""
+
+
+def seconds_of(behaviour: Any, port: str) -> float:
+    """Return how long a node is to wait, in seconds.
+
+    Raises:
+        DurationError: If that is less than no time.
+    """
+    milliseconds: int = getattr(behaviour, port).get()
+    if milliseconds < 0:
+        message = f"'{behaviour.name}' is to wait {milliseconds} milliseconds; {port} is 0 or more"
+        raise DurationError(message)
+    return milliseconds / _MILLISECONDS
 
 
 class Countdown:
@@ -80,12 +99,12 @@ class DelayNode(TimedNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if the time is over."""
         behaviour, timer = self.behaviour, self.timer
-        seconds: float = behaviour.seconds()
+        seconds = seconds_of(behaviour, "delay_msec")
         if ticker.cells[timer.state] == OFF:
             timer.start(seconds, ticker)
             behaviour.feedback_message = time_left(seconds)
             if not seconds:
-                behaviour._wake()
+                behaviour.wake()
         elif timer.is_up(ticker):
             behaviour.feedback_message = ""
             return self.tick_child(self.child, ticker)
@@ -107,7 +126,7 @@ class TimeoutNode(TimedNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it runs and its time is over."""
         cells, timer = ticker.cells, self.timer
-        seconds: float = self.behaviour.seconds()
+        seconds = seconds_of(self.behaviour, "msec")
         if cells[timer.state] == OFF:
             self.start(seconds, ticker)
         elif timer.is_up(ticker):
@@ -142,8 +161,8 @@ class TimeoutNode(TimedNode):
         return self.pass_on(ticker, outcome)
 
 
-class WaitingNode(TreeNode):
-    """A leaf that waits, then succeeds."""
+class SleepNode(TreeNode):
+    """A leaf that waits, then succeeds; it tells nothing any more when it is stopped."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -159,32 +178,50 @@ class WaitingNode(TreeNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Look at the time."""
-        cells, behaviour, timer = ticker.cells, self.behaviour, self.timer
+        cells, timer = ticker.cells, self.timer
         if cells[self.at] != RUNNING:
-            timer.start(behaviour.seconds(), ticker)
+            timer.start(self.seconds(), ticker)
         if timer.is_up(ticker):
-            behaviour.tell("")
+            self.tell("")
             timer.stop(ticker)
             cells[self.at] = SUCCESS
             return SUCCESS
-        behaviour.tell(timer.left(ticker))
+        self.tell(timer.left(ticker))
         cells[self.at] = RUNNING
         return RUNNING
 
     def stop(self, ticker: Ticker) -> None:
         """Stop waiting."""
         self.forget(ticker)
+        self.behaviour.feedback_message = ""
         ticker.cells[self.at] = INVALID
 
     def forget(self, ticker: Ticker) -> None:
         """Stop the timer."""
         self.timer.stop(ticker)
 
+    def seconds(self) -> float:
+        """Return how long to wait, in seconds."""
+        return seconds_of(self.behaviour, "msec")
 
-class SleepNode(WaitingNode):
-    """One that tells nothing any more when it is stopped."""
+    def tell(self, left: str) -> None:
+        """Set the feedback message to the time that is left; empty at the end."""
+        self.behaviour.feedback_message = left
+
+
+class TimerNode(SleepNode):
+    """A Timer, which tells what py_trees' own does, and goes on telling it when it is stopped."""
+
+    def seconds(self) -> float:
+        """Return how long to run, in seconds."""
+        return float(self.behaviour.duration)
+
+    def tell(self, left: str) -> None:
+        """Set the feedback message."""
+        behaviour = self.behaviour
+        behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 
     def stop(self, ticker: Ticker) -> None:
         """Stop waiting."""
-        super().stop(ticker)
-        self.behaviour.feedback_message = ""
+        self.forget(ticker)
+        ticker.cells[self.at] = INVALID

@@ -64,7 +64,7 @@ class RunOnceNode(DecoratorNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it has ended before."""
         cells = ticker.cells
-        then_skip = self.behaviour._then_skip.get()
+        then_skip = self.behaviour.then_skip.get()
         answer = cells[self.answer]
         if answer == INVALID:
             cells[self.at] = RUNNING
@@ -127,13 +127,17 @@ class PreconditionNode(GuardedNode):
 
     why_not = "the condition is false"
 
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.script: Any = part.behaviour.condition
+
     def may_start(self, ticker: Ticker) -> bool:  # noqa: ARG002
         """Return whether the condition is true."""
-        return bool(self.behaviour._condition.holds())
+        return bool(self.script.holds())
 
     def otherwise(self) -> int:
         """Return what the node is to answer if it is not."""
-        return number_of(self.behaviour._else.get().status) or SKIPPED
+        return number_of(self.behaviour.else_.get().status) or SKIPPED
 
 
 class UpdateGuardNode(GuardedNode):
@@ -147,7 +151,7 @@ class UpdateGuardNode(GuardedNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.entry: Any = part.behaviour._entry
+        self.entry = watched_entry(part.behaviour)
         self.seen = part.cell()
         part.watch(self.entry, self.seen)
 
@@ -157,7 +161,13 @@ class UpdateGuardNode(GuardedNode):
 
     def otherwise(self) -> int:
         """Return what the node answers if it was not."""
-        return int(self.behaviour._otherwise)
+        return int(self.behaviour.otherwise)
+
+
+def watched_entry(behaviour: Any) -> Any:
+    """Return the entry that a behaviour looks at: that of its port, or the one whose key the port says."""
+    port = behaviour.entry
+    return port.entry or behaviour.scope.resolve(str(port.get()))
 
 
 def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
