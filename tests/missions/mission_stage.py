@@ -236,8 +236,8 @@ class NavServer:
 
     def _obey(self, seen: SeenGoal, result: Any) -> None:
         if seen.handle.is_cancel_requested:
+            seen.final = "canceled"  # before somebody hears of it
             seen.handle.canceled()
-            seen.final = "canceled"
             return
         try:
             order = seen.orders.get(timeout=0.005)
@@ -246,12 +246,12 @@ class NavServer:
         if order == "feedback":
             seen.handle.publish_feedback(NavigateToPose.Feedback(distance_remaining=2.5))
         elif order == "succeed":
-            seen.handle.succeed()
             seen.final = "succeeded"
+            seen.handle.succeed()
         elif order == "abort":
             result.error_code = self.error_code
-            seen.handle.abort()
             seen.final = "aborted"
+            seen.handle.abort()
 
 
 class ScriptedService:
