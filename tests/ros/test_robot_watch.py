@@ -23,28 +23,23 @@ def latched():
 
 
 @pytest.fixture
-def told(make_ros):
+def told(ros):
     """Return what a journal is told of a map."""
     from nav_msgs.msg import OccupancyGrid
 
     from sar_compiler.ros.robot_watch import RobotWatch
 
     def tell(cells, width, height, **turn):
-        ros = make_ros()
         entries: list[Any] = []
-        node, robot = ros.node("mission"), ros.node("map_server")
         journal = Journal()
         journal.listen(entries.append)
-        RobotWatch(node, journal)
+        watch = RobotWatch(ros.node("mission"), journal)
         grid = OccupancyGrid(data=array("b", cells))
         grid.info.width, grid.info.height, grid.info.resolution = width, height, 0.5
         grid.info.origin.position.x, grid.info.origin.position.y = -1.0, -2.0
         for name, value in turn.items():
             setattr(grid.info.origin.orientation, name, value)
-        robot.create_publisher(OccupancyGrid, "map", latched()).publish(grid)
-        node.create_subscription(OccupancyGrid, "map", lambda _: seen.append(1), latched())
-        seen: list[int] = []
-        ros.spin_until(lambda: seen, "the map")
+        watch._take("map", grid)
         return [entry.data for entry in entries if entry.kind == "map"]
 
     return tell
@@ -137,6 +132,15 @@ def test_the_last_pose_is_told_where_the_robot_then_stands_still(watched):
     watched.clock.advance(1.0)
     watched.wait("pose", 2)
     assert [each["x"] for each in watched.told("pose")] == [1.0, 3.0]
+
+
+def test_a_map_is_told_to_who_comes_after_it(ros):
+    from nav_msgs.msg import OccupancyGrid
+
+    grid = OccupancyGrid(data=array("b", [0]))
+    grid.info.width = grid.info.height = 1
+    ros.node("map_server").create_publisher(OccupancyGrid, "map", latched()).publish(grid)
+    Watched(ros).wait("map", 1)
 
 
 def test_a_map_that_came_soon_after_another_one_is_told_later(watched):
