@@ -26,7 +26,7 @@ _PLACE = re.compile(r"(?<![\w.])\S+:\d+:\d+: (error|warning|info)\[([a-z-]+)\]: 
 # Functions that take the code of a finding, and its message.
 _MAKERS = {"Diagnostic", "Refusal", "add", "finding", "report", "text_of_output", "_refuse", "_report"}
 # One command that can be run in this process: modules of leaves would stay imported.
-_ALONE = re.compile(r"sar-compile (?!.*--nodes)[^\n|>;&$]*\n")
+ALONE = re.compile(r"sar-compile (?!.*--nodes)[^\n|>;&$]*\n")
 # The title of a page and the severity below it.
 _HEAD = re.compile(r"\A# .*\n\n\*\w+\*\n")
 _UNSHOWN = re.compile(r"\[INFO\]|[\d,]+ (error|warning|info)s?\b.* in \d+ files?\b")
@@ -79,7 +79,7 @@ def write(files, folder, default):
 def seen(commands, name, folder, monkeypatch):
     """Do what a section says, in a process of its own where it takes more than one command, or leaves of its own."""
     line = commands or f"sar-compile validate {name}\n"
-    if _ALONE.fullmatch(line):
+    if ALONE.fullmatch(line):
         monkeypatch.chdir(folder)
         written = BytesIO()
         output = TextIOWrapper(written, encoding="utf-8", write_through=True)
