@@ -37,7 +37,7 @@ Palettes = Iterable[TreeFile]
 
 
 def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
-    """Return what keeps the trees of a forest, executed or not, from meaning something."""
+    """Return the findings of binding all trees of a forest, executed or not."""
     findings = context.bound.findings
     # A tree that is not there may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
@@ -66,7 +66,7 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
-    """Return what is wrong with palettes themselves, whatever files they are for."""
+    """Return the findings about palettes themselves, whatever tree files they are for."""
     collector, palettes = Collector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare(models, yielding(registry, models), collector)
@@ -131,7 +131,7 @@ def check(
 
 
 def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return findings, of each kind the first `MOST` and an information about how many more there are."""
+    """Return the first `MOST` findings of each kind, with an information of how many more there are."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
     if max(counts.values(), default=0) <= MOST:

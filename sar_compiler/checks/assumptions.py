@@ -22,7 +22,7 @@ _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", floa
 
 @dataclass(frozen=True)
 class StartValues:
-    """What the parameters of a mission say of its runs; a scenario or a file of properties counts before them.
+    """Start values of runs from a mission's parameters; a scenario or a property file overrides them.
 
     Attributes:
         parameters: The keys of the root blackboard.
@@ -40,7 +40,7 @@ class DisputedFactError(SarError):
 
 
 def raise_disputes(simulated: SimulatedTree) -> None:
-    """Raise what the leaves of a tree do not agree on.
+    """Raise an error if leaves of a tree give a fact different initial values.
 
     Raises:
         DisputedFactError: If there is anything.
@@ -50,7 +50,7 @@ def raise_disputes(simulated: SimulatedTree) -> None:
 
 
 def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptions:
-    """Return what the parameters of a mission say of the facts of a tree, simulated without it."""
+    """Return the initial facts that a mission's parameters give for a tree that is simulated without it."""
     known = simulated.fact_values()
     return Assumptions({name: fact for name, fact in start.facts.items() if name in known})
 
@@ -58,7 +58,7 @@ def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptio
 def read_assumptions(
     document: Document, facts: Value | None, answers: Value | None, simulated: SimulatedTree
 ) -> Assumptions:
-    """Read what a file assumes; what is wrong with it becomes findings of the document.
+    """Read the assumptions of a file; mistakes become findings of the document.
 
     Args:
         document: The file.
@@ -105,7 +105,7 @@ def _read_answers(document: Document, value: Value, words: LeafWords) -> dict[st
 
 
 def check_answers(document: Document, value: Value | None, words: LeafWords) -> None:
-    """Report names in what leaves are said to answer that nothing has, once all that is assumed of the tree is known.
+    """Report unknown names in the answers that leaves are assumed to give, once all assumptions are known.
 
     Args:
         document: The file.

@@ -1,4 +1,4 @@
-"""Checking of the part of a file before the place where it goes wrong.
+"""Checking of the part of a file before the place where it is malformed.
 
 Whatever the rest of the file may say, these findings stay: they are about start tags, and about elements that have ended.
 """
@@ -39,7 +39,7 @@ _OF_AN_ELEMENT = frozenset({"empty-control", "missing-child", "out-of-reach"})
 def check_beginning(
     beginning: FileBeginning, cut: Span, forest: Forest, registry: Registry, palettes: tuple[TreeFile, ...]
 ) -> list[Diagnostic]:
-    """Return what is wrong with the elements before the place where a file goes wrong.
+    """Return the findings about the elements before the place where a file is malformed.
 
     Args:
         beginning: These elements.

@@ -61,7 +61,7 @@ class Configuration(NamedTuple):
     palettes: tuple[str, ...] = ()
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Return findings with the severities that are decided on, without those that are not to be reported."""
+        """Return findings with the configured severities, without those that are switched off."""
         decided = []
         for finding in findings:
             severity = self.severities.get(finding.code, finding.severity)

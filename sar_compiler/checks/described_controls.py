@@ -1,4 +1,4 @@
-"""Reading of `controls:`, which names, in a file beside a tree, the stand-ins for nodes of which nobody here knows what they do."""
+"""Reading of `controls:`: stand-ins that a file beside a tree names for nodes whose behaviour is not known here."""
 
 from collections.abc import Iterable, Sequence
 
@@ -15,7 +15,7 @@ from sar_compiler.tree.model import TreeFile
 def take_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Put stand-ins in the place of nodes that only a model, or their own methods, describe, as a file says; its mistakes become findings.
+    """Replace nodes that only a model or their own methods describe by a file's stand-ins; its mistakes become findings.
 
     Args:
         document: The file.

@@ -1,4 +1,4 @@
-"""Mending what can be nothing but a slip: which findings, and the text that is there afterwards.
+"""Fixes of findings that can be nothing but a slip, and the text after them.
 
 A suggestion is a guess, and most guesses are for people to take. What is mended without asking is what is left when
 the reader would have to make an effort to think of anything else; `SAFE` says what, and why.
@@ -97,7 +97,7 @@ class Fix:
 
 
 def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> list[Fix]:
-    """Return the fixes for what is safe to mend in a file, in its order; none touches another.
+    """Return the safe fixes for a file, in its order; none touches another.
 
     Args:
         source: The file.
@@ -112,7 +112,7 @@ def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnos
 
 
 def each_fix(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> Iterator[Fix]:
-    """Yield the fix of each finding that is safe to mend, for somebody who takes one by one; arguments as for `fixes`."""
+    """Yield the safe fixes finding by finding, to be applied one by one; arguments as for `fixes`."""
     values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
     for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
         if finding.source is source and _is_safe(finding):
@@ -122,7 +122,7 @@ def each_fix(source: Source, tree_file: TreeFile | None, findings: Iterable[Diag
 
 
 def fixed(text: str, chosen: Iterable[Fix]) -> str:
-    """Return a text after fixes that do not touch each other; the rest of it is as it was."""
+    """Return a text with fixes applied that do not touch each other."""
     parts, done = [], 0
     for fix in chosen:
         parts += [text[done : fix.start], fix.text]

@@ -20,7 +20,7 @@ from sar_compiler.tree.guessing import nearest
 
 
 class Names(NamedTuple):
-    """What conditions can ask of a tree.
+    """The names that conditions on a tree can use.
 
     Attributes:
         known: The facts, then the keys of the main tree.
@@ -32,7 +32,7 @@ class Names(NamedTuple):
 
 
 class Slip(NamedTuple):
-    """What is wrong with a condition.
+    """A mistake in a condition.
 
     Attributes:
         message: What is wrong.
@@ -74,7 +74,7 @@ def _made_by(effect: str) -> Iterator[str]:
 
 
 def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Iterator[Slip]:
-    """Yield the names in a script that nothing has, but for those that it makes.
+    """Yield the unknown names in a script: those that neither the tree nor the script itself defines.
 
     Args:
         script: The script.
@@ -89,7 +89,7 @@ def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Itera
 
 
 def slips(script: Script, names: Names, own: Collection[str], later: Collection[str] = ()) -> Iterator[Slip]:
-    """Yield what is wrong with a condition.
+    """Yield the mistakes in a condition.
 
     Args:
         script: The condition.
@@ -119,7 +119,7 @@ _DEEDS = {STARTS: STARTED, HALTED: HALTED}
 
 @dataclass(frozen=True)
 class EventPattern:
-    """Something that leaves can do, as a file says it: `DetectSurvivor found`.
+    """A pattern of leaves' events, as a file writes it: `DetectSurvivor found`.
 
     Attributes:
         text: How it is written.
@@ -199,7 +199,7 @@ class LeafWords:
         return None if found else condition
 
     def deed(self, document: Document, value: Value) -> EventPattern | None:
-        """Return what leaves are said to do; reports a text that says nothing of the kind."""
+        """Return the events that a text names; reports a text that names none."""
         text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):

@@ -57,7 +57,7 @@ class TrialBudget:
         self._end_of_share = self._end
 
     def allot(self, trees: int) -> None:
-        """Let the next tree have its share of what is left, of so many that are still to come."""
+        """Give the next tree its share of what is left, with so many trees still to come."""
         if self._work is not None:
             self._share = self.spent + (self._work - self.spent) // trees
         if self._end is not None:
@@ -95,7 +95,7 @@ class _Raised(NamedTuple):
 
 
 def can_prepare(binding: Binding, budget: TrialBudget) -> bool:
-    """Return whether a budget is enough to begin with a tree; take what that costs."""
+    """Return whether a budget is enough to prepare a tree, and take what that costs."""
     nodes = fits(binding.main, Collector())
     return nodes is not None and budget.take(nodes * _PREPARING)
 
@@ -284,7 +284,7 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE)
 
 
 class Mistaken:
-    """The attributes of a bound tree that such findings are about, and the keys whose values come from there.
+    """The attributes of a bound tree with such findings, and the keys that get their values from them.
 
     Args:
         binding: The tree.
@@ -305,7 +305,7 @@ class Mistaken:
             self._keys |= {inner for outer, inner in links if outer in self._keys}
 
     def explains(self, bound: BoundNode, attribute: str) -> bool:
-        """Return whether one of them is why an attribute of a node raises; where that is not known, any of the node's."""
+        """Return whether one of them explains an error of a node's attribute; of any attribute, where that is not known."""
         return (bound, attribute) in self._attributes or any(
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )

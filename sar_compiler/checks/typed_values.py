@@ -51,7 +51,7 @@ def script(document: Document, value: Value | None) -> Script | None:
 
 
 def report_script(document: Document, value: Value, error: ScriptError) -> None:
-    """Note what is wrong with a script, at its place."""
+    """Report the mistake in a script, at its place."""
     part, suggestion, hint = (error.start, error.end), error.suggestion, error.hint
     document.report("script-error", error.message, value, part, suggestion=suggestion, hint=hint)
 

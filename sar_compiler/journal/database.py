@@ -214,7 +214,7 @@ class JournalFile:
             self._end_run(kept.end)
 
     def reserve(self) -> Reserve:
-        """Return its reserve, made if it is not there; from here on nobody's lock is waited for.
+        """Return its reserve, made if it is not there; from here on no other process' lock is waited for.
 
         Raises:
             JournalError: If it cannot be made.
@@ -250,7 +250,7 @@ class JournalFile:
                 raise
 
     def checked(self) -> "JournalFile":
-        """Return it, once it is known to be a journal of this version; it is closed if it is not.
+        """Return the file if it is a journal of this version; close it and raise if not.
 
         Raises:
             JournalError: If it is not.
@@ -342,19 +342,19 @@ class JournalFile:
         return self._read(query, kinds)
 
     def stream(self) -> Iterator[JournalEntry]:
-        """Yield all that has happened, in its order, one by one: what `Journal.listen` tells of while it happens."""
+        """Yield all entries in their order, one by one, as `Journal.listen` gives them live."""
         for number, entry in enumerate(self.stream_behind(StreamPlace()), 1):
             yield JournalEntry(number, *entry[1:])
 
     def stream_behind(self, after: StreamPlace) -> Iterator[JournalEntry]:
-        """Yield all that has happened behind a place, in its order, one by one, with the numbers that places have."""
+        """Yield all entries behind a place in their order, one by one, with the numbers that places have."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
                     yield from self._of_run(run, after=after if run.number == after.run else None)
 
     def last_run(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield what has happened in the last run, one by one, in its order; without what was watched of some kinds."""
+        """Yield the entries of the last run in their order, one by one, without those of some watched kinds."""
         with self.snapshot():
             for run in self.runs()[-1:]:
                 yield from self._of_run(run, without)
@@ -411,7 +411,7 @@ class JournalFile:
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
     def news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
-        """Return what has happened since a mark, in its order, and the next mark.
+        """Return the entries since a mark in their order, and the next mark.
 
         Args:
             mark: How far the stream was read.
@@ -488,7 +488,7 @@ class JournalFile:
         return int(added.lastrowid or 0)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Write what was watched, and facts, and how a run has ended; facts and ends are on the disk when this returns.
+        """Write watched entries, facts and ends of runs; facts and ends are on the disk when this returns.
 
         Nothing is waited for: if somebody else has locked the file, or it cannot be written, nothing of it is.
         """
@@ -660,7 +660,7 @@ def _require_regular(mode: int) -> None:
 
 
 class _Patience:
-    """How much work a reading may be for SQLite: a file that was made for it can lead round in circles.
+    """Limits the work of SQLite for one reading, since a malicious file can keep it busy for ever.
 
     Args:
         steps: How many of SQLite's steps.
@@ -676,7 +676,7 @@ class _Patience:
         self._left = self._steps
 
     def is_over(self) -> bool:
-        """Return whether SQLite is to give up; it asks again and again."""
+        """Return whether SQLite must give up; its progress handler, called every so many steps."""
         self._left -= self.STRIDE
         return self._left < 0
 

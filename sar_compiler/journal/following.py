@@ -1,4 +1,4 @@
-"""What a mission in another process writes to its journal, as it does."""
+"""Following of the journal that a mission in another process writes."""
 
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +12,7 @@ _TRIES = 4
 
 
 class JournalFollower:
-    """Reads a journal again and again; there may be none yet.
+    """Reads what is new in a journal at each call; the file need not exist yet.
 
     Args:
         path: Where it is, or will be.

@@ -11,7 +11,7 @@ _POLE = 90.0
 
 
 class Georeference(NamedTuple):
-    """The place of the frame `map`.
+    """The place of the frame `map` on the earth.
 
     Attributes:
         lat: Latitude of its origin, degrees north, WGS 84.

@@ -36,10 +36,10 @@ _MOST_FACTS, _MOST_WATCHED = 10_000, 20_000
 
 
 class FactState(Protocol):
-    """A state that facts make: what a mission remembers, and what it shows of that."""
+    """A state made of facts: what a mission remembers, and what it shows of that."""
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change the state by a fact, the same while it is written and when a later run takes it over.
+        """Apply a fact to the state: the same code in the run that writes it and in a later run that resumes.
 
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
@@ -80,7 +80,7 @@ def _sent_goal(fact: JournalEntry) -> SentGoal:
 
 @mission_context
 class Journal:
-    """What is true of a mission, fact by fact, and beside it what was watched.
+    """The journal of the running mission: its facts, and beside them what was watched.
 
     A leaf is handed the journal of its run if its constructor has a parameter of this type; as `Journal | None = None`
     it also works where no journal is kept. Everything belongs in the thread of the node's executor.
@@ -154,7 +154,7 @@ class Journal:
         return self.is_kept or bool(self._listeners)
 
     def listen(self, listener: Listener) -> None:
-        """Have a function called with each entry, once it is written; as well where there is no file.
+        """Call a function with each entry once it is written; also where there is no file.
 
         It is called in the thread of the mission, and must return at once; one that raises is told no more. Beside facts and what is watched it is told of
         the run's beginning and end; `JournalFile.stream` yields the same of a file.
@@ -172,7 +172,7 @@ class Journal:
         return self._about
 
     def earlier(self) -> list[JournalEntry]:
-        """Return all that has happened in earlier runs, in its order: what `listen` does not tell of."""
+        """Return the entries of earlier runs in their order, with which `listen` does not call."""
         return [*self._file.stream()] if self._file is not None and self.is_resumed else []
 
     def facts(self) -> list[JournalEntry]:
@@ -194,7 +194,7 @@ class Journal:
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
 
     def attach(self, state: FactState, kinds: Iterable[LandmarkKind] = ()) -> None:
-        """Have the facts make a state: those of earlier runs now, each further one as it is noted.
+        """Apply the facts to a state: those of earlier runs now, each new one as it is noted.
 
         Args:
             state: The state of a mission that has just begun.
@@ -260,7 +260,7 @@ class Journal:
         self._reserve.keep(Kept(self._began), {})
 
     def note(self, kind: str, /, **data: object) -> None:
-        """Write a fact down; it is on the disk when this returns, and only then may the world be told.
+        """Write a fact; it is on the disk when this returns, and only then may anything act on it.
 
         Args:
             kind: What it is, such as `photo_taken`.
@@ -292,7 +292,7 @@ class Journal:
         return changes_by(fact, self._state.sentence(fact), before, self._shown)
 
     def keep_number(self, kind: str, number: int) -> None:
-        """Remember the highest number that was given to something, such as a name: where facts are lost, the next run goes on above it.
+        """Remember the highest number in use, such as in names: the next run goes on above it even where facts are lost.
 
         Args:
             kind: What is numbered.
@@ -301,7 +301,7 @@ class Journal:
         self._numbers[kind] = max(number, self._numbers.get(kind, 0))
 
     def watch(self, kind: str, /, **data: object) -> None:
-        """Write down what was seen: later, with others; it may be lost when the process is killed.
+        """Queue an entry of what was watched for the next write; it may be lost when the process is killed.
 
         Args:
             kind: What it is, such as `pose`.
@@ -322,7 +322,7 @@ class Journal:
         self._tell(kind, data)
 
     def write_when_due(self) -> None:
-        """Write what waits, if the oldest of what was watched is a second old, or the last attempt has failed a second ago."""
+        """Write what is queued if the oldest of it is a second old, or the last attempt has failed a second ago."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
@@ -347,7 +347,7 @@ class Journal:
         self._tell(RUN_ENDED, data)
 
     def close(self) -> None:
-        """Write what is left to be written, and close the file; one in which nothing has begun is removed."""
+        """Write what is queued, and close the file; remove one in which nothing has begun."""
         self._write()
         if self._is_failing:
             self.on_failure(f"What the journal {self.place} lacks is beside it, and belongs to it.")

@@ -114,7 +114,7 @@ class NodeState:
 
     @property
     def has_part(self) -> bool:
-        """Whether its status is one of the present activation of its parent."""
+        """Whether its status belongs to the present activation of its parent."""
         return self.status not in ("", *_RESTING)
 
 
@@ -194,7 +194,7 @@ class MissionState:
         return state
 
     def take(self, entry: JournalEntry) -> None:
-        """Let an entry happen."""
+        """Apply an entry to the state."""
         if entry.kind == RUN_BEGAN:
             self._starts[entry.run] = entry.time
         self.now = self.instant(FactTime(entry.run, entry.time, entry.wall))
@@ -219,7 +219,7 @@ class MissionState:
 
     @property
     def phase(self) -> MissionPhase:
-        """What it is at: what its last run has come to, else what keeps it, what it says itself, or whether it drives."""
+        """The phase: the outcome of its last run, else what holds it up, what it says itself, or whether it drives."""
         run, told = self.runs[-1] if self.runs else None, self.situation.phase
         if run is not None and run.ending:
             word = (
@@ -315,7 +315,7 @@ class MissionState:
 
 
 def tree_nodes(tree: Any) -> Iterator[NodeState]:
-    """Yield the nodes of a tree as the journal has it, in pre-order; what is none is left out."""
+    """Yield the nodes of a tree of a journal in pre-order; anything else in it is left out."""
     waiting: list[tuple[Any, NodeState | None]] = [(tree, None)] if isinstance(tree, Mapping) else []
     number = 0
     while waiting:

@@ -26,7 +26,7 @@ def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Pat
 
 
 def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_named: bool = True) -> Journal:
-    """Open the journal of a run; what it does to the file, it does when the run begins.
+    """Open the journal of a run; an earlier mission in the file is put aside only when the run begins.
 
     Args:
         place: The file.

@@ -1,4 +1,4 @@
-"""The reserve of a journal: a file of a fixed size beside it, for the facts that the journal's own cannot take just now.
+"""The reserve of a journal: a file of fixed size beside it, for facts that the journal's own file cannot take now.
 
 Its blocks are made when a run begins, and afterwards only overwritten: a full disk, a quota or a lock on the database does not
 keep facts from it. It has two slots, which are written in turn and have checksums, so that whoever dies in the middle of one
@@ -46,7 +46,7 @@ class RunEnd(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What a reserve has.
+    """The content of a reserve.
 
     Attributes:
         began: When the journal's first run began, in seconds since 1970: another journal's reserve has another one.
@@ -60,7 +60,7 @@ class Kept(NamedTuple):
 
 
 def lost(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return the fact that stands for facts that are not kept: how many there were, and the numbers given until then."""
+    """Return the fact that stands for lost facts: how many there were, and the numbers given until then."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 

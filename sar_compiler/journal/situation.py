@@ -165,7 +165,7 @@ class Display(NamedTuple):
 
 
 def changes(before: Display, after: Display) -> dict[str, Any]:
-    """Return what is otherwise than before, as JSON values: the data of a `changed` entry; empty for nothing."""
+    """Return the changes from one display to the next as JSON values, the data of a `changed` entry; empty for none."""
     known = {(each.kind, each.name): each for each in before.landmarks}
     now = {(each.kind, each.name) for each in after.landmarks}
     parts = {
@@ -180,7 +180,7 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
 
 
 def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
-    """Return what a fact has changed, with the fact as a sentence: the data of the `changed` entry behind it; empty for nothing.
+    """Return what a fact has changed, with the fact as a sentence: the data of its `changed` entry; empty for nothing.
 
     Of goals, and of the end of a run, other entries tell.
     """
@@ -198,7 +198,7 @@ def _raised(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
 
 
 def beginning(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
-    """Return all that a mission shows as its run begins, as JSON values: the data of the first `changed` entry of the run."""
+    """Return the whole display as a run begins, as JSON values: the data of the run's first `changed` entry."""
     return {"kinds": [_plain(each) for each in kinds], **changes(Display(), shown)}
 
 
@@ -274,7 +274,7 @@ class Situation:
         return [each for each in self.landmarks.values() if self.kind_of(each).is_found]
 
     def kind_of(self, landmark: Landmark) -> LandmarkKind:
-        """Return the kind of a landmark; one of nothing special if nobody has told of it."""
+        """Return the kind of a landmark; a plain one if none was declared."""
         return self.kinds.get(landmark.kind) or LandmarkKind(landmark.kind, f"{landmark.kind}s")
 
 
@@ -304,7 +304,7 @@ def _detail(value: Any) -> Any:
 
 
 def fact_words(kind: str, data: Mapping[str, Any]) -> str:
-    """Return a fact that nobody has put into a sentence in words: `photo taken: photo: photo_1`."""
+    """Return the words of a fact without a sentence of its own: `photo taken: photo: photo_1`."""
     values = (
         f"{name}: {value if isinstance(value, str) else json_text(value, ensure_ascii=False)}"
         for name, value in data.items()

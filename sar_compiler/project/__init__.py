@@ -472,7 +472,7 @@ class LoadedTree:
         return bind_main(self.forest, self.project.registry, tree_id, self.palettes)
 
     def try_runs(self, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:
-        """Return what ticks of the trees that may be executed raise, if found within a budget; nothing for a file with errors.
+        """Return findings about ticks that raise, as far as a budget goes; none for a file with errors.
 
         A tree whose ticks raise nothing, since it has neither keys nor scripts, is not even compiled.
 

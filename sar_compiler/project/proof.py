@@ -66,7 +66,7 @@ def verified(
 
 
 def tried(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
-    """Return what ticks of runs of a bound tree raise; see `LoadedTree.try_runs`."""
+    """Return findings about ticks of a bound tree that raise; see `LoadedTree.try_runs`."""
     if not can_prepare(binding, budget):
         return []
     mark(binding)

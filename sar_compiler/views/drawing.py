@@ -323,7 +323,7 @@ class Block:
 
     @property
     def anchor(self) -> float:
-        """Where lines meet the box from above and leave it below, from the edge from which `x` is counted."""
+        """Where lines meet the box above and below, counted from the same edge as `x`."""
         return self.x + self.shift + (self.wide / 2 if self.centred else _TRUNK)
 
     @property

@@ -15,7 +15,7 @@ _RUNNING, _BROKEN_OFF, _EMPTY = "running", "broken off", "empty"
 
 
 def journal_json(file: JournalFile, *, with_watched: bool = False) -> Iterator[str]:
-    """Yield a journal as the lines of a JSON object; each fact has a line, and each entry of what was watched.
+    """Yield a journal as the lines of a JSON object, with a line for each fact and each watched entry.
 
     Args:
         file: The journal.
@@ -51,7 +51,7 @@ def _json_items(entries: Iterable[JournalEntry]) -> Iterator[str]:
 
 
 def journal_lines(file: JournalFile, *, with_watched: bool = False) -> Iterator[str]:
-    """Yield a journal in words: the mission, its runs, and the facts of each, with the seconds since its beginning.
+    """Yield a journal as text: the mission, its runs, and the facts of each, with the seconds since its beginning.
 
     Args:
         file: The journal.
@@ -98,7 +98,7 @@ def _table(
 
 
 def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield what belongs to an entry in words; a node by its name, if the names of all are given."""
+    """Yield the data of an entry as text; a node by its name, if the names of all are given."""
     for key, value in data.items():
         if key == "node" and isinstance(value, int) and 0 <= value < len(nodes):
             yield f"node '{nodes[value]}'"

@@ -21,14 +21,14 @@ class ReportError(SarError):
 
 
 def outcome(state: MissionState) -> tuple[str, str]:
-    """Return what a mission has come to as of its last run: a word, and the reason."""
+    """Return the outcome of a mission's last run: a word, and the reason."""
     if not state.runs or not state.runs[-1].ending:
         return "unfinished", "it still runs, or it has broken off"
     return state.phase.name, state.phase.reason
 
 
 def utc(instant: Instant | None) -> str | None:
-    """Return when something was by the system's clock, in ISO 8601; None if it was not, or there is no such day."""
+    """Return a time of the system's clock in ISO 8601; None if there is none, or no such day."""
     if instant is None:
         return None
     try:

@@ -44,7 +44,7 @@ Line = list[Piece]
 
 
 def sign(status: str) -> str:
-    """Return the sign of a status; of what has no part in what is going on, another one."""
+    """Return the sign of a status; for one outside the present activation, another sign."""
     return _SIGNS.get(status, "[-]")
 
 
@@ -56,7 +56,7 @@ def clock_text(seconds: float) -> str:
 
 
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
-    """Return an entry as a line of a log, once the state has it; empty for what is no change to people.
+    """Return the log line of an entry that the state has taken; empty for one that people need not see.
 
     Args:
         state: The state, after the entry.

@@ -13,7 +13,7 @@ from sar_compiler.views.plain import as_json, plain, value_as_script
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
-    """Return a list of tags; a single tag with its attributes, in all its meanings."""
+    """Return a list of tags; for a single tag all its meanings, with their attributes."""
     if len({spec.tag for spec in specs}) == 1:
         return "\n\nor\n\n".join(_in_full(spec) for spec in specs)
     width = max(len(spec.tag) for spec in specs)

@@ -11,7 +11,7 @@ _UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]
 
 
 def as_json(data: object, indent: int | None = 2) -> str:
-    """Return data as JSON, in which what a terminal would obey is escaped; for whoever reads it, it is the same.
+    """Return data as JSON, with the characters escaped that a terminal would obey.
 
     It is indented by so many spaces, or in one line. Numbers that are not finite are null, because JSON has none.
     """
@@ -41,5 +41,5 @@ def value_as_script(value: object) -> str:
 
 
 def speakable(text: str) -> str:
-    """Return a text with a sign in place of each character that XML cannot have."""
+    """Return a text with each character replaced that XML cannot have."""
     return _UNSPEAKABLE.sub("\ufffd", text)

@@ -69,7 +69,7 @@ footer { margin-top: 2rem; color: var(--quiet); font-size: .85rem }
 
 
 def html_report(state: MissionState) -> str:
-    """Return the report of a mission as a page; whatever a stranger has written is escaped.
+    """Return the report of a mission as an HTML page; all text from outside is escaped.
 
     Raises:
         ImportError: If pyproj is not installed, and the map's place on the earth is known.

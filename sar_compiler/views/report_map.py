@@ -1,4 +1,4 @@
-"""The map of a report: what the mission shows, and the way of the robot, as SVG."""
+"""The map of a report as SVG: the landmarks of the mission, and the robot's path."""
 
 import itertools
 import math
@@ -35,7 +35,7 @@ _AREA, _WAY = '<polyline class="{}" points="-2,0 2,0"/>', '<polyline class="path
 
 
 def legend(state: MissionState) -> Iterator[tuple[str, str]]:
-    """Yield what is on the map, once each: drawn as on the map, in units of a symbol around the origin, and in words."""
+    """Yield each kind of symbol on the map once: its drawing, in units of a symbol around the origin, and its words."""
     drawn = {(_symbol(state, each), _words(state, each)): None for each in state.situation.landmarks.values()}
     yield from drawn
     if len(state.trail) > 1:

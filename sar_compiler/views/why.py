@@ -42,7 +42,7 @@ class NodeStatus(NamedTuple):
 
 
 class FormerFailure(NamedTuple):
-    """A leaf's failures in the course of a run that had not the last word.
+    """A leaf's failures during a run that were not its last outcome.
 
     Attributes:
         first: The first of them.
@@ -109,14 +109,14 @@ class Inquiry:
 
     @classmethod
     def of(cls, stream: Iterable[JournalEntry]) -> "Inquiry":
-        """Return what is found out from entries."""
+        """Return an inquiry that has taken these entries."""
         inquiry = cls()
         for entry in stream:
             inquiry.take(entry)
         return inquiry
 
     def take(self, entry: JournalEntry) -> None:
-        """Take an entry; with each run it begins anew."""
+        """Take an entry; each new run starts the inquiry again."""
         if entry.kind == RUN_BEGAN:
             self._begin()
             self._looks = _conditions(entry)
@@ -137,7 +137,7 @@ class Inquiry:
 
     @property
     def count(self) -> int:
-        """How many entries there are up to the last failure of the root, once all was taken; 0 if it has never failed."""
+        """The number of entries up to the last failure of the root; 0 if it has never failed."""
         self._end_tick()
         return self._count
 
@@ -236,11 +236,11 @@ class _Explained:
 
     @property
     def went_on(self) -> bool:
-        """Whether the root has come to something else since."""
+        """Whether the root has had another status since."""
         return bool(self.chain) and self._came.get(0) != FAILURE
 
     def is_next(self, entry: JournalEntry) -> bool:
-        """Return whether the status of a node is one of another tick than those before."""
+        """Return whether a node's status belongs to another tick than the entries before."""
         return int(entry.data["tick"]) != self._tick
 
     def take(self, entry: JournalEntry) -> None:
@@ -255,7 +255,7 @@ class _Explained:
         self._above[node.number if node.parent is None else node.parent] = None
 
     def end_tick(self) -> bool:
-        """End a tick, all of which was taken; return whether the root has failed in it, or had failed and was not reset."""
+        """End a tick; return whether the root has failed in it, or had failed and was not reset."""
         self._gone.update(self._going)
         for number in (*self._visited, *self._above):
             if self._came.get(number) in _OTHER:
@@ -321,7 +321,7 @@ def _answer(node: NodeState) -> NodeStatus:
 
 
 class _History:
-    """What leaves have come to in the course of a run."""
+    """The outcomes of leaves during a run."""
 
     def __init__(self) -> None:
         self._failures: dict[int, FormerFailure] = {}
@@ -332,7 +332,7 @@ class _History:
         self._in_hand = ""
 
     def copy(self) -> "_History":
-        """Return what is known by now, whatever comes next."""
+        """Return a copy that later entries do not change."""
         copied = _History()
         copied._failures = self._failures.copy()
         copied._recovered, copied._worked = self._recovered.copy(), self._worked.copy()
@@ -371,7 +371,7 @@ class _History:
                 self._worked.add(number)
 
     def was_tolerated(self, node: int) -> bool:
-        """Return whether a failure of a node was, at some time, of no consequence to its parent."""
+        """Return whether the node's parent has ever not failed although the node had."""
         return node in self._tolerated
 
     def has_worked(self, node: int) -> bool:
@@ -379,7 +379,7 @@ class _History:
         return node in self._worked
 
     def former(self) -> list[FormerFailure]:
-        """Return the failures of leaves, by the time of the first."""
+        """Return the failures of leaves that were not their last outcome, by the time of the first."""
         former = [
             each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
         ]
@@ -404,7 +404,7 @@ def _cost(state: MissionState, failure: FormerFailure) -> bool:
 
 
 class RunDifference(NamedTuple):
-    """The first thing that two runs have not in common.
+    """The first difference of two runs.
 
     Attributes:
         step: How many changes of status they have in common.
@@ -571,7 +571,7 @@ def difference_data(difference: RunDifference | None) -> dict[str, Any] | None:
 
 
 def answer_data(answer: NodeStatus) -> dict[str, Any]:
-    """Return what a node has come to as JSON values."""
+    """Return the outcome of a node as JSON values."""
     return {**answer._asdict(), "since": answer.since and _instant(answer.since)}
 
 

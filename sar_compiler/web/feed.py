@@ -1,4 +1,4 @@
-"""What browsers are told of runs: their folded state, and what changes of it."""
+"""Server-sent events of runs for browsers: the folded state, and its changes."""
 
 import asyncio
 from collections import deque
@@ -20,17 +20,17 @@ _WAITING = 8_000_000
 
 
 def as_json(data: object) -> str:
-    """Return a value as JSON that every reader takes, in short: numbers that are not finite as null."""
+    """Return a value as compact JSON; numbers that are not finite become null."""
     return json_text(data, separators=(",", ":"))
 
 
 def message(event: str, data: object) -> str:
-    """Return a server-sent event."""
+    """Return the text of a server-sent event."""
     return f"event: {event}\ndata: {as_json(data)}\n\n"
 
 
 class RecordedFeed:
-    """What journals have, for a page that goes back and forth through time: it asks for each moment.
+    """The recorded states of journals for a page of replay, which requests each moment.
 
     Args:
         recording: What they have.
@@ -46,7 +46,7 @@ class RecordedFeed:
         self._ended = False
 
     async def moment(self, time: float, since: int) -> str:
-        """Return what is so at a time, as `Recording.moment` does, as JSON.
+        """Return the state at a time as JSON; see `Recording.moment`.
 
         Raises:
             JournalError: If a journal cannot be read any more.
@@ -56,7 +56,7 @@ class RecordedFeed:
         )
 
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the server-sent events for a browser: how long it is, and then beats, so that it sees when the server goes."""
+        """Yield the events for a browser: the duration of the recording, then heartbeats, without which the server is gone."""
         self._pages += 1
         try:
             yield message("hello", self._hello)
@@ -67,10 +67,10 @@ class RecordedFeed:
             self._pages -= 1
 
     async def run(self) -> None:
-        """Do nothing: nothing happens in it any more."""
+        """Do nothing: a recording has no new events."""
 
     def end(self) -> None:
-        """Let go of whoever listens."""
+        """End the streams of all browsers."""
         self._ended = True
 
 
@@ -87,7 +87,7 @@ class _Browser:
         return self._waiting.empty()
 
     def put(self, text: str) -> bool:
-        """Have a text wait; let go of a browser that has not read for long, and return False, since it has missed something."""
+        """Queue a text; drop a browser that has too much waiting and return False, as it has missed something."""
         if self._size > _WAITING:
             if self._task is not None:
                 self._task.cancel()
@@ -121,11 +121,11 @@ class LiveFeed:
         self._ended = self._has_told_all = False
 
     def take(self, entry: JournalEntry, robot: int = 0) -> None:
-        """Take an entry of a robot: from any thread, at once."""
+        """Queue an entry of a robot; from any thread, without blocking."""
         self._news.append(lambda: _happen(self._states[robot], entry))
 
     def tell_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
-        """Take why a robot's mission has failed, as JSON values: from any thread, at once."""
+        """Queue why a robot's mission has failed, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].tell_why(why))
 
     async def stream(self) -> AsyncIterator[str]:
@@ -143,7 +143,7 @@ class LiveFeed:
             self._listeners.discard(listener)
 
     async def run(self) -> None:
-        """Tell whoever listens, until the run has ended."""
+        """Send what is queued to the browsers until the run has ended."""
         loop, due = asyncio.get_running_loop(), 0.0
         while not self._ended:
             await self._tell_news()
@@ -156,7 +156,7 @@ class LiveFeed:
         self._has_told_all = True
 
     def end(self) -> None:
-        """Let `run` tell what there is still to be told, and end: from any thread."""
+        """Have `run` send what is left, and end; from any thread."""
         self._ended = True
 
     async def _tell_news(self) -> None:

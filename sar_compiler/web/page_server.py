@@ -215,25 +215,25 @@ class PageError(SarError):
 
 
 class _Protocol(H11Protocol):
-    """Lets go of whoever comes when there are too many already, or does not come to the end of the head of a request."""
+    """Closes a connection when there are too many, or when the head of a request does not end in time."""
 
     _deadline: asyncio.TimerHandle | None = None
     _answered: object = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin with a connection."""
+        """Take a connection; close it if there are too many."""
         super().connection_made(transport)
         if len(self.connections) > _CONNECTIONS:
             transport.abort()
         self._watch()
 
     def data_received(self, data: bytes) -> None:
-        """Take what has come."""
+        """Take data; limit the time in which the head of a request must end."""
         super().data_received(data)
         self._watch()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End with a connection."""
+        """Forget the time limit of a connection that has ended."""
         super().connection_lost(exc)
         self._forget()
 
@@ -300,12 +300,12 @@ class PageServer:
         self._thread.start()
 
     def wait(self, timeout_sec: float | None = None) -> bool:
-        """Wait for its end, so many seconds at most; return whether it has ended."""
+        """Wait at most so many seconds for the server's end; return whether it has ended."""
         self._thread.join(timeout_sec)
         return not self._thread.is_alive()
 
     def close(self) -> None:
-        """Tell browsers what there is still to tell, and end."""
+        """Send the browsers what is left, and end the server."""
         self._feed.end()
         if self._thread.is_alive():
             self._told.wait(_LAST_WORDS_SEC)

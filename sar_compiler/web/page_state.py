@@ -1,4 +1,4 @@
-"""What a page shows of a robot: the state of its mission as JSON values, and what has changed of that."""
+"""The state of a robot's mission for a page, as JSON values, and its changes."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple
@@ -16,7 +16,7 @@ PageChange = dict[str, Any]
 
 
 class ShownStatus(NamedTuple):
-    """What a node came to last; that it was reset since is no news.
+    """The last status of a node; a reset does not change it.
 
     Attributes:
         status: As in the entries.
@@ -40,7 +40,7 @@ class ShownStatus(NamedTuple):
 
 
 class GrowingList:
-    """A list of which a reader has the beginning, and is told the rest: from where on, and what is there now.
+    """A list that tells its reader the changes only: the first changed place, and the values from there.
 
     Attributes:
         values: What is in it.
@@ -97,14 +97,14 @@ class PageState:
         self.tell_anew()
 
     def tell_anew(self) -> None:
-        """Have the next change be all there is."""
+        """Make the next change contain the whole state."""
         self._is_new = True
         self._touched: set[str] = set()
         self._nodes: set[int] = set()
         self._landmarks: dict[tuple[str, str], None] = {}
 
     def take(self, entry: JournalEntry) -> None:
-        """Let an entry happen.
+        """Apply an entry to the state.
 
         Raises:
             TypeError: If it has what is no JSON value.
@@ -125,12 +125,12 @@ class PageState:
         self._touched.add("time")
 
     def let_pass(self, seconds: float) -> None:
-        """Let so many seconds pass since the last entry."""
+        """Move the time to so many seconds after the last entry."""
         self._passed = seconds
         self._touched.add("time")
 
     def tell_why(self, why: Mapping[str, Any]) -> None:
-        """Take why the mission has failed, as JSON values."""
+        """Add why the mission has failed, as JSON values."""
         self._why = why
         self._touched.add("why")
 
@@ -153,7 +153,7 @@ class PageState:
         return change
 
     def whole(self) -> PageChange:
-        """Return all there is, as a change of nothing."""
+        """Return the whole state, as a change of an empty one."""
         return {
             "begin": True,
             "robot": self.robot,

@@ -1,4 +1,4 @@
-"""What journals have, for a page that goes back and forth through time.
+"""The recorded states of journals at any time, for a page of replay.
 
 The state at a time is folded from the nearest checkpoint before it: the state itself, packed, after every so many entries. Checkpoints are made when a journal is
 opened for the first time, and kept in the user's cache; the journal is only read. What is in the cache is not trusted: it can hold nothing but
@@ -40,7 +40,7 @@ _LEAST, _CHECKPOINTS = 2000, 400
 
 
 class TrackPlace(NamedTuple):
-    """A place in what a robot has done: its runs come one after the other, without what passed between them.
+    """A place in a robot's track, in which runs follow each other without the time between them.
 
     Attributes:
         entry: The place in the journal's stream.
@@ -56,7 +56,7 @@ class TrackPlace(NamedTuple):
 
     @property
     def key(self) -> str:
-        """What the entry before it is known by."""
+        """The run and number of the entry before it, by which the place is found."""
         return f"{self.entry.run} {self.entry.number}"
 
     def behind(self, entry: JournalEntry) -> "TrackPlace":
@@ -67,7 +67,7 @@ class TrackPlace(NamedTuple):
 
 
 class Checkpoint(NamedTuple):
-    """A state on the way.
+    """A saved state at a place of the track.
 
     Attributes:
         place: Up to which entry.
@@ -79,7 +79,7 @@ class Checkpoint(NamedTuple):
 
 
 class RecordedTrack:
-    """What one journal has.
+    """The recorded states of one journal.
 
     Args:
         path: The journal.
@@ -177,7 +177,7 @@ class RecordedTrack:
 
 
 class Recording:
-    """What journals have: one for each robot, side by side.
+    """The recorded states of several robots side by side, a journal for each.
 
     Args:
         paths: The journals.
@@ -204,7 +204,7 @@ class Recording:
         self._number = 0
 
     def moment(self, time: float, since: int = 0) -> dict[str, Any]:
-        """Return what is so at a time, as JSON values: its `number`, its `time`, and `changes` for each robot.
+        """Return the state at a time as JSON values: its `number`, its `time`, and `changes` for each robot.
 
         Args:
             time: The time, in seconds since the beginning.
@@ -245,7 +245,7 @@ _CLASSES = {
 
 
 class _StateReader(pickle.Unpickler):
-    """Reads states of pages; a name of anything else is refused, so that nothing is carried out."""
+    """Unpickles states of pages only: any other class is refused, so that no foreign code runs."""
 
     def find_class(self, module: str, name: str) -> Any:
         """Return a class of which states are made.
@@ -273,7 +273,7 @@ class _CacheFile:
         self._key = [str(whole), _code(), *(_stamp(f"{whole}{end}") for end in ("", "-wal", SUFFIX))]
 
     def read(self) -> tuple[Mapping[str, Any], list[Checkpoint]] | None:
-        """Return what is kept of the journal as it is now; None if nothing is, or it is not whole."""
+        """Return the checkpoints of the journal as it is now; None if there are none, or the file is damaged."""
         with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
             read = self._path.read_bytes()
             end = read.index(b"\n")
@@ -283,7 +283,7 @@ class _CacheFile:
         return None
 
     def write(self, known: Mapping[str, Any], checkpoints: Sequence[Checkpoint]) -> None:
-        """Keep what is known of the journal; where that cannot be written, it is made again the next time."""
+        """Write the checkpoints; where that fails, they are made again the next time."""
         digest = hashlib.sha256()
         for each in checkpoints:
             digest.update(each.packed)

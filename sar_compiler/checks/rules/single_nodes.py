@@ -12,7 +12,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 
 def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the first node of each class that is abstract, which only an attempt to make one would show."""
+    """Yield the first node of each abstract class, whose instantiation would fail."""
     abstract = {spec.tag: spec for spec in context.bound.specs if spec.absent_methods}
     for bound in (node for tree in context.bound.trees for node in tree.nodes if abstract):
         spec = abstract.pop(bound.spec.tag, None)

@@ -128,7 +128,7 @@ class OlderReading(NamedTuple):
 
 
 def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
-    """Yield what a version refuses in a script that is one since 4.9, and what it works out otherwise."""
+    """Yield the places of a script of 4.9 that an older version refuses or evaluates otherwise."""
     if version < ORDER.since:
         yield from _from_the_right(script)
     if version < STATEMENTS.since:

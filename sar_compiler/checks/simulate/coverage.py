@@ -55,7 +55,7 @@ class Coverage:
         return [node for node in self.nodes if node.ticked and node.unseen]
 
     def add(self, run: Run) -> None:
-        """Take in what a run has shown."""
+        """Add the outcomes that a run has shown."""
         origins = run.simulated.compiled.origins
         nodes: dict[UUID, Covered] = {}
         for behaviour in run.simulated.root.iterate():

@@ -19,11 +19,11 @@ _TOLERANCE_SEC = 1e-6
 
 
 class ScriptedError(SarError):
-    """A scenario says something of a leaf that cannot be at this point of the run."""
+    """A scenario demands an answer that a leaf cannot give at this point of the run."""
 
 
 class Drawn(NamedTuple):
-    """What was chosen for a leaf, once.
+    """One choice that was made for a leaf.
 
     Attributes:
         leaf: The leaf.
@@ -39,7 +39,7 @@ class Drawn(NamedTuple):
 
 
 class Scripted:
-    """Chooses the answers of leaves by a scenario; those of which it says nothing answer what is usual.
+    """Chooses the answers of leaves by a scenario; leaves that it does not mention give their usual answer.
 
     Args:
         scenario: What leaves answer, step by step, and what chance decides.
@@ -58,7 +58,7 @@ class Scripted:
         self._plans = {leaf: _Plan(leaf, steps, self._random, variables, clock) for leaf, steps in scripts}
 
     def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
-        """Return what the scenario says, else what is usual.
+        """Return the scenario's answer, or else the usual one.
 
         Raises:
             ScriptedError: If the leaf cannot answer that now.
@@ -92,7 +92,7 @@ class _Plan:
         self._since = 0.0
 
     def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
-        """Return what the leaf answers now, and add what was chosen to the choices."""
+        """Return the leaf's next answer, and record the choice."""
         if self._leaf.status is not Status.RUNNING:
             self._current = None  # what was interrupted counts as taken
         if self._current is None:

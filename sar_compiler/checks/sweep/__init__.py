@@ -56,7 +56,7 @@ class SweepError(SarError):
 
 
 class Played(NamedTuple):
-    """What came of one run.
+    """The result of one run.
 
     Attributes:
         seed: Its seed.
@@ -122,7 +122,7 @@ class SweptRow:
     _early: dict[int, list[Played]] = field(default_factory=dict)
 
     def is_played(self, rule: StoppingRule) -> bool:
-        """Return whether workers need not be asked for more runs."""
+        """Return whether the row needs no more runs from workers."""
         return self.is_done or self.asked >= rule.runs
 
     def next_batch(self, rule: StoppingRule, seed: int) -> "_Batch":
@@ -131,7 +131,7 @@ class SweptRow:
         return _Batch(self, first, range(seed + first, seed + self.asked))
 
     def add(self, first: int, outcomes: list[Played], rule: StoppingRule) -> None:
-        """Take in what came of a batch; those after it wait for it."""
+        """Add the results of a batch; later batches wait for it."""
         self._early[first] = outcomes
         while not self.is_done and len(self.outcomes) in self._early:
             self.outcomes += self._early.pop(len(self.outcomes))
@@ -151,7 +151,7 @@ ShowRows = Callable[[Sequence[SweptRow]], object]
 def sweep(
     rows: Sequence[SweptRow], rule: StoppingRule, seed: int, workers: Workers, report: ShowRows
 ) -> None:
-    """PlayRuns all rows until each was played often enough.
+    """Play all rows until each was played often enough.
 
     Args:
         rows: What is to be played; their outcomes are filled in.

@@ -51,7 +51,7 @@ class Workers:
         self._executor = make()
 
     def submit(self, work: "Callable[..., _Result]", *arguments: object) -> "Future[_Result]":
-        """Have some work done; what was under way when the executor broke is lost."""
+        """Submit some work; what was under way when the executor broke is lost."""
         try:
             return self._executor.submit(work, *arguments)
         except BrokenExecutor:

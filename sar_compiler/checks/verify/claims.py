@@ -1,4 +1,4 @@
-"""What the records of a user's controls and decorators claim, to be held against what these do."""
+"""The claims in the specs of a user's controls and decorators, to be compared with what these do."""
 
 from collections.abc import Callable, Iterable
 

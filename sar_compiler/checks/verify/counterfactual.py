@@ -44,7 +44,7 @@ class RecordedTick(NamedTuple):
 
 
 class LeafAnswer(NamedTuple):
-    """What a leaf answers.
+    """An answer of a leaf.
 
     Attributes:
         node: Its number.
@@ -78,7 +78,7 @@ class Counterfactual(NamedTuple):
 
 
 class NotReplayedError(UndecidableError):
-    """A recorded run is none of the tree's, as far as its leaves say what they can answer."""
+    """A recorded run is not a possible run of the tree, by the answers that its leaves declare."""
 
 
 class OtherTreeError(UndecidableError):
@@ -150,7 +150,7 @@ class _Way(NamedTuple):
     unusual: tuple[bool, ...]
 
     def fits(self, noted: Collection[int], told: Mapping[int, str]) -> bool:
-        """Return whether this tick is what a record says.
+        """Return whether this tick matches a recorded one.
 
         Args:
             noted: The leaves that were noted in the tick.
@@ -165,7 +165,7 @@ class _Way(NamedTuple):
 
 
 class _OtherAnswer(NamedTuple):
-    """An answer that can have been another one.
+    """An answer that could have been another one.
 
     Attributes:
         way: The tick with the other one.
@@ -179,17 +179,17 @@ class _OtherAnswer(NamedTuple):
 
     @property
     def instead(self) -> LeafAnswer:
-        """What it answers instead."""
+        """The other answer."""
         return self.way.answers[self.place]
 
     @property
     def unusual(self) -> int:
-        """How many answers from this one on are other than usual in the tick."""
+        """The number of unusual answers in the tick from this one on."""
         return sum(self.way.unusual[self.place :])
 
 
 class _FoundTick(NamedTuple):
-    """A tick of the record, found again.
+    """A recorded tick, found among the tree's runs.
 
     Attributes:
         number: Which tick it was, from 1.
@@ -202,7 +202,7 @@ class _FoundTick(NamedTuple):
     ways: Sequence[tuple[bytes, _Way]]
 
     def changes(self, runs: "_Runs") -> list[_OtherAnswer]:
-        """Return what can have been otherwise in it, the last answer first."""
+        """Return the answers in it that could have been others, the last one first."""
         changes = []
         for state, was in self.ways:
             for way in runs.ways(state):
@@ -234,7 +234,7 @@ class _Runs:
 
     @property
     def is_spent(self) -> bool:
-        """Whether as many ticks were tried as may be."""
+        """Whether the limit of tried ticks is reached."""
         return not self._left
 
     def ways(self, state: bytes) -> list[_Way]:

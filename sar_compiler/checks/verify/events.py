@@ -29,5 +29,5 @@ class Alphabet:
         }
 
     def meant_by(self, deed: EventPattern) -> set[int]:
-        """Return the numbers of all events that are what a file says."""
+        """Return the numbers of all events that a text of a file means."""
         return {number for number, event in enumerate(self.events) if deed.matches(event)}

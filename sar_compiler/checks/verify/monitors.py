@@ -43,7 +43,7 @@ class Monitor:
     owes: bool = False
 
     def after(self, flag: bool, event: int) -> tuple[bool, bool]:
-        """Return what is remembered after an event, and whether the event breaks the property.
+        """Return the flag after an event, and whether the event breaks the property.
 
         Args:
             flag: What is remembered: that the other event has come (`BEFORE`), that it has still to come
@@ -104,7 +104,7 @@ class Monitors:
 
     @property
     def heard(self) -> set[int]:
-        """The events that mean something to one of them."""
+        """The events that matter to at least one of them."""
         return {event for monitor in self._monitors for event in monitor.roles}
 
     def after(self, state: int, event: int) -> tuple[int, int]:

@@ -110,7 +110,7 @@ class _MeantEvents:
 
     @property
     def cannot_happen(self) -> bool:
-        """Whether they speak of nothing but leaves that the tree does not have."""
+        """Whether they name only leaves that the tree does not have."""
         return bool(self.missing) and not self.numbers
 
 

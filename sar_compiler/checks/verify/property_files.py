@@ -44,7 +44,7 @@ class EventProperty:
 
 @dataclass(frozen=True)
 class PropertyFile:
-    """What a file of properties says.
+    """The content of a file of properties.
 
     Attributes:
         document: The file, with its findings.

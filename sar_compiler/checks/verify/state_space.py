@@ -1,4 +1,4 @@
-"""What a verification went through, for other tools to look at."""
+"""The states and ticks that a verification has explored, for other tools."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

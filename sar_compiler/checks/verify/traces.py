@@ -45,7 +45,7 @@ class Trace:
 
 
 class Retracing:
-    """Plays runs of a graph again, to report what happened in them.
+    """Replays runs of a graph, to report what happened in them.
 
     The search keeps of each tick only the state that it leads to and what it waits for; events and changes of a million
     ticks would not fit. A run is restored from that: each of its ticks is tried in the order of the search until one
@@ -74,7 +74,7 @@ class Retracing:
         return Trace(tuple(stem))
 
     def lasso(self, lasso: Lasso) -> Trace:
-        """Return a run into a round, and once round."""
+        """Return a run into a loop, and once around it."""
         ticks = self._stem(lasso.stem)
         state = lasso.stem[-1]
         for edge in lasso.loop:

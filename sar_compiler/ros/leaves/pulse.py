@@ -1,4 +1,4 @@
-"""Whether an action's server lives: what answers no question for long is dead, whatever the graph says."""
+"""Whether an action's server lives: one that answers nothing for long is dead, whatever the graph says."""
 
 import uuid
 from typing import TYPE_CHECKING, Any

@@ -240,7 +240,7 @@ class Ticker:
                 child.stop(self)
 
     def run_unseen(self, node: TreeNode) -> int:
-        """Tick a node as `run` does, without a visit: nobody asked for this tick."""
+        """Tick a node as `run` does, without reporting a visit (`TryCatch` while it is halted)."""
         visits, self.visits = self.visits, None
         try:
             return self.run(node)
