@@ -1,150 +1,37 @@
 """The nodes of Nav2's distributions: `--model nav2:jazzy`.
 
-Controls and decorators mean what each distribution's sources say, and what can run without Nav2 does. Leaves have no class:
-they are known by their ports and answers, so that trees can be checked, simulated and verified.
+`nodes.yaml` has what each says of itself. Controls and decorators mean what each distribution's sources say, and what can run
+without Nav2 does. Leaves have no class: they are known by their ports and answers, so that trees can be checked, simulated and
+verified.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from sar_compiler.nodes.answers import answers_of
-from sar_compiler.nodes.declaring import CLOCK, inout_port, input_port, signature
+from sar_compiler.nodes.declaring import CLOCK, signature
 from sar_compiler.nodes.nav2 import outcomes
 from sar_compiler.nodes.nav2.types import facts, of_port, type_of_port
 from sar_compiler.nodes.outcome_sets import F, S, adding, passing
 from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Skipping, Skips
-from sar_compiler.nodes.values import PLAIN, REAL_NUMBER
 from sar_compiler.runtime.answers import Answer
 
 VERSIONS = ("jazzy", "kilted", "main")
-
-
-def specs(version: str) -> list[NodeSpec]:
-    """Return the records of the nodes of a distribution."""
-    return [*_specs_of_free_nodes(version), *_specs_of_described_nodes(version)]
-
-
-_ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
-IN_CPP = Counterpart(hint="")
-"""Nav2 has the node itself."""
-_RATE, _RETRIES = of_port("hz", REAL_NUMBER), of_port("number_of_retries", PLAIN["integer"])
-
-
-def _specs_of_free_nodes(version: str) -> list[NodeSpec]:
-    """Return the records of these nodes in a distribution."""
-    return [*_EVERYWHERE, *(_MAIN if version == "main" else _BEFORE_MAIN)]
-
-
-def _free_node(
-    tag: str,
-    doc: str,
-    semantics: Semantics,
-    *parameters: Parameter,
-    kind: Kind = Kind.CONTROL,
-    skipping: Skipping = Skipping(Skips.FROM_CHILD),  # noqa: B008 - frozen
-    cls: str = "",
-    **more: object,
-) -> NodeSpec:
-    return NodeSpec(
-        tag,
-        f"sar_compiler.runtime.nav2:{cls or tag}",
-        kind,
-        _ALL,
-        semantics=replace(semantics, counterpart=IN_CPP),
-        skipping=skipping,
-        signature=signature(kind, doc, *parameters),
-        **more,  # type: ignore[arg-type]
-    )
-
-
-_HANDLED = Skipping(is_handled=True)
-_IN_TURN = (
-    "Ticks its children in turn until one succeeds; the next start begins with the child after that one."
-)
-
-_EVERYWHERE: tuple[NodeSpec, ...] = (
-    _free_node(
-        "RecoveryNode",
-        "Ticks its first child; when that fails, the second one, and after its success the first one again.",
-        Semantics(outcomes.recovery, gates=outcomes.after_a_failure, resumes=True),
-        input_port("number_of_retries", _RETRIES, "How often to recover; less than 0 counts as 1.", 1),
-        child_count=(2, 2),
-    ),
-    _free_node(
-        "PipelineSequence",
-        "Ticks every child again in each tick, and the next one only when all before it have succeeded once.",
-        Semantics(outcomes.pipeline, Order.IN_ORDER, S),
-    ),
-    _free_node(
-        "RateController",
-        "Ticks its child at a rate: at the start, while it runs, and when a period is over since it last succeeded.",
-        Semantics(outcomes.now_and_then(), steady=True),
-        CLOCK,
-        input_port("hz", _RATE, "The rate, in hertz.", 10.0),
-        kind=Kind.DECORATOR,
-    ),
-    _free_node(
-        "SingleTrigger",
-        "Lets its child end once; ticked again before it is reset or halted, it fails.",
-        Semantics(outcomes.once_until_reset, steady=True),
-        kind=Kind.DECORATOR,
-    ),
-)
-
-_BEFORE_MAIN: tuple[NodeSpec, ...] = (
-    _free_node(
-        "RoundRobin",
-        _IN_TURN,
-        Semantics(outcomes.round_robin(wraps=True), resumes=True),
-        cls="WrappingRoundRobin",
-    ),
-)
-
-_MAIN: tuple[NodeSpec, ...] = (
-    _free_node(
-        "RoundRobin",
-        _IN_TURN,
-        Semantics(outcomes.round_robin(wraps=None), resumes=True),
-        input_port(
-            "wrap_around",
-            bool,
-            "Whether the first child follows the last one. If not, any end of the last child, a success as well, makes it "
-            "fail and begin with the first child again.",
-            default=False,
-        ),
-    ),
-    _free_node(
-        "NonblockingSequence",
-        "Ticks all its children in every tick, those that have succeeded as well; succeeds when all do in one tick.",
-        Semantics(outcomes.nonblocking, Order.TOGETHER),
-        skipping=_HANDLED,
-    ),
-    _free_node(
-        "PersistentSequence",
-        "A sequence whose place is kept in a key of the blackboard, so that it goes on there after a halt.",
-        Semantics(outcomes.persistent, resumes=True),
-        inout_port(
-            "current_child_idx",
-            int,
-            "The key with the index of the child in hand, counted from 0; it has to be written before.",
-        ),
-        skipping=_HANDLED,
-    ),
-)
-
-
 _PORT = re.compile(
     r"(?P<direction>\w+) (?P<type>\S+) (?P<name>\w+)(?P<has_default> =(?: (?P<default>[^\s\[]\S*))?)?(?: \[(?P<versions>[\w ]+)\])?"
 )
-_DIRECTIONS = {"in": Direction.INPUT, "out": Direction.OUTPUT}
+_DIRECTIONS = {"in": Direction.INPUT, "out": Direction.OUTPUT, "inout": Direction.INOUT}
+_ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
+_IN_CPP = Counterpart(hint="")
+"""Nav2 has the node itself."""
 
 
-def _specs_of_described_nodes(version: str) -> Iterator[NodeSpec]:
-    """Yield the records of these nodes in a distribution."""
+def specs(version: str) -> Iterator[NodeSpec]:
+    """Yield the records of the nodes of a distribution."""
     known = facts()
     for tag, said in known["nodes"].items():
         if version in said.get("distributions", known["distributions"]):
@@ -155,38 +42,44 @@ def _specs_of_described_nodes(version: str) -> Iterator[NodeSpec]:
 
 def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
     kind = Kind(said["kind"])
-    signed = signature(kind, said["doc"], *_ports(said["ports"], version))
     if kind.is_leaf:
-        statuses = said["answers"]
+        statuses, ports = said["answers"], _ports(said["ports"], version)
         by_status = {each.status: each for each in answers_of(statuses)}
         answers = tuple(by_status[status] for status in statuses)
+        signed = signature(kind, said["doc"], *ports)
         return KnownSpec(tag, None, kind, frozenset(statuses), answers=answers, signature=signed)
-    stand_in, semantics, answers = _STAND_INS[tag]
-    skipping = Skipping(Skips.NEVER if kind is Kind.CONTROL else Skips.FROM_CHILD)
-    counts = (1, 4) if kind is Kind.CONTROL else (1, 1)
-    return KnownSpec(
-        tag,
-        None,
-        kind,
-        _ALL,
-        answers=answers,
-        semantics=replace(semantics, counterpart=IN_CPP),
-        skipping=skipping,
-        signature=signed,
-        child_count=counts,
-        stand_in=f"sar_compiler.runtime.{stand_in}",
+    free = _FREE.get(f"{tag} {version}") or _FREE.get(tag)
+    if free is None:
+        stand_in, semantics, answers = _STAND_INS[tag]
+        spec: NodeSpec = KnownSpec(tag, None, kind, _ALL, answers=answers, stand_in=_path(stand_in))
+        counts = (1, 4) if kind is Kind.CONTROL else (1, 1)
+        free = _FreeNode("", semantics, Skips.NEVER if kind is Kind.CONTROL else Skips.FROM_CHILD, counts)
+    else:
+        spec = NodeSpec(tag, _path(f"nav2:{free.cls or tag}"), kind, _ALL)
+    ports = _ports(said["ports"], version, is_free=not spec.stand_in)
+    return replace(
+        spec,
+        semantics=replace(free.semantics, counterpart=_IN_CPP),
+        skipping=Skipping(free.skips, is_handled=free.skips is Skips.NEVER and not spec.stand_in),
+        signature=signature(kind, said["doc"], *free.handed_over, *ports),
+        child_count=free.child_count or spec.child_count,
     )
 
 
-def _ports(texts: Sequence[str], version: str) -> Iterator[Parameter]:
+def _path(name: str) -> str:
+    return f"sar_compiler.runtime.{name}"
+
+
+def _ports(texts: Sequence[str], version: str, *, is_free: bool = False) -> Iterator[Parameter]:
+    """Yield the ports that a distribution has; what can run here needs those without a default."""
     for text in texts:
         match = _PORT.fullmatch(text)
         assert match is not None, text  # noqa: S101 - a slip in the data
         if version in (match["versions"] or version).split():
-            yield _parameter(match)
+            yield _parameter(match, required=is_free and not match["has_default"])
 
 
-def _parameter(match: "re.Match[str]") -> Parameter:
+def _parameter(match: "re.Match[str]", *, required: bool) -> Parameter:
     value_type = of_port(match["name"], type_of_port(match["type"]))
     default: object = None
     if match["has_default"]:
@@ -195,13 +88,44 @@ def _parameter(match: "re.Match[str]") -> Parameter:
     return Parameter(
         match["name"],
         Role.ATTRIBUTE,
-        required=False,
+        required,
         default=default,
         value_type=value_type,
         direction=_DIRECTIONS[match["direction"]],
         doc=facts()["ports"][match["name"]],
     )
 
+
+class _FreeNode(NamedTuple):
+    """What is known of a control or decorator that is the same without Nav2: what it does depends on its children and on time.
+
+    Attributes:
+        cls: The name of its class in `runtime.nav2`; empty for its tag.
+        semantics: What it means.
+        skips: Whether it can be skipped; one that never is handles skipped children itself.
+        child_count: How many children it takes; None for those of its kind.
+        handed_over: What it needs besides its ports.
+    """
+
+    cls: str
+    semantics: Semantics
+    skips: Skips = Skips.FROM_CHILD
+    child_count: tuple[int, int | None] | None = None
+    handed_over: Sequence[Parameter] = ()
+
+
+_RECOVERY = Semantics(outcomes.recovery, gates=outcomes.after_a_failure, resumes=True)
+_TIMED = Semantics(outcomes.now_and_then(), steady=True)
+_FREE: Mapping[str, _FreeNode] = {
+    "RecoveryNode": _FreeNode("", _RECOVERY, child_count=(2, 2)),
+    "PipelineSequence": _FreeNode("", Semantics(outcomes.pipeline, Order.IN_ORDER, S)),
+    "RateController": _FreeNode("", _TIMED, handed_over=[CLOCK]),
+    "SingleTrigger": _FreeNode("", Semantics(outcomes.once_until_reset, steady=True)),
+    "RoundRobin": _FreeNode("WrappingRoundRobin", Semantics(outcomes.round_robin(wraps=True), resumes=True)),
+    "RoundRobin main": _FreeNode("", Semantics(outcomes.round_robin(wraps=None), resumes=True)),
+    "NonblockingSequence": _FreeNode("", Semantics(outcomes.nonblocking, Order.TOGETHER), Skips.NEVER),
+    "PersistentSequence": _FreeNode("", Semantics(outcomes.persistent, resumes=True), Skips.NEVER),
+}
 
 _DUE = (Answer("SUCCESS", "due"), Answer("RUNNING", "waiting"))
 _DRIVEN = (Answer("SUCCESS", "driven"), Answer("RUNNING", "on the way"), Answer("FAILURE", "no pose"))
@@ -213,10 +137,10 @@ _REQUESTS = (
     Answer("RUNNING", "resume"),
     Answer("SKIPPED", "resume and pause"),
 )
-
+# What depends on the world, which its stand-in asks.
 _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
-    "SpeedController": ("nav2:WhenDue", Semantics(outcomes.now_and_then(), steady=True), _DUE),
-    "GoalUpdatedController": ("nav2:WhenDue", Semantics(outcomes.now_and_then(), steady=True), _GOAL),
+    "SpeedController": ("nav2:WhenDue", _TIMED, _DUE),
+    "GoalUpdatedController": ("nav2:WhenDue", _TIMED, _GOAL),
     "DistanceController": ("nav2:WhenDriven", Semantics(outcomes.now_and_then(F)), _DRIVEN),
     "PathLongerOnApproach": ("nav2:WhenPathIsLonger", Semantics(adding(S)), _LONGER),
     "GoalUpdater": ("decorators:SubTree", Semantics(passing, steady=True), ()),

@@ -137,6 +137,7 @@ def _of_fields(name: str, label: str, cpp: str, first: int, each: int) -> ValueT
 
 
 _TYPES = {
+    "integer": PLAIN["integer"],
     "uint16_t": replace(PLAIN["integer"], cpp="uint16_t"),
     "milliseconds": replace(
         UNSIGNED,
