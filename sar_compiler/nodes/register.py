@@ -92,29 +92,31 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     return mark
 
 
+def _refusal(tag: str, what: str, value: object, advice: str) -> RegistrationError:
+    """Return the error of an argument that is not what it should be."""
+    return RegistrationError(f"<{tag}>: {what} {_quote(value)}; {advice}")
+
+
 def _require_tag(tag: object) -> None:
     if isinstance(tag, str) and _TAG.fullmatch(tag):
         return
     message = (
-        f"a leaf cannot be registered under {_shown(tag)}: a tag is one word of letters, digits, '_', '-' and '.', "
+        f"a leaf cannot be registered under {_quote(tag)}: a tag is one word of letters, digits, '_', '-' and '.', "
         "and begins with a letter or '_'"
     )
     raise RegistrationError(message)
 
 
 def _require_kind(tag: str, kind: object) -> None:
-    if isinstance(kind, Kind):
-        return
-    meant = [each for each in Kind if str(kind).lower() == each.value.lower()]
-    choices = " or ".join(f"Kind.{each.name}" for each in meant or Kind)
-    message = f"<{tag}>: kind is {_shown(kind)}; write {choices}"
-    raise RegistrationError(message)
+    if not isinstance(kind, Kind):
+        meant = [each for each in Kind if str(kind).lower() == each.value.lower()]
+        choices = " or ".join(f"Kind.{each.name}" for each in meant or Kind)
+        raise _refusal(tag, "kind is", kind, f"write {choices}")
 
 
 def _require_semantics(tag: str, semantics: object) -> None:
     if not isinstance(semantics, (Semantics, type(None))):
-        message = f"<{tag}>: semantics is {_shown(semantics)}; write Semantics.sequence() or the like"
-        raise RegistrationError(message)
+        raise _refusal(tag, "semantics is", semantics, "write Semantics.sequence() or the like")
 
 
 def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
@@ -126,11 +128,8 @@ def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
     match count:
         case (int(least), int() | None as most) if 1 <= least <= (least if most is None else most):
             return least, most
-    message = (
-        f"<{tag}>: child_count is {_shown(count)}; write the smallest and the largest number of children, "
-        "as (2, 3), or (2, None) for no limit"
-    )
-    raise RegistrationError(message)
+    advice = "write the smallest and the largest number of children, as (2, 3), or (2, None) for no limit"
+    raise _refusal(tag, "child_count is", count, advice)
 
 
 _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec")
@@ -154,7 +153,7 @@ class _UsersFunction:
             raise RegistrationError(message) from error
         if self._name == "possible" and not (isinstance(found, int) and 0 <= found <= ALL):
             message = (
-                f"{self._whose} returned {_shown(found)}; return a set of outcomes, such as that of a child"
+                f"{self._whose} returned {_quote(found)}; return a set of outcomes, such as that of a child"
             )
             raise RegistrationError(message)
         return found
@@ -175,19 +174,18 @@ def _guarded(tag: str, cls: type[Any], semantics: Semantics) -> Semantics:
 def _require_behaviour(tag: str, cls: object) -> None:
     if not (isinstance(cls, type) and issubclass(cls, Behaviour)):
         message = (
-            f"<{tag}>: {_shown(cls)} is no class of behaviours; derive one from py_trees.behaviour.Behaviour"
+            f"<{tag}>: {_quote(cls)} is no class of behaviours; derive one from py_trees.behaviour.Behaviour"
         )
         raise RegistrationError(message)
 
 
 def _status_names(tag: str, outcomes: object) -> frozenset[str]:
-    choices = "Status.SUCCESS, Status.FAILURE or Status.RUNNING"
     statuses = _members(tag, "outcomes", outcomes, "{Status.SUCCESS}")
     for outcome in statuses:
         if not isinstance(outcome, Status):
-            meant = f"Status.{outcome}" if outcome in Status.__members__ else choices
-            message = f"<{tag}>: outcomes holds {_shown(outcome)}; write {meant}"
-            raise RegistrationError(message)
+            is_name = outcome in Status.__members__
+            meant = outcome if is_name else "SUCCESS, Status.FAILURE or Status.RUNNING"
+            raise _refusal(tag, "outcomes holds", outcome, f"write Status.{meant}")
     # INVALID is `runtime.skipping.SKIPPED`.
     return frozenset("SKIPPED" if each is Status.INVALID else each.name for each in statuses)
 
@@ -196,27 +194,20 @@ def _uses(tag: str, uses: object) -> tuple[Use, ...]:
     needs = _members(tag, "uses", uses, '[Use.topic("...")]')
     for use in needs:
         if not isinstance(use, Use):
-            message = (
-                f"<{tag}>: uses holds {_shown(use)}; write Use.action(name), Use.service(name), "
-                "Use.topic(name) or Use.nav2()"
-            )
-            raise RegistrationError(message)
+            advice = "write Use.action(name), Use.service(name), Use.topic(name) or Use.nav2()"
+            raise _refusal(tag, "uses holds", use, advice)
     return needs
 
 
 def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answer, ...]:
     said = _members(tag, "answers", answers, '[Answer("SUCCESS")]')
+    possible = sorted(outcomes) or STATUSES
     for answer in said:
         if not isinstance(answer, Answer):
-            message = f'<{tag}>: answers holds {_shown(answer)}; write Answer("SUCCESS", "what it means")'
-            raise RegistrationError(message)
-        possible = sorted(outcomes) or STATUSES
+            raise _refusal(tag, "answers holds", answer, 'write Answer("SUCCESS", "what it means")')
         if answer.status not in possible:
-            message = (
-                f"<{tag}>: answers holds one with the status {_shown(answer.status)}; the outcomes of this leaf are "
-                f"{', '.join(possible)}"
-            )
-            raise RegistrationError(message)
+            advice = f"the outcomes of this leaf are {', '.join(possible)}"
+            raise _refusal(tag, "answers holds one with the status", answer.status, advice)
     twice = [answer.name for index, answer in enumerate(said) if answer in said[:index]]
     if twice:
         message = f"<{tag}>: answers holds '{twice[0]}' twice"
@@ -226,28 +217,23 @@ def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answe
 
 def _facts(tag: str, facts: object) -> Mapping[str, Fact]:
     if not isinstance(facts, Mapping):
-        message = (
-            f"<{tag}>: facts is {_shown(facts)}; write names and values at the start: {{'zones_left': 3}}"
-        )
-        raise RegistrationError(message)
+        raise _refusal(tag, "facts is", facts, "write names and values at the start: {'zones_left': 3}")
     for name, value in facts.items():
         if not (isinstance(name, str) and is_fact_name(name)):
             message = (
-                f"<{tag}>: a fact cannot be called {_shown(name)}: it is a word of letters, digits and '_'"
+                f"<{tag}>: a fact cannot be called {_quote(name)}: it is a word of letters, digits and '_'"
             )
             raise RegistrationError(message)
         if not isinstance(value, (bool, int, float, str)):
-            message = f"<{tag}>: the fact '{name}' is {_shown(value)}; write a number, a text, True or False"
-            raise RegistrationError(message)
+            raise _refusal(tag, f"the fact '{name}' is", value, "write a number, a text, True or False")
     return dict(facts)
 
 
 def _members(tag: str, argument: str, value: object, example: str) -> tuple[Any, ...]:
     if isinstance(value, Iterable) and not isinstance(value, str):
         return tuple(value)
-    message = f"<{tag}>: {argument} is {_shown(value)}; write several or one in brackets, as {example}"
-    raise RegistrationError(message)
+    raise _refusal(tag, f"{argument} is", value, f"write several or one in brackets, as {example}")
 
 
-def _shown(value: object) -> str:
+def _quote(value: object) -> str:
     return f"the text '{value}'" if isinstance(value, str) else repr(value)
