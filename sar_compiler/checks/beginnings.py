@@ -53,11 +53,11 @@ def check_beginning(
     source, unfinished = beginning.tree_file.source, {place[:2] for place in beginning.unfinished}
     parents: dict[tuple[int, int], tuple[int, int] | None] = {}
     for each in beginning.tree_file.root.iterate():
-        parents.setdefault((each.line, each.column), None)
-        parents.update({(child.line, child.column): (each.line, each.column) for child in each.children})
+        parents.setdefault(each.place, None)
+        parents.update({child.place: each.place for child in each.children})
     places = sorted(parents)
     ruled = {
-        (bound.element.line, bound.element.column)
+        bound.element.place
         for tree in context.bound.trees
         for bound in tree.nodes
         if bound.spec.rule is not None

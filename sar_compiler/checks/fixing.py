@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.guessing import is_slip
-from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.model import Element, TreeFile, last_before
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.tree.source import Form, Source
 from sar_compiler.tree.yaml_writer import scalar
@@ -144,13 +144,8 @@ def _is_safe(finding: Diagnostic) -> bool:
 
 
 def _written(finding: Diagnostic) -> str:
-    start, end = _offsets(finding)
+    start, end = finding.source.offsets(finding.span)
     return finding.source.text[start:end]
-
-
-def _offsets(finding: Diagnostic) -> tuple[int, int]:
-    source, span = finding.source, finding.span
-    return source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
 
 
 @dataclass(frozen=True)
@@ -176,12 +171,11 @@ class _Values:
 
     def around(self, finding: Diagnostic) -> _AttributeSpan | None:
         """Return the value that contains a finding; None if there is none."""
-        place = (finding.span.line, finding.span.column)
-        index = bisect.bisect_right(self._elements, place, key=lambda each: (each.line, each.column))
-        if not index:
+        element = last_before(self._elements, finding.span[:2])
+        if element is None:
             return None
-        start, end = _offsets(finding)
-        values = self._of(self._elements[index - 1])
+        start, end = finding.source.offsets(finding.span)
+        values = self._of(element)
         following = bisect.bisect_right(values, start, key=lambda each: each.start)
         value = values[following - 1] if following else None
         return value if value is not None and end <= value.end and value.start < value.end else None
@@ -195,13 +189,13 @@ class _Values:
 
 def _value_of(element: Element, attribute: str) -> _AttributeSpan:
     source, span, name = element.source, element.value_span(attribute), element.name_span(attribute)
-    start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
+    start, end = source.offsets(span)
     return _AttributeSpan(start, end, source.offset(name.line, name.column))
 
 
 def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     """Return a finding's suggestion as it is written there; None if it cannot be without more ado."""
-    start, end = _offsets(finding)
+    start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     value = values.around(finding) if finding.code != "loose-xml" else None
     if value is None:  # a name, the text itself, or what could not be read

@@ -10,6 +10,7 @@ import dataclasses
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from operator import attrgetter
 from weakref import WeakKeyDictionary
 
 from lxml import etree
@@ -19,7 +20,7 @@ from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
-from sar_compiler.tree.model import INCLUDE_TAG, ROOT_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import INCLUDE_TAG, ROOT_TAG, TREE_TAG, TreeFile
 from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml_recovery import readable
 
@@ -130,10 +131,10 @@ def check_schema(
         if finding.source is tree_file.source
         and (finding.severity is Severity.ERROR or finding.code in _PASSED_OVER)
     )
-    elements = sorted(tree_file.root.iterate(), key=_place)
+    elements = sorted(tree_file.root.iterate(), key=attrgetter("place"))
     for line, message in errors:
         # The last element that begins in the line or before it.
-        index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=_place) - 1)
+        index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=attrgetter("place")) - 1)
         element, last = elements[index], line
         if tree_file.source.form is not Form.XML:
             # Attributes stand in lines of their own, up to the next element.
@@ -151,7 +152,3 @@ def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
     for finding in rest_of(tree_file):
         if finding.code == "stray-text":
             yield dataclasses.replace(finding, message=message)
-
-
-def _place(element: Element) -> tuple[int, int]:
-    return element.line, element.column

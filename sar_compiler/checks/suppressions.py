@@ -4,14 +4,13 @@ Such a comment is about the next element, or the one beside which it stands: its
 in it.
 """
 
-import bisect
 import re
 from collections.abc import Iterable, Iterator
 
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses
-from sar_compiler.tree.model import Comment, Element, TreeFile
+from sar_compiler.tree.model import Comment, Element, TreeFile, last_before
 from sar_compiler.tree.source import Form, Span
 
 _MARK, _UNNEEDED = "sar:", "unneeded-allow"
@@ -78,8 +77,8 @@ def _silenced(
     for finding in findings:
         silencing = []
         if finding.source is tree_file.source and finding.severity is not Severity.ERROR:
-            index = bisect.bisect_right(elements, (finding.span.line, finding.span.column), key=_place)
-            about = by_element.get(id(elements[index - 1]), []) if index else []
+            element = last_before(elements, finding.span[:2])
+            about = by_element.get(id(element), []) if element is not None else []
             silencing = [each for each in about if finding.code in each.codes]
         for suppression in silencing:
             suppression.used.add(finding.code)
@@ -114,7 +113,7 @@ def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, in
 
 
 def _comments_in(element: Element) -> Iterator[tuple[Element | None, Comment, int]]:
-    start = element.source.offset(element.line, element.column)
+    start = element.offset
     for comment in element.comments:
         if comment.trailing or comment.attribute is not None:
             yield element, comment, start
@@ -155,10 +154,6 @@ def _wrong(suppression: _Suppression, guesses: Guesses, *, unneeded: bool) -> It
 def _span_of(code: str, suppression: _Suppression) -> Span:
     """Return the place of a code in a comment; that of the comment where it is not found."""
     source, span = suppression.tree_file.source, suppression.span
-    start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
+    start, end = source.offsets(span)
     match = re.search(rf"(?<![\w-]){re.escape(code)}(?![\w-])", source.text[start:end]) if code else None
     return source.span(start + match.start(), start + match.end()) if match is not None else span
-
-
-def _place(element: Element) -> tuple[int, int]:
-    return element.line, element.column

@@ -74,7 +74,7 @@ class Origins(Mapping[UUID, Origin]):
     def place(self, behaviour: UUID) -> str | None:
         """Return the file and the line that a behaviour was made from; None if it was not made from a file."""
         made = self._by_id.get(behaviour)
-        return None if made is None else f"{made.bound.element.source.path}:{made.bound.element.line}"
+        return None if made is None else made.bound.element.file_and_line
 
     def __iter__(self) -> Iterator[UUID]:
         return (each.behaviour for each in self._in_order)

@@ -140,7 +140,7 @@ def _shortened(text: str) -> str:
 
 def rest_of(tree_file: TreeFile) -> list[Diagnostic]:
     """Return a finding for each piece of text and each processing instruction that no element has."""
-    with_text = {(element.line, element.column) for element in tree_file.root.iterate() if element.text}
+    with_text = {element.place for element in tree_file.root.iterate() if element.text}
     text = readable(tree_file.source) if tree_file.findings else tree_file.source.text
     return _Looker(tree_file.source, with_text).look(text)
 

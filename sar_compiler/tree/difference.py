@@ -125,7 +125,7 @@ def difference_as_text(differences: Iterable[Difference]) -> str:
 
 def _line(one: Difference) -> str:
     elements = [element for element in (one.old, one.new) if element is not None]
-    places = ", ".join(f"{element.source.path}:{element.line}" for element in elements)
+    places = ", ".join(element.file_and_line for element in elements)
     return f"{one.change.value:8} {_words(one, elements[-1].tag)}  ({places})"
 
 

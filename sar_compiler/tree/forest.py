@@ -288,7 +288,7 @@ class _SetSearch:
         target = self.targets[id(reference)] = first.trees[tree_id]
         others = [other.trees[tree_id] for _, other in having[1:] if other.trees[tree_id] != target]
         if others:
-            places = f"{target.source.path}:{target.line} and {others[0].source.path}:{others[0].line}"
+            places = f"{target.file_and_line} and {others[0].file_and_line}"
             more = f", and in {len(others) - 1} more" if others[1:] else ""
             message = f"the tree '{tree_id}' is in several files of the set: {places}{more}"
             # Files that were only named together may be those of several robots.

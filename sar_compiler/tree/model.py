@@ -1,5 +1,6 @@
 """A tree file as data: elements, attributes and their places, whatever form the file had."""
 
+import bisect
 import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -84,6 +85,21 @@ class Element:
     text: str = field(default="", repr=False)
     comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """The line and the column where it begins."""
+        return self.line, self.column
+
+    @property
+    def offset(self) -> int:
+        """The offset of its first character in the text of the file."""
+        return self.source.offset(self.line, self.column)
+
+    @property
+    def file_and_line(self) -> str:
+        """Where it is, for people."""
+        return f"{self.source.path}:{self.line}"
+
     def tag_span(self) -> Span:
         """Return where it begins, up to the end of its tag's name."""
         return self.source.spans.tag(self.source, self)
@@ -146,6 +162,12 @@ class Element:
             yield element
             if element.children:
                 waiting.extend(reversed(element.children))
+
+
+def last_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Element | None:
+    """Return the last of some elements, which are in the order of the file, that begins at a place or before it."""
+    index = bisect.bisect_right(elements, place, key=lambda each: each.place)
+    return elements[index - 1] if index else None
 
 
 @dataclass(frozen=True)

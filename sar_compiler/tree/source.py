@@ -133,14 +133,17 @@ class Source:
         values = element.attributes.values()
         if len(values) <= _FEW and sum(map(len, values)) <= SHORT:
             return next((places for each, places in attributes if each == name), None)
-        place = (element.line, element.column)
-        if place not in self._wide:
-            self._wide[place] = dict(attributes)
-        return self._wide[place].get(name)
+        if element.place not in self._wide:
+            self._wide[element.place] = dict(attributes)
+        return self._wide[element.place].get(name)
 
     def offset(self, line: int, column: int) -> int:
         """Return the offset of a place given by line and column."""
         return self.line_starts[line - 1] + column - 1
+
+    def offsets(self, span: Span) -> tuple[int, int]:
+        """Return the offsets at which a stretch begins and ends."""
+        return self.offset(span.line, span.column), self.offset(span.end_line, span.end_column)
 
     def line(self, number: int) -> str:
         """Return a line without its end; an empty text for lines that are not there."""

@@ -39,7 +39,7 @@ class _XmlSpans:
     form = Form.XML
 
     def tag(self, source: Source, element: Element) -> Span:
-        start = source.offset(element.line, element.column)
+        start = element.offset
         name = NAME.match(source.text, start)
         return source.span(start, name.end() if name else start + 1)
 
@@ -67,13 +67,13 @@ class _XmlSpans:
         return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
 
     def follows_blank_line(self, source: Source, element: Element) -> bool:
-        return source.blank_before(source.offset(element.line, element.column))
+        return source.blank_before(element.offset)
 
     def _attribute(self, source: Source, element: Element, name: str) -> AttributePlaces | None:
         return source.attribute(element, name, self._attributes(source, element))
 
     def _attributes(self, source: Source, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
-        tag = NAME.match(source.text, source.offset(element.line, element.column))
+        tag = NAME.match(source.text, element.offset)
         offset = tag.end() if tag else 0
         while match := ATTRIBUTE.match(source.text, offset):
             yield match[1], (*match.span(1), *match.span(3))

@@ -91,7 +91,7 @@ def _as_broken(element: Element, name: str, value: str) -> str | None:
     span = element.value_span(name)
     if span.line == span.end_line:
         return None
-    start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
+    start, end = source.offsets(span)
     broken = re.sub(r"\r\n?", "\n", source.text[start:end]).replace('"', "&quot;").replace("\t", " ")
     # The element may have been given another value since it was read.
     return escaped(broken) if unescape(broken.replace("\n", " ")) == value else None

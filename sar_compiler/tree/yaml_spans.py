@@ -50,7 +50,7 @@ class YamlSpans:
 
     def tag(self, source: Source, element: Element) -> Span:
         """Return where the element's tag is."""
-        number = self._number(source, element)
+        number = self._number(element)
         return source.span(*unquoted(source.text, self._tags[number], self._tag_ends[number]))
 
     def attribute_name(self, source: Source, element: Element, name: str) -> Span:
@@ -77,18 +77,18 @@ class YamlSpans:
 
     def follows_blank_line(self, source: Source, element: Element) -> bool:
         """Return whether a blank line is directly before the element."""
-        return source.blank_before(source.offset(element.line, element.column), passing="- \t\r\n")
+        return source.blank_before(element.offset, passing="- \t\r\n")
 
-    def _number(self, source: Source, element: Element) -> int:
-        return bisect.bisect_left(self._tags, source.offset(element.line, element.column))
+    def _number(self, element: Element) -> int:
+        return bisect.bisect_left(self._tags, element.offset)
 
     def _attribute(self, source: Source, element: Element, name: str) -> AttributePlaces | None:
         if name not in element.attributes:
             return None
-        return source.attribute(element, name, self._attributes(source, element))
+        return source.attribute(element, name, self._attributes(element))
 
-    def _attributes(self, source: Source, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
-        first = self._first[self._number(source, element)]
+    def _attributes(self, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
+        first = self._first[self._number(element)]
         for index, name in enumerate(element.attributes, first // 4):
             start, end, begin, behind = self._places[4 * index : 4 * index + 4]
             yield name, (start, end, begin, behind)

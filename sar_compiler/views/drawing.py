@@ -118,7 +118,7 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, 
     attributes = " ".join(f"{key}={_value(plain(value))}" for key, value in written.items())
     says_tag = is_wrapper or bound.subtree is not None or bound.spec.semantics.with_memory
     details = attributes if says_tag or name in (tag, f"{tag}?") else f"{tag} {attributes}"
-    title = f"{element.source.path}:{element.line} <{tag}> {name} {attributes}"
+    title = f"{element.file_and_line} <{tag}> {name} {attributes}"
     return (
         shape,
         sign,

@@ -70,15 +70,12 @@ def coverage_text(coverage: Coverage) -> str:
     unseen = sum(len(node.unseen) for node in nodes)
     seen = f"{possible - unseen} of {possible} outcomes of leaves seen"
     lines = [f"coverage: {len(nodes) - len(missed)} of {len(nodes)} nodes ticked, {seen}"]
-    lines += [f"  {_place(node)}: '{node.bound.name}' is never ticked" for node in missed]
+    lines += [f"  {node.bound.element.file_and_line}: '{node.bound.name}' is never ticked" for node in missed]
     for node in coverage.unseen:
-        lines.append(f"  {_place(node)}: '{node.bound.name}' has not shown {', '.join(node.unseen)}")
+        lines.append(
+            f"  {node.bound.element.file_and_line}: '{node.bound.name}' has not shown {', '.join(node.unseen)}"
+        )
     return "\n".join(lines)
-
-
-def _place(node: Covered) -> str:
-    element = node.bound.element
-    return f"{element.source.path}:{element.line}"
 
 
 def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:

@@ -3,6 +3,7 @@
 import bisect
 import functools
 from collections.abc import Callable, Iterator, Mapping
+from operator import attrgetter
 from typing import TypeVar
 
 from sar_compiler.checks.rules.key_accesses import KeyAccesses, key_accesses_of
@@ -142,10 +143,10 @@ class CheckContext:
         for tree in self.bound.trees:
             nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
         for of_file in nodes.values():
-            of_file.sort(key=_place)
+            of_file.sort(key=attrgetter("element.place"))
         for finding in self._errors:
             of_file = nodes.get(finding.source.path, [])
-            index = bisect.bisect_right(of_file, (finding.span.line, finding.span.column), key=_place)
+            index = bisect.bisect_right(of_file, finding.span[:2], key=attrgetter("element.place"))
             if index:
                 yield of_file[index - 1]
         # Where one is missing, those that were bound are not the first, the second and the last of the file.
@@ -156,7 +157,3 @@ class CheckContext:
 def is_misnamed(tree: Element) -> bool:
     """Return whether a tree has a name where its ID should be."""
     return "ID" not in tree.attributes and "name" in tree.attributes
-
-
-def _place(bound: BoundNode) -> tuple[int, int]:
-    return bound.element.line, bound.element.column

@@ -4,6 +4,7 @@ import enum
 import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS
@@ -93,7 +94,7 @@ def key_accesses_of(tree: BoundTree) -> KeyAccesses:
     if tree.wrappers:
         involved.update(dict.fromkeys(node for node in tree.nodes if node.conditions))
     accesses = [access for bound in involved for access in _of_node(bound)]
-    accesses.sort(key=lambda access: (access.bound.element.line, access.bound.element.column))
+    accesses.sort(key=attrgetter("bound.element.place"))
     return KeyAccesses(tuple(accesses), any(_is_open(bound) for bound in involved))
 
 

@@ -91,7 +91,7 @@ def running(draft: Draft, _notes: Collector) -> None:
     """Write `Running` as a node that never ends over one that succeeds."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
-    draft.children = [Element("AlwaysSuccess", {}, (), element.source, element.line, element.column)]
+    draft.children = [Element("AlwaysSuccess", {}, (), element.source, *element.place)]
 
 
 def oneshot(draft: Draft, notes: Collector) -> None:

@@ -236,7 +236,7 @@ class _Conversion:
             message = f"{ONESHOT}: nothing in BehaviorTree.CPP tries again until it succeeds once"
             self.notes.add("no-counterpart", message, element, value=ONESHOT, hint=NO_ONESHOT)
             self._use(tag, attributes, 1)
-        return Element(tag, attributes, (child,), element.source, element.line, element.column)
+        return Element(tag, attributes, (child,), element.source, *element.place)
 
     def _complain(self, draft: Draft) -> None:
         """Note missing counterparts, and drop the attributes that BehaviorTree.CPP would refuse."""
