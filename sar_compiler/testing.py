@@ -23,7 +23,7 @@ import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from sar_compiler.checks.golden import RENEW, difference
+from sar_compiler.checks.golden import RENEW, compare_golden
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.nodes.registry import Named, Registry
 from sar_compiler.project import load
@@ -89,7 +89,7 @@ def assert_matches_golden(
         if as_json
         else ascii_tree(result.root)
     )
-    different = difference(Path(golden), text, f"{tree} (compiled now)")
+    different = compare_golden(Path(golden), text, f"{tree} (compiled now)")
     if different is not None:
         message = f"the compiled tree is not the committed one:\n{different}"
         raise AssertionError(message)

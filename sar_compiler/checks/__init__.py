@@ -25,7 +25,7 @@ from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.btcpp import NEWEST, Version
-from sar_compiler.nodes.models import compare, described_specs, read_models, yielding
+from sar_compiler.nodes.models import compare_models, described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
@@ -69,7 +69,7 @@ def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     """Return the findings about palettes themselves, whatever tree files they are for."""
     collector, palettes = Collector(), tuple(palettes)
     models = read_models(palettes, collector)
-    compare(models, yielding(registry, models), collector)
+    compare_models(models, yielding(registry, models), collector)
     return [*_mended(palettes), *collector.findings]
 
 

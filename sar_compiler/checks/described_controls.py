@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from sar_compiler.compiler.stand_ins import described, put_in_place, ticked_by_themselves
+from sar_compiler.compiler.stand_ins import described_parents, put_in_place, self_ticking_parents
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.models import described_specs
@@ -24,7 +24,7 @@ def take_controls(
         registry: The registered nodes.
         files: The tree files and palettes whose models describe nodes.
     """
-    own = ticked_by_themselves(binding)
+    own = self_ticking_parents(binding)
     known = [spec.tag for spec in described_specs(files, registry) if not spec.kind.is_leaf]
     known += dict.fromkeys(node.spec.tag for node in own)
     stand_ins: dict[str, NodeSpec] = {}
@@ -35,7 +35,7 @@ def take_controls(
             message = f"no control or decorator that only a model or its own methods describe is called '{tag}'; there is {listed}"
             document.report("unknown-node", message, key, suggestion=nearest(tag, known))
             continue
-        nodes = [node for node in (*described(binding), *own) if node.spec.tag == tag]
+        nodes = [node for node in (*described_parents(binding), *own) if node.spec.tag == tag]
         spec = _stand_in(document, value, tag, nodes, registry)
         # Where there is a finding, anything may stand there while the others are sought.
         fits = (each for each in registry if not _misfit(each, nodes))

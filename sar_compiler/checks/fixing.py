@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, close_key
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.guessing import is_slip
 from sar_compiler.tree.model import Element, TreeFile, last_before
@@ -35,7 +35,7 @@ def _value(written: str, suggestion: str) -> bool:
     return (
         written.strip() == suggestion
         or _same_but_case(written.strip(), suggestion)
-        or closed(written) == suggestion
+        or close_key(written) == suggestion
         or (suggestion in _TRUTHS and is_slip(written, suggestion))
     )
 
@@ -121,7 +121,7 @@ def each_fix(source: Source, tree_file: TreeFile | None, findings: Iterable[Diag
                 yield fix
 
 
-def fixed(text: str, chosen: Iterable[Fix]) -> str:
+def apply_fixes(text: str, chosen: Iterable[Fix]) -> str:
     """Return a text with fixes applied that do not touch each other."""
     parts, done = [], 0
     for fix in chosen:

@@ -11,7 +11,7 @@ RENEW = "SAR_RENEW_GOLDEN"
 """The environment variable that has such files written anew."""
 
 
-def difference(path: Path, text: str, what: str) -> str | None:
+def compare_golden(path: Path, text: str, what: str) -> str | None:
     """Compare a text with a committed file; where the files are to be written anew, write it instead.
 
     Returns:

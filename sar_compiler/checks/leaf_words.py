@@ -8,7 +8,7 @@ from typing import NamedTuple
 from sar_compiler.checks.rules.entry_accesses import entry_table_of
 from sar_compiler.checks.rules.key_accesses import key_accesses_of
 from sar_compiler.checks.typed_values import script
-from sar_compiler.compiler.simulated_tree import SimulatedTree, fits
+from sar_compiler.compiler.simulated_tree import SimulatedTree, match_rank
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.answers import STATUSES
@@ -159,7 +159,7 @@ class LeafWords:
 
     def named(self, key: str) -> tuple[StubLeaf, ...]:
         """Return the leaves that a key names: a path, a name or a tag."""
-        return tuple(leaf for leaf in self.leaves if fits(key, leaf.path, leaf.tag))
+        return tuple(leaf for leaf in self.leaves if match_rank(key, leaf.path, leaf.tag))
 
     def find(self, document: Document, value: Value) -> tuple[StubLeaf, ...]:
         """Return the leaves that a value names; reports one that names none."""
@@ -171,7 +171,7 @@ class LeafWords:
 
     def answer(self, document: Document, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
         """Return a label or a status that each of some leaves can answer; reports anything else."""
-        text, known = value.text or "", words_of(leaves)
+        text, known = value.text or "", answer_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
             document.report("unknown-answer", message, value, suggestion=nearest(text, known))
@@ -210,7 +210,7 @@ class LeafWords:
         known = self.named(text)
         if known:
             message = f"'{text}' is a leaf; an event says what it does as well"
-            example = f"write {text} {words_of(known)[0]}"
+            example = f"write {text} {answer_words(known)[0]}"
             document.report("wrong-value", message, value, hint=example)
         else:
             self._report_unknown(document, value, words[0])
@@ -222,7 +222,7 @@ class LeafWords:
         text, rest = texts
         if rest in _DEEDS:
             return EventPattern(text, leaves, _DEEDS[rest])
-        known = words_of(leaves)
+        known = answer_words(leaves)
         if rest in known:
             return EventPattern(text, leaves, ANSWERED, rest)
         message = f"'{leaves[0].name}' never does '{rest}'; it does {', '.join([*known, *_DEEDS])}"
@@ -237,7 +237,7 @@ class LeafWords:
         document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
 
 
-def words_of(leaves: Iterable[StubLeaf]) -> list[str]:
+def answer_words(leaves: Iterable[StubLeaf]) -> list[str]:
     """Return the labels of what some leaves can answer, then the statuses."""
     labels = [answer.label for leaf in leaves for answer in leaf.answers if answer.label]
     statuses = {answer.status for leaf in leaves for answer in leaf.answers}

@@ -13,7 +13,7 @@ from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.binding.nesting import fits
+from sar_compiler.nodes.binding.nesting import count_within_limits
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
@@ -96,7 +96,7 @@ class _Raised(NamedTuple):
 
 def can_prepare(binding: Binding, budget: TrialBudget) -> bool:
     """Return whether a budget is enough to prepare a tree, and take what that costs."""
-    nodes = fits(binding.main, Collector())
+    nodes = count_within_limits(binding.main, Collector())
     return nodes is not None and budget.take(nodes * _PREPARING)
 
 

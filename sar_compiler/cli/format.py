@@ -47,13 +47,13 @@ def _format(name: str, *, write: bool) -> bool:
     """Return whether a file differs from its canonical form, and rewrite it if requested."""
     from sar_compiler.cli.writing import write_bytes
     from sar_compiler.tree.content import read_bytes
-    from sar_compiler.tree.conversion import formatted
+    from sar_compiler.tree.conversion import canonical_bytes
     from sar_compiler.tree.gathering import path_named
     from sar_compiler.tree.reading import read_tree_file
 
     path = path_named(name)
     tree_file = read_tree_file(path)
-    data = formatted(tree_file)
+    data = canonical_bytes(tree_file)
     differs = read_bytes(path) != data
     if differs and write:
         write_bytes(path, data)

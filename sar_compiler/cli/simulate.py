@@ -162,12 +162,12 @@ def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
 
 def _trace_failure(run: "Run") -> "list[Failure]":
     """Compare the trace with the file that the scenario names, if any."""
-    from sar_compiler.checks.golden import difference
+    from sar_compiler.checks.golden import compare_golden
     from sar_compiler.checks.simulate.judging import Failure
     from sar_compiler.views.runs import trace
 
     expect = run.scenario.expect
-    different = difference(expect.trace, trace(run), "the trace now") if expect.trace else None
+    different = compare_golden(expect.trace, trace(run), "the trace now") if expect.trace else None
     return [Failure("trace", different, expect.lines.get("trace", 0))] if different else []
 
 

@@ -341,7 +341,7 @@ def _by_severity(counted: tuple[str, int]) -> int:
 
 def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
     """Apply fixes to a file; all other bytes are unchanged."""
-    from sar_compiler.checks.fixing import fixed
+    from sar_compiler.checks.fixing import apply_fixes
     from sar_compiler.cli.writing import WriteError, write_bytes
     from sar_compiler.tree.content import bytes_of, read_bytes
 
@@ -349,4 +349,4 @@ def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
     if bytes_of(source, source.text) != read_bytes(path):
         message = f"{path} is not mended: it has changed meanwhile, or its encoding has no way back"
         raise WriteError(message)
-    write_bytes(path, bytes_of(source, fixed(source.text, chosen)))
+    write_bytes(path, bytes_of(source, apply_fixes(source.text, chosen)))

@@ -8,7 +8,7 @@ import py_trees
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler.building import Builder, PreviewBuilder, report_without_class
-from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, given
+from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, write_constant
 from sar_compiler.compiler.origins import Origin, Origins, remember
 from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.binding.bound import Binding
@@ -141,7 +141,7 @@ def compile_with(
         raise TreeError(binding.findings)
     top = expand(binding.main, collector)
     for name, value in parameters.items():
-        given(top.scope.resolve(name), value)
+        write_constant(top.scope.resolve(name), value)
     # Everything that can be said of the arguments is said at once, before anything is made.
     builder.prepare(top)
     if _has_error(collector.findings):

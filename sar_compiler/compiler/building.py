@@ -10,7 +10,7 @@ from py_trees.common import OneShotPolicy
 from py_trees.composites import Sequence
 from py_trees.decorators import OneShot, PassThrough
 
-from sar_compiler.compiler.constructor_arguments import Arguments, given
+from sar_compiler.compiler.constructor_arguments import Arguments, write_constant
 from sar_compiler.compiler.origins import Construction
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
@@ -82,7 +82,7 @@ class Builder:
             if bound.subtree is not None:
                 inner = instance.inner[bound]
                 for key, value in inner.constants():
-                    given(inner.scope.resolve(key), value)
+                    write_constant(inner.scope.resolve(key), value)
                 self.prepare(inner)
 
     def only_described(self, bound: BoundNode) -> None:

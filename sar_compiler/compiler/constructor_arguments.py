@@ -145,7 +145,7 @@ class Arguments:
         self._collector.add("unknown-key", message, bound.element, value=parameter.name, **advice)
 
 
-def given(entry: Entry, value: object) -> None:
+def write_constant(entry: Entry, value: object) -> None:
     """Write what an entry holds before the first tick; a number gives it its type."""
     entry.declare(kind_of(type(value)) if not isinstance(value, str) else None)
     entry.write(value)

@@ -92,7 +92,7 @@ def remember(root: Behaviour, origins: Origins) -> None:
     _of_trees[root] = weakref.ref(origins)
 
 
-def place_of(behaviour: Behaviour) -> str | None:
+def file_and_line_of(behaviour: Behaviour) -> str | None:
     """Return the file and the line that a behaviour, or the one around it, was made from; None if there is none."""
     around: list[Behaviour] = []
     each: Behaviour | None = behaviour

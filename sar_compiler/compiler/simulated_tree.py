@@ -19,11 +19,11 @@ from sar_compiler.compiler.stand_ins import (
     OnlyDescribedError,
     Substitute,
     by_semantics,
-    described,
-    ticked_by_themselves,
+    described_parents,
+    self_ticking_parents,
 )
 from sar_compiler.errors import SarError, UndecidableError
-from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, filled, filled_text, number_text
+from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_answer, fill_text, number_text
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
@@ -161,8 +161,8 @@ def compile_simulated(
             methods of its own, semantics that leave something open, and *all_runs* are gone through.
     """
     clock = UnreadableClock() if all_runs else ManualClock()
-    unknown = described(binding)
-    own = ticked_by_themselves(binding) if all_runs else []
+    unknown = described_parents(binding)
+    own = self_ticking_parents(binding) if all_runs else []
     stand_ins: dict[BoundNode, Substitute] = {}
     for node in own:
         made = by_semantics(node, clock)
@@ -324,7 +324,7 @@ class SimulationBuilder(Builder):
             target = instance.referred(bound, parameter.name)
             names[parameter.name] = NOBODY if target is None else self._names.get(target, NOBODY)
         for fact, value in bound.spec.facts.items():
-            self._add_fact(filled_text(fact, names), value, bound.name)
+            self._add_fact(fill_text(fact, names), value, bound.name)
         path = self._places.path(instance, bound)
         said = self._said[instance, bound]
         enums = self._source.enums
@@ -333,7 +333,7 @@ class SimulationBuilder(Builder):
             if parameter.direction is not Direction.INPUT and parameter.name in bound.keys:
                 self.outputs.setdefault(bound.keys[parameter.name].removeprefix(ROOT_SIGN), bound.name)
         leaf = StubLeaf(
-            bound.name, bound.spec.tag, [filled(answer, names) for answer in said], variables, enums
+            bound.name, bound.spec.tag, [fill_answer(answer, names) for answer in said], variables, enums
         )
         leaf.path = path
         self.constructions.append(Construction(leaf.id, instance, bound))
@@ -371,7 +371,7 @@ class Places:
         return tuple(reversed(names))
 
 
-def fits(key: str, path: Sequence[str], tag: str) -> int:
+def match_rank(key: str, path: Sequence[str], tag: str) -> int:
     """Return how specifically a key of a file names a leaf.
 
     Args:
@@ -403,5 +403,5 @@ def answers_for(
     assumed: Mapping[str, tuple[Answer, ...]], path: Sequence[str], spec: NodeSpec
 ) -> tuple[Answer, ...]:
     """Return what a leaf can answer: what is assumed of it, else what it says of itself."""
-    best = max(assumed, key=lambda key: fits(key, path, spec.tag), default="")
-    return assumed[best] if best in assumed and fits(best, path, spec.tag) else spec.answers
+    best = max(assumed, key=lambda key: match_rank(key, path, spec.tag), default="")
+    return assumed[best] if best in assumed and match_rank(best, path, spec.tag) else spec.answers

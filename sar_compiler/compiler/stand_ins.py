@@ -56,12 +56,12 @@ def _finding(bound: BoundNode) -> Diagnostic:
     return element.finding("only-described", message, hint=hint)
 
 
-def described(binding: Binding) -> list[BoundNode]:
+def described_parents(binding: Binding) -> list[BoundNode]:
     """Return the controls and decorators of a tree that only a model describes."""
     return [node for node in binding.nodes() if node.spec.is_only_described and not node.spec.kind.is_leaf]
 
 
-def ticked_by_themselves(binding: Binding) -> list[BoundNode]:
+def self_ticking_parents(binding: Binding) -> list[BoundNode]:
     """Return the controls and decorators of a tree with py_trees classes of somebody's own, whose methods say all that they do."""
     return [
         node

@@ -33,12 +33,12 @@ def placeholders(text: str) -> list[str]:
     return _PLACEHOLDER.findall(text)
 
 
-def filled(answer: Answer, names: Mapping[str, str]) -> Answer:
+def fill_answer(answer: Answer, names: Mapping[str, str]) -> Answer:
     """Return an answer with its placeholders replaced by identifiers."""
-    return replace(answer, when=filled_text(answer.when, names), then=filled_text(answer.then, names))
+    return replace(answer, when=fill_text(answer.when, names), then=fill_text(answer.then, names))
 
 
-def filled_text(text: str, names: Mapping[str, str]) -> str:
+def fill_text(text: str, names: Mapping[str, str]) -> str:
     """Return a text with its placeholders replaced by identifiers; unknown ones are kept."""
     return _PLACEHOLDER.sub(lambda match: names.get(match[1], match[0]), text)
 
@@ -58,7 +58,7 @@ def mistake_in(
     for part, text in (("when", answer.when), ("then", answer.then)):
         if text:
             try:
-                parse(filled_text(text, names))
+                parse(fill_text(text, names))
             except ScriptError as error:
                 return part, text, error
     return None

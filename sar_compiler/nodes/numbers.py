@@ -162,13 +162,13 @@ def number_hint(text: str, unit: str = "") -> str | None:
         numbers = [number_in(each, unit) or each for each in readings] if unit else readings
         return f"a comma may mean either: write {', or '.join(numbers)}"
     if unit:
-        return f"write the number alone, in {words_of(unit)}"
+        return f"write the number alone, in {unit_words(unit)}"
     if re.match(r"\s*" + REAL + r"\s*[^\W\d]", text[:LONGEST]):
         return "write the number alone; if it has a unit, the author of the node knows which"
     return None
 
 
-def words_of(unit: str) -> str:
+def unit_words(unit: str) -> str:
     """Return what a unit is called: `metres per second` for `m/s`."""
     return _UNITS[unit][0] if unit in _UNITS else unit
 

@@ -58,7 +58,7 @@ def union(sets: Iterable[int]) -> int:
     return reduce(or_, sets, 0)
 
 
-def swapped(outcomes: int) -> int:
+def swap(outcomes: int) -> int:
     """Return a set with success and failure swapped."""
     return outcomes & (R | K) | (F if outcomes & S else 0) | (S if outcomes & F else 0)
 
@@ -82,7 +82,7 @@ def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -
 def _in_order(
     goes_on: int, pauses: bool, keeps_place: bool, bound: "BoundNode", children: Sequence[int], sure: bool
 ) -> int:
-    turn = swapped if goes_on == F else int
+    turn = swap if goes_on == F else int
     if sure and bound.is_reactive:
         children = _before_restarts(bound, children)
     return turn(_sequence([turn(child) for child in children], sure, pauses, keeps_place))

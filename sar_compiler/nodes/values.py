@@ -183,7 +183,7 @@ def _odd(value: object, wanted: type) -> bool:
     return isinstance(value, bool) and wanted is not bool
 
 
-def listed(words: Collection[str], count: int | None = None) -> str:
+def join_words(words: Collection[str], count: int | None = None) -> str:
     """Return words with commas between them; of many the first ones, and the number of the others.
 
     Args:

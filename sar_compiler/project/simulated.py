@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.checks.golden import difference
+from sar_compiler.checks.golden import compare_golden
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.judging import Failure, failures
@@ -114,7 +114,7 @@ def _written(said: Mapping[str, object]) -> Document:
 
 def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:
     """Raise the expectations that are not met, with the trace."""
-    different = difference(golden, trace(run), "the trace now") if golden else None
+    different = compare_golden(golden, trace(run), "the trace now") if golden else None
     if different is not None:
         missed = [*missed, Failure("trace", different)]
     if missed:

@@ -24,7 +24,7 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
 import sar_compiler
-from sar_compiler.compiler.origins import place_of
+from sar_compiler.compiler.origins import file_and_line_of
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.leaf_protocol import Settling
 from sar_compiler.tree.showing import in_one_line, visible
@@ -67,7 +67,7 @@ def failure_places(behaviour: Behaviour | None, error: BaseException) -> str:
     Empty if neither is known. The line of Python is that in the behaviour's own method; what is called there is in the
     traceback.
     """
-    known = [place_of(behaviour) if behaviour is not None else None, _line_of(behaviour, error)]
+    known = [file_and_line_of(behaviour) if behaviour is not None else None, _line_of(behaviour, error)]
     said = "; ".join(place for place in known if place is not None)
     return f" ({said})" if said else ""
 

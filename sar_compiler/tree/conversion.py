@@ -57,7 +57,7 @@ def convert(tree_file: TreeFile, form: Form) -> Converted:
     return Converted(_WRITERS[form](_without_editor_hints(tree_file)), losses)
 
 
-def formatted(tree_file: TreeFile) -> bytes:
+def canonical_bytes(tree_file: TreeFile) -> bytes:
     """Return the canonical form of a file, with the encoding, the byte order mark and the line ends that it has.
 
     What a file is stored in is its project's choice (`.gitattributes`, an editor's settings), and no part of its layout.

@@ -8,9 +8,7 @@ lines becomes empty lines, too, and so does text before the root.
 import itertools
 import re
 import sys
-import unicodedata
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 from xml.parsers import expat
@@ -266,8 +264,7 @@ _OPENED = re.compile(rf"\s*{_ATTRIBUTE_NAME.pattern}\s*=\s*([\"'])")
 _OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
 
 
-@dataclass(frozen=True)
-class XmlMistake:
+class XmlMistake(NamedTuple):
     """A mistake in a file that is not well-formed.
 
     Attributes:
@@ -314,6 +311,8 @@ def _invalid(text: str, place: int) -> XmlMistake | None:
 def _unseen(text: str, place: int) -> XmlMistake:
     what = "looks like a blank and is none for XML" if text[place].isspace() else "is here, which nobody sees"
     hint = "write a blank in its place" if text[place].isspace() else "delete it"
+    import unicodedata
+
     name = unicodedata.name(text[place], "").lower()
     message = f"the character U+{ord(text[place]):04X} ({name}) {what}"
     return XmlMistake(message, place, place + 1, hint=hint)

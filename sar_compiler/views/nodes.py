@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.models.palette import as_written
+from sar_compiler.nodes.models.palette import value_text
 from sar_compiler.nodes.outcome_sets import ALLOWED, K
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Skips
 from sar_compiler.runtime.answers import Answer
@@ -62,7 +62,7 @@ def _skipped(spec: NodeSpec) -> Iterator[str]:
     if skipping.only_if is not None:
         name, value = skipping.only_if
         by_default = " as by default" if spec.parameters[name].default == value else ""
-        when.append(f'with {name}="{as_written(value)}"{by_default}')
+        when.append(f'with {name}="{value_text(value)}"{by_default}')
     if skipping.possible is Skips.FROM_CHILD or (when and _passes_on(spec)):
         when.append("if its child is" if spec.kind is Kind.DECORATOR else "if its children are")
     yield f"SKIPPED ({', or '.join(when)})" if when else "SKIPPED"
@@ -91,11 +91,11 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     if parameter.role is Role.NAME:
         notes = f"default: {spec.tag}"
     elif parameter.name in spec.fixed:
-        notes = f"always {as_written(spec.fixed[parameter.name])}"
+        notes = f"always {value_text(spec.fixed[parameter.name])}"
     elif parameter.required:
         notes = "required" if parameter.role is Role.ATTRIBUTE else ""
     else:
-        notes = "optional" if parameter.default is None else f"default: {as_written(parameter.default)}"
+        notes = "optional" if parameter.default is None else f"default: {value_text(parameter.default)}"
     description = ". ".join(part for part in (label, notes, parameter.doc) if part)
     return f"  {parameter.name}: {description}"
 

@@ -14,7 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sar_compiler.checks import check
-from sar_compiler.checks.fixing import SAFE, fixed, fixes
+from sar_compiler.checks.fixing import SAFE, apply_fixes, fixes
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -167,7 +167,7 @@ def test_mended_scripts_have_the_numbers_that_were_written(quantity, script):
     value, _, text = quantity
     tree_file = parse_xml(document(f'<ScriptCondition code="{script.format(text)}"/>'), "test.xml")
     found = check(Forest.of(tree_file), REGISTRY)
-    after = fixed(tree_file.source.text, fixes(tree_file.source, tree_file, found))
+    after = apply_fixes(tree_file.source.text, fixes(tree_file.source, tree_file, found))
     assert after == tree_file.source.text or f"{abs(value)}".lstrip("0") in after.replace("_", "").replace(
         ",", ""
     )

@@ -8,7 +8,7 @@ import pytest
 
 from sar_compiler import checks
 from sar_compiler.checks import check
-from sar_compiler.checks.fixing import fixed, fixes
+from sar_compiler.checks.fixing import apply_fixes, fixes
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes import values
 from sar_compiler.nodes.registry import default_registry
@@ -264,10 +264,10 @@ def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypat
 
 
 def test_of_many_names_a_message_lists_the_first():
-    assert values.listed(["a", "b"]) == "a, b"
-    assert values.listed(list("abcdefghij")) == "a, b, c, d, e, f, g, h, i, j"
-    assert values.listed(list("abcdefghijkl")) == "a, b, c, d, e, f, g, h, i, j and 2 more"
-    assert values.listed(list("abcdefghij"), 14) == "a, b, c, d, e, f, g, h, i, j and 4 more"
+    assert values.join_words(["a", "b"]) == "a, b"
+    assert values.join_words(list("abcdefghij")) == "a, b, c, d, e, f, g, h, i, j"
+    assert values.join_words(list("abcdefghijkl")) == "a, b, c, d, e, f, g, h, i, j and 2 more"
+    assert values.join_words(list("abcdefghij"), 14) == "a, b, c, d, e, f, g, h, i, j and 4 more"
 
 
 def test_guesses_end_when_too_many_words_have_been_compared(monkeypatch):
@@ -283,5 +283,5 @@ def test_several_slips_in_one_element_are_mended_each_in_its_place():
     text = document('<Sequence Name="s" MEMORY="True "><AlwaysSuccess/></Sequence>')
     tree_file = parse_xml(text)
     findings = check(Forest.of(tree_file), default_registry())
-    mended = fixed(text, fixes(tree_file.source, tree_file, findings))
+    mended = apply_fixes(text, fixes(tree_file.source, tree_file, findings))
     assert '<Sequence name="s" memory="True ">' in mended

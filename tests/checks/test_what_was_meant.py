@@ -5,7 +5,7 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.nodes.values import listed
+from sar_compiler.nodes.values import join_words
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.forest import Forest, load_forest
@@ -274,7 +274,7 @@ def test_a_note_that_reads_as_a_condition_is_a_warning(node, name):
     [finding] = [each for each in check(forest_of(text), default_registry()) if each.code != "unused-tree"]
     assert (finding.code, finding.severity) == ("unknown-attribute", Severity.WARNING)
     assert (finding.span.line, finding.span.column) == (2, node.index("{") + 1)
-    assert finding.hint == f"the conditions are {listed(CONDITIONS)}"
+    assert finding.hint == f"the conditions are {join_words(CONDITIONS)}"
 
 
 @pytest.mark.parametrize("place", ["root", "BehaviorTree", "include"])

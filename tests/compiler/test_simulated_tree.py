@@ -7,7 +7,7 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated, fits
+from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated, match_rank
 from sar_compiler.compiler.stand_ins import OnlyDescribedError, put_in_place
 from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.registry import Registry, default_registry
@@ -142,7 +142,7 @@ def test_two_searches_of_one_name_have_facts_of_their_own():
     ],
 )
 def test_a_leaf_is_named_by_a_path_by_its_name_or_by_its_tag(key, rank):
-    assert fits(key, ("Main", "Patrol", "Go"), "NavigateToZone") == rank
+    assert match_rank(key, ("Main", "Patrol", "Go"), "NavigateToZone") == rank
 
 
 def test_what_is_assumed_of_a_name_counts_before_what_is_assumed_of_a_tag():

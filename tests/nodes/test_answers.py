@@ -5,7 +5,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.leaves import Answer, Kind, register
-from sar_compiler.nodes.answers import Identifiers, filled, mistake_in, number_text
+from sar_compiler.nodes.answers import Identifiers, fill_answer, mistake_in, number_text
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
@@ -135,7 +135,7 @@ def test_a_number_below_zero_stands_in_parentheses():
 
 def test_identifiers_take_the_place_of_placeholders():
     answer = Answer("SUCCESS", "found", when="left_{self} > 0", then="by_{say} = true")
-    assert filled(answer, {"self": "Look", "say": "Tell"}) == Answer(
+    assert fill_answer(answer, {"self": "Look", "say": "Tell"}) == Answer(
         "SUCCESS", "found", when="left_Look > 0", then="by_Tell = true"
     )
 

@@ -4,7 +4,7 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.models import compare, read_models
+from sar_compiler.nodes.models import compare_models, read_models
 from sar_compiler.nodes.models.palette import is_built_in, palette
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Direction, Role
@@ -43,7 +43,7 @@ def test_behaviortree_cpp_has_forty_two_nodes_which_are_all_known_here():
 
 def test_it_contradicts_the_registry_in_nothing(registry):
     collector = Collector()
-    compare(models_of(registry), registry, collector)
+    compare_models(models_of(registry), registry, collector)
     assert collector.findings == []
 
 

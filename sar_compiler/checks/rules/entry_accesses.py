@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from sar_compiler.checks.rules.key_accesses import AccessTime, KeyAccess, KeyAccesses, is_of_root
-from sar_compiler.nodes.binding.attributes import closed
+from sar_compiler.nodes.binding.attributes import close_key
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind, Order
@@ -297,7 +297,7 @@ class EntryTable:
         """The keys of each tree that are written with one brace only, with both of them."""
         return {
             tree: frozenset(
-                closed(text) for bound in tree.nodes for text in bound.element.attributes.values()
+                close_key(text) for bound in tree.nodes for text in bound.element.attributes.values()
             )
             for tree in {instance.tree: None for instance in self.top.iterate()}
         }

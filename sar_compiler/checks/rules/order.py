@@ -16,7 +16,7 @@ from sar_compiler.checks.rules.entry_accesses import (
     straight_around,
 )
 from sar_compiler.checks.rules.key_accesses import KeyAccess
-from sar_compiler.nodes.answers import SELF, filled_text, number_text
+from sar_compiler.nodes.answers import SELF, fill_text, number_text
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind
@@ -52,7 +52,7 @@ class _Words:
 
     def __init__(self, spec: NodeSpec, names: Mapping[str, str]) -> None:
         def filled(text: str) -> str:
-            return filled_text(text, names)
+            return fill_text(text, names)
 
         self.facts = {filled(name): value for name, value in spec.facts.items()}
         self.results = [filled(answer.then) for answer in spec.answers if answer.then]

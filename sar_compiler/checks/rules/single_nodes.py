@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from sar_compiler.checks.rules import CheckContext
-from sar_compiler.nodes.binding.attributes import closed
+from sar_compiler.nodes.binding.attributes import close_key
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.numbers import SensibleNumbers
 from sar_compiler.nodes.spec import NodeSpec, Role
@@ -47,7 +47,7 @@ def _texts(spec: NodeSpec) -> list[str]:
 def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
     element = bound.element
     for name in names:
-        suggestion = closed(element.attributes.get(name, ""))
+        suggestion = close_key(element.attributes.get(name, ""))
         if suggestion is not None:
             message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard is written between two braces"
             yield element.finding("unclosed-key", message, value=name, suggestion=suggestion)

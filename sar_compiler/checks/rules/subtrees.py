@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.key_accesses import KeyAccesses
-from sar_compiler.nodes.binding.attributes import underscored
+from sar_compiler.nodes.binding.attributes import condition_meant
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import text_of_output
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.spec import Direction
-from sar_compiler.nodes.values import listed
+from sar_compiler.nodes.values import join_words
 from sar_compiler.runtime.expressions import (
     ComparisonChain,
     Literal,
@@ -50,7 +50,7 @@ def _unused_ports(
             free = sorted(key for key in keys if key not in model.ports and not key.startswith("@"))
             near = context.guesses.nearest(port.name, free)
             message = f"the tree '{tree.name}' does nothing with the port '{port.name}'"
-            hint = f"it uses {listed(free)}" if free else "delete it"
+            hint = f"it uses {join_words(free)}" if free else "delete it"
             yield port.element.finding("model-mismatch", message, value="name", suggestion=near, hint=hint)
 
 
@@ -172,10 +172,10 @@ def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) ->
     if not unused:
         return
     missing = sorted(key for key in keys if key not in given and not key.startswith("@"))
-    hint = f"it uses {listed(missing)}" if missing else "delete it"
+    hint = f"it uses {join_words(missing)}" if missing else "delete it"
     for name in unused:
         message = f"{name}: the tree '{tree.name}' does nothing with this key"
-        near = "_autoremap" if name == "autoremap" else underscored(name)
+        near = "_autoremap" if name == "autoremap" else condition_meant(name)
         near = near or context.guesses.nearest(name, missing)
         cause = None if near else Cause(f"the tree '{tree.name}' does nothing with these keys", name)
         advice = Advice(suggestion=near, hint=hint, common_cause=cause)
@@ -191,5 +191,5 @@ def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Dia
         if name not in model.ports:
             message = f"{name}: the model of the tree '{model.tag}' has no such port"
             near = context.guesses.nearest(name, model.ports)
-            hint = f"it has {listed(model.ports)}"
+            hint = f"it has {join_words(model.ports)}"
             yield use.element.finding("unused-argument", message, name=name, suggestion=near, hint=hint)

@@ -6,7 +6,7 @@ from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.run_variables import OWN
 from sar_compiler.checks.simulate.scenario import AnswerStep
 from sar_compiler.checks.typed_values import span_sec
-from sar_compiler.compiler.simulated_tree import fits
+from sar_compiler.compiler.simulated_tree import match_rank
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
@@ -26,7 +26,7 @@ def read_scripts(
         leaves = words.find(document, key)
         steps = _steps(document, inner, words, leaves)
         for leaf in leaves:
-            rank = fits(key.text or "", leaf.path, leaf.tag)
+            rank = match_rank(key.text or "", leaf.path, leaf.tag)
             if rank > ranks.get(leaf, 0):
                 scripts[leaf], ranks[leaf] = steps, rank
     return scripts

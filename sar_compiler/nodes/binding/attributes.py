@@ -6,9 +6,16 @@ from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector, text_of_output
-from sar_compiler.nodes.numbers import number_in, words_of
+from sar_compiler.nodes.numbers import number_in, unit_words
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
-from sar_compiler.nodes.values import CONDITION, ConversionError, ValueType, blackboard_key, listed, type_of
+from sar_compiler.nodes.values import (
+    CONDITION,
+    ConversionError,
+    ValueType,
+    blackboard_key,
+    join_words,
+    type_of,
+)
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Advice, Severity
 from sar_compiler.tree.guessing import Guesses, unit_in
@@ -104,7 +111,7 @@ class AttributeBinder:
     def _no_condition(self, element: Element, name: str) -> None:
         """Report a note that reads as a condition, which nothing would ever ask."""
         message = f"no condition is called '{name}': this is a note, and nothing is done with it"
-        advice = Advice(hint=f"the conditions are {listed(CONDITIONS)}", severity=Severity.WARNING)
+        advice = Advice(hint=f"the conditions are {join_words(CONDITIONS)}", severity=Severity.WARNING)
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
 
     def slip_in_note(self, name: str) -> str | None:
@@ -125,7 +132,7 @@ class AttributeBinder:
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
         """Report a key with only one of its braces where no text can be meant; return whether it is one."""
-        suggestion = closed(element.attributes[name])
+        suggestion = close_key(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key is written between two braces, and '{element.attributes[name]}' has one"
             self._collector.add("wrong-value", message, element, value=name, suggestion=suggestion)
@@ -213,7 +220,7 @@ class AttributeBinder:
             self._collector.add("conflicting-attributes", message, element, name=name, **advice)
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
-        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {listed(known)}"
+        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {join_words(known)}"
         if name.startswith("_"):
             near = self.slip_in_note(name)
             if near == name:
@@ -221,7 +228,7 @@ class AttributeBinder:
                 near = None
         else:
             free = [other for other in known if other not in element.attributes]
-            near = self._collector.guesses.nearest(name, free) or underscored(name)
+            near = self._collector.guesses.nearest(name, free) or condition_meant(name)
         if spec.is_only_described:
             self._unlisted(bound, name, message, near)
             return near
@@ -235,7 +242,9 @@ class AttributeBinder:
         unit = _unit_of(spec.parameters[missing[0]])
         suggestion = missing[0] if not others and unit == unit_in(name) else None
         hint = in_its_unit(name, element.attributes[name], spec)
-        hint = hint or f"write {' or '.join([*missing, *others])} instead{unit and f', in {words_of(unit)}'}"
+        hint = (
+            hint or f"write {' or '.join([*missing, *others])} instead{unit and f', in {unit_words(unit)}'}"
+        )
         advice = Advice(suggestion=suggestion, hint=hint)
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
         return missing[0]
@@ -277,12 +286,12 @@ def _is_explicit(bound: BoundNode) -> bool:
     return tag != bound.spec.tag or (bound.spec.is_only_described and tag in KIND_TAGS)
 
 
-def underscored(name: str) -> str | None:
+def condition_meant(name: str) -> str | None:
     """Return the condition whose name was written without its underscore; None for any other name."""
     return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 
-def closed(text: str) -> str | None:
+def close_key(text: str) -> str | None:
     """Return the corrected form of a key with only one of its braces; None for any other text."""
     if text[:1] not in "{ " and text[-1:] not in "} ":
         return None

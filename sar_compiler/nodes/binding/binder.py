@@ -14,15 +14,15 @@ from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT,
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
-from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
+from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
 from sar_compiler.nodes.btcpp import NEWEST, Version
-from sar_compiler.nodes.models import Model, Models, compare, read_models, yielding
+from sar_compiler.nodes.models import Model, Models, compare_models, read_models, yielding
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, is_own_word, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.values import blackboard_key, listed
+from sar_compiler.nodes.values import blackboard_key, join_words
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
@@ -73,7 +73,7 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
     cut_circles([main], collector)
-    if fits(main, collector) is not None:
+    if count_within_limits(main, collector) is not None:
         report_shared_keys(expand(main, collector), collector)
         report_misread(trees_in(main), collector)
     return Binding(main, _in_order(forest, collector.findings))
@@ -95,7 +95,7 @@ def bind_all(
     """
     collector, palettes = Collector(btcpp), tuple(palettes)
     models = read_models([*forest.files, *palettes], collector)
-    compare(models, yielding(registry, models), collector)
+    compare_models(models, yielding(registry, models), collector)
     binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         own = [binder.tree(tree) for tree in forest.iterate()]
@@ -107,7 +107,7 @@ def bind_all(
     tops: list[Instance] = []
     for tree in own:
         if tree not in used or tree.element is main:
-            size = fits(tree, collector, count)
+            size = count_within_limits(tree, collector, count)
             if size is not None:
                 count += size
                 tops.append(expand(tree, collector))
@@ -470,7 +470,7 @@ class Binder:
         else:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"the trees are {listed(trees)}; <include> adds those of other files, and so does [project] trees"
+            hint = f"the trees are {join_words(trees)}; <include> adds those of other files, and so does [project] trees"
             cause = None if near else Cause("there are no such trees", tree_id)
             advice = Advice(suggestion=near, hint=hint, common_cause=cause)
             self._collector.add("unknown-tree", message, element, value="ID", **advice)

@@ -70,7 +70,7 @@ def expand(main: BoundTree, collector: Collector) -> Instance:
     """Expand every subtree.
 
     Args:
-        main: The tree to execute; it must be within the limits (`nesting.fits`).
+        main: The tree to execute; it must be within the limits (`nesting.count_within_limits`).
         collector: Collects the findings about the whole: unresolved references, two subtrees of one name.
 
     Returns:

@@ -26,7 +26,7 @@ def cut_circles(trees: Iterable[BoundTree], collector: Collector) -> None:
             _follow(tree, done, collector)
 
 
-def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
+def count_within_limits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
     """Check that a tree with its subtrees expanded is neither too large nor too deep.
 
     Args:

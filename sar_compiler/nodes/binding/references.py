@@ -7,7 +7,7 @@ from graphlib import CycleError, TopologicalSorter
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.spec import Parameter
-from sar_compiler.nodes.values import MOST_LISTED, listed
+from sar_compiler.nodes.values import MOST_LISTED, join_words
 
 
 class Candidates:
@@ -65,7 +65,7 @@ def choose(
     if count == 1:
         return first[0]
     element, what = bound.element, parameter.target_name
-    places = f"lines {listed([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
+    places = f"lines {join_words([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
     if named is None:
         message = f"<{bound.spec.tag}> can mean {count} {what} nodes ({places})"
         hint = f'write {parameter.name}="{first[0].name}"'
@@ -101,7 +101,9 @@ def report_missing(
         near = (collector.guesses.nearest(named, each.names(parameter)) for each in within)
         suggestion = next((name for name in near if name is not None), None)
         code = "unknown-reference"
-    hint = f"{what} nodes of this tree: {listed(names, count)}" if count else f"add a <{what}> to the tree"
+    hint = (
+        f"{what} nodes of this tree: {join_words(names, count)}" if count else f"add a <{what}> to the tree"
+    )
     collector.add(code, message, element, value=parameter.name, suggestion=suggestion, hint=hint)
 
 
@@ -142,7 +144,9 @@ def _report_circle(
     while following:
         node = following.pop()
         if node is bound:
-            message = f"'{bound.name}' refers to itself by way of {listed([each.name for each in passed])}"
+            message = (
+                f"'{bound.name}' refers to itself by way of {join_words([each.name for each in passed])}"
+            )
             collector.add("circular-reference", message, bound.element)
             return
         if node not in passed:

@@ -5,7 +5,7 @@ from shlex import quote
 from typing import NamedTuple
 
 from sar_compiler.nodes.registry import Registry, is_own_word
-from sar_compiler.nodes.values import listed
+from sar_compiler.nodes.values import join_words
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest
@@ -74,7 +74,7 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
 def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
     root = forest.main.root
     ids = list(forest.trees)
-    there = f"the file has {listed(ids)}" if ids else "the file has no tree with an ID"
+    there = f"the file has {join_words(ids)}" if ids else "the file has no tree with an ID"
     named = forest.main.main_tree_name
     if tree_id is not None:
         message = f"there is no tree '{tree_id}'; {there}"
@@ -88,7 +88,7 @@ def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
         hint = 'write a <BehaviorTree ID="..."> in it'
         return root.finding("no-tree", "the file has no tree", hint=hint)
     what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
-    message = f"{what} has {count} trees and does not say which one to execute: {listed(ids)}"
+    message = f"{what} has {count} trees and does not say which one to execute: {join_words(ids)}"
     first = ids[0] if ids else "..."
     hint = f'name one, --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return root.finding("no-main-tree", message, hint=hint)

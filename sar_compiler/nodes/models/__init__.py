@@ -287,7 +287,7 @@ _TEXT = type_of(str)
 _COMPARED = (bool, int, float, str, list)
 
 
-def compare(models: Models, registry: Registry, collector: Collector) -> None:
+def compare_models(models: Models, registry: Registry, collector: Collector) -> None:
     """Report models that contradict the registry, and defaults that their ports do not accept.
 
     BehaviorTree.CPP does not look at the models of nodes, so these are warnings.

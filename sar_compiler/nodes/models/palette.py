@@ -70,7 +70,7 @@ def _port(parameter: Parameter, spec: NodeSpec) -> Element:
     if type_name:
         attributes["type"] = type_name
     if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
-        attributes["default"] = as_written(parameter.default)
+        attributes["default"] = value_text(parameter.default)
     return synthetic_element((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))
 
 
@@ -80,14 +80,14 @@ def _doc(parameter: Parameter) -> str:
     return f"{parameter.doc} The name of a {parameter.target_name} node.".lstrip()
 
 
-def as_written(value: object) -> str:
+def value_text(value: object) -> str:
     """Return a value as written in a file."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, timedelta):
         return f"{value.total_seconds():g}"
     if isinstance(value, (list, tuple)):
-        return ";".join(as_written(item) for item in value)
+        return ";".join(value_text(item) for item in value)
     if isinstance(value, bool):
         return as_text(value)
     return str(value)

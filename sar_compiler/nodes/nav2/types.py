@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sar_compiler.nodes.numbers import SensibleNumbers, number_hint, number_in, words_of
+from sar_compiler.nodes.numbers import SensibleNumbers, number_hint, number_in, unit_words
 from sar_compiler.nodes.values import (
     ANYTHING,
     JSON,
@@ -45,7 +45,7 @@ def of_port(name: str, value_type: ValueType) -> ValueType:
     """Return the type of a port whose name has a unit, or bounds, in `nodes.yaml`."""
     unit, bounds = _units().get(name), _bounds().get(name)
     if unit is not None and value_type.python is float:
-        label = f"a number of {words_of(unit)}"
+        label = f"a number of {unit_words(unit)}"
         value_type = replace(
             value_type, label=label, convert=functools.partial(_with_unit, unit, label), unit=unit
         )
