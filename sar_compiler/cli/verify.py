@@ -147,7 +147,7 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
 def _export(verification: "Verification", prefix: Path, name: str) -> None:
     """Write the states of a tree as PRISM's files, and print what the numbers in them mean."""
     from sar_compiler.cli.writing import write_lines
-    from sar_compiler.views.prism import PrismModel
+    from sar_compiler.views.verification import PrismModel
 
     assert verification.space is not None  # noqa: S101 - that was asked for
     prefix = prefix / name if prefix.is_dir() else prefix

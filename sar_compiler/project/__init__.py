@@ -398,7 +398,7 @@ class LoadedTree:
         """Return the findings about a malformed file: where it is that, and what is wrong before."""
         found, project = list(self._malformed), self.project
         if self._beginning is not None:
-            from sar_compiler.checks.beginnings import check_beginning
+            from sar_compiler.checks import check_beginning
 
             beginning, own = self._beginning, real_path(self.path)
 

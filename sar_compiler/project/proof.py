@@ -12,8 +12,8 @@ from sar_compiler.checks.assumptions import (
     raise_disputes,
     read_assumptions,
     start_assumptions,
+    take_controls,
 )
-from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.trying import TrialBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.checks.verify import PropertyFile, read_property_file

@@ -6,7 +6,7 @@ from collections import deque
 from sar_compiler.checks.verify import parse_property_file, verify
 from sar_compiler.checks.verify.verdicts import AN_END
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.views.prism import PrismModel
+from sar_compiler.views.verification import PrismModel
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import TAGS, bound, simulated_tree, verdict
 

@@ -23,8 +23,7 @@ from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.displaying import displayed
 from sar_compiler.views.mission_report import FORMS, ReportError, report_data, report_text, require_form
 from sar_compiler.views.report_exchange import cot_report
-from sar_compiler.views.report_html import html_report
-from sar_compiler.views.report_map import report_map
+from sar_compiler.views.report_html import html_report, report_map
 
 NASTY = "<script>alert('x')</script>&\x1b[2J"
 VIENNA = {"georeference.lat": 48.2, "georeference.lon": 16.37, "georeference.heading": 90.0}

@@ -10,8 +10,8 @@ from sar_compiler.checks.assumptions import (
     raise_disputes,
     read_assumptions,
     start_assumptions,
+    take_controls,
 )
-from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.run_variables import OWN
