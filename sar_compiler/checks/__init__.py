@@ -1,7 +1,7 @@
 """Checking trees.
 
 A rule is a function from a `CheckContext`, which is a file with all that is known of it, to findings. Each family of rules
-is a module in `rules`, and `RULES` lists them.
+is a module in `rules`; its functions `check_...` are rules.
 """
 
 import bisect
@@ -13,15 +13,17 @@ from pathlib import Path
 from types import FrameType
 
 from sar_compiler.checks.document import check_document
-from sar_compiler.checks.rules import CheckContext
-from sar_compiler.checks.rules.interruptions import check_parallels, check_reactive
-from sar_compiler.checks.rules.keys import check_keys
-from sar_compiler.checks.rules.needless import check_needless, check_reach
-from sar_compiler.checks.rules.order import check_order
-from sar_compiler.checks.rules.scripts import check_scripts
-from sar_compiler.checks.rules.single_nodes import check_bounds, check_classes, check_names, check_texts
-from sar_compiler.checks.rules.subtrees import check_subtrees
-from sar_compiler.checks.rules.version_differences import check_versions
+from sar_compiler.checks.rules import (
+    CheckContext,
+    interruptions,
+    keys,
+    needless,
+    order,
+    scripts,
+    single_nodes,
+    subtrees,
+    version_differences,
+)
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.collector import Collector
@@ -47,22 +49,11 @@ def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
 MOST = 1000
 """The most findings of a kind that are reported; the rest appear when these are corrected."""
 
+_FAMILIES = (single_nodes, interruptions, needless, order, keys, scripts, subtrees, version_differences)
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_document,
     check_meaning,
-    check_classes,
-    check_reactive,
-    check_reach,
-    check_needless,
-    check_parallels,
-    check_order,
-    check_keys,
-    check_scripts,
-    check_texts,
-    check_bounds,
-    check_subtrees,
-    check_names,
-    check_versions,
+    *(rule for family in _FAMILIES for name, rule in vars(family).items() if name.startswith("check_")),
 )
 
 

@@ -3,7 +3,7 @@
 import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -92,9 +92,10 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     return mark
 
 
-def _refusal(tag: str, what: str, value: object, advice: str) -> RegistrationError:
-    """Return the error of an argument that is not what it should be."""
-    return RegistrationError(f"<{tag}>: {what} {_quote(value)}; {advice}")
+def _refuse(what: str, value: object, advice: str) -> NoReturn:
+    """Raise the error of an argument that is not what it should be."""
+    message = f"{what} {_quote(value)}{advice}"
+    raise RegistrationError(message)
 
 
 def _require_tag(tag: object) -> None:
@@ -111,12 +112,12 @@ def _require_kind(tag: str, kind: object) -> None:
     if not isinstance(kind, Kind):
         meant = [each for each in Kind if str(kind).lower() == each.value.lower()]
         choices = " or ".join(f"Kind.{each.name}" for each in meant or Kind)
-        raise _refusal(tag, "kind is", kind, f"write {choices}")
+        _refuse(f"<{tag}>: kind is", kind, f"; write {choices}")
 
 
 def _require_semantics(tag: str, semantics: object) -> None:
     if not isinstance(semantics, (Semantics, type(None))):
-        raise _refusal(tag, "semantics is", semantics, "write Semantics.sequence() or the like")
+        _refuse(f"<{tag}>: semantics is", semantics, "; write Semantics.sequence() or the like")
 
 
 def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
@@ -128,8 +129,8 @@ def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
     match count:
         case (int(least), int() | None as most) if 1 <= least <= (least if most is None else most):
             return least, most
-    advice = "write the smallest and the largest number of children, as (2, 3), or (2, None) for no limit"
-    raise _refusal(tag, "child_count is", count, advice)
+    advice = "; write the smallest and the largest number of children, as (2, 3), or (2, None) for no limit"
+    _refuse(f"<{tag}>: child_count is", count, advice)
 
 
 _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec")
@@ -185,7 +186,7 @@ def _status_names(tag: str, outcomes: object) -> frozenset[str]:
         if not isinstance(outcome, Status):
             is_name = outcome in Status.__members__
             meant = outcome if is_name else "SUCCESS, Status.FAILURE or Status.RUNNING"
-            raise _refusal(tag, "outcomes holds", outcome, f"write Status.{meant}")
+            _refuse(f"<{tag}>: outcomes holds", outcome, f"; write Status.{meant}")
     # INVALID is `runtime.skipping.SKIPPED`.
     return frozenset("SKIPPED" if each is Status.INVALID else each.name for each in statuses)
 
@@ -194,8 +195,8 @@ def _uses(tag: str, uses: object) -> tuple[Use, ...]:
     needs = _members(tag, "uses", uses, '[Use.topic("...")]')
     for use in needs:
         if not isinstance(use, Use):
-            advice = "write Use.action(name), Use.service(name), Use.topic(name) or Use.nav2()"
-            raise _refusal(tag, "uses holds", use, advice)
+            advice = "; write Use.action(name), Use.service(name), Use.topic(name) or Use.nav2()"
+            _refuse(f"<{tag}>: uses holds", use, advice)
     return needs
 
 
@@ -204,10 +205,10 @@ def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answe
     possible = sorted(outcomes) or STATUSES
     for answer in said:
         if not isinstance(answer, Answer):
-            raise _refusal(tag, "answers holds", answer, 'write Answer("SUCCESS", "what it means")')
+            _refuse(f"<{tag}>: answers holds", answer, '; write Answer("SUCCESS", "what it means")')
         if answer.status not in possible:
-            advice = f"the outcomes of this leaf are {', '.join(possible)}"
-            raise _refusal(tag, "answers holds one with the status", answer.status, advice)
+            advice = f"; the outcomes of this leaf are {', '.join(possible)}"
+            _refuse(f"<{tag}>: answers holds one with the status", answer.status, advice)
     twice = [answer.name for index, answer in enumerate(said) if answer in said[:index]]
     if twice:
         message = f"<{tag}>: answers holds '{twice[0]}' twice"
@@ -217,7 +218,7 @@ def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answe
 
 def _facts(tag: str, facts: object) -> Mapping[str, Fact]:
     if not isinstance(facts, Mapping):
-        raise _refusal(tag, "facts is", facts, "write names and values at the start: {'zones_left': 3}")
+        _refuse(f"<{tag}>: facts is", facts, "; write names and values at the start: {'zones_left': 3}")
     for name, value in facts.items():
         if not (isinstance(name, str) and is_fact_name(name)):
             message = (
@@ -225,14 +226,14 @@ def _facts(tag: str, facts: object) -> Mapping[str, Fact]:
             )
             raise RegistrationError(message)
         if not isinstance(value, (bool, int, float, str)):
-            raise _refusal(tag, f"the fact '{name}' is", value, "write a number, a text, True or False")
+            _refuse(f"<{tag}>: the fact '{name}' is", value, "; write a number, a text, True or False")
     return dict(facts)
 
 
 def _members(tag: str, argument: str, value: object, example: str) -> tuple[Any, ...]:
     if isinstance(value, Iterable) and not isinstance(value, str):
         return tuple(value)
-    raise _refusal(tag, f"{argument} is", value, f"write several or one in brackets, as {example}")
+    _refuse(f"<{tag}>: {argument} is", value, f"; write several or one in brackets, as {example}")
 
 
 def _quote(value: object) -> str:
