@@ -144,10 +144,10 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
     # In an element without children XSD refuses even a line break, unless its content is "mixed".
     mixed = ' mixed="true"' if kind.is_leaf else ""
     lines = [f'  <xs:complexType name="{tag}.node"{mixed}>', *_documentation(specs[0].doc, "    ")]
-    if kind is Kind.CONTROL:
-        lines.append('    <xs:group ref="node" minOccurs="1" maxOccurs="unbounded"/>')
-    elif kind is Kind.DECORATOR:
-        lines.append('    <xs:group ref="node"/>')
+    least, most = specs[0].child_count
+    limit = "unbounded" if most is None else most
+    if not kind.is_leaf:
+        lines.append(f'    <xs:group ref="node" minOccurs="{least}" maxOccurs="{limit}"/>')
     for choices in attributes_by_name(specs).values():
         spec, parameter = choices[0]
         lines += _attribute(spec, parameter, always=len(choices) == len(specs))
