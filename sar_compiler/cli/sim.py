@@ -179,7 +179,7 @@ def _map(options: argparse.Namespace) -> int:
         line.show(lambda: f"mapping '{world.name}': {part:.0%} of the way driven")
 
     try:
-        occupancy = survey(world, seed=options.seed, report=show)
+        occupancy = survey(world, seed=options.seed, on_progress=show)
     finally:
         line.clear()
     files = map_files(occupancy, options.output or Path(world.name))

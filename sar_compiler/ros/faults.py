@@ -242,7 +242,6 @@ class FaultPlan:
     Attributes:
         faults: The requested faults.
         places: The place positions, or None.
-        navigation: The faults of `navigate_to_pose`.
     """
 
     def __init__(
@@ -250,11 +249,14 @@ class FaultPlan:
     ) -> None:
         self.faults = tuple(faults)
         self.places = places
-        self.navigation = NavigationFaults([fault for fault in faults if fault.target in NAVIGATION_FAULTS])
 
     def for_service(self, name: str) -> ServiceFaults:
         """Return the unused faults of the service *name*."""
         return ServiceFaults([fault for fault in self.faults if fault.target == name])
+
+    def for_navigation(self) -> NavigationFaults:
+        """Return the unused faults of the stand-in for Nav2."""
+        return NavigationFaults([fault for fault in self.faults if fault.target in NAVIGATION_FAULTS])
 
 
 ServiceCallback = Callable[[Any, Any], Any]

@@ -12,8 +12,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
 from sar_compiler.ros.leaves.goals_under_way import GoalNews
@@ -138,64 +139,53 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     name = f"sar_guardian_{os.getpid()}"
     node = Node(name, context=context, start_parameter_services=False, enable_rosout=False)
-    cancels = _Cancels(node)
-    cancels.follow(sys.stdin)
-    if not cancels.send():
+    if not _cancel(node, _goals_left(node, sys.stdin)):
         for descriptor in signs:
             os.write(descriptor, ADRIFT_SIGN)
     leave(0, node.destroy_node)
 
 
-class _Cancels:
-    """The goals that may have to be cancelled, and the means."""
+def _goals_left(node: "Node", lines: Iterable[str]) -> dict[str, "CancelPort"]:
+    """Keep count of the goals, to the end of the mission; return by their ids those that have not ended, with the means to cancel them."""
+    from sar_compiler.ros.left_goals import CancelPort
 
-    def __init__(self, node: "Node") -> None:
-        self._node = node
-        self._active: dict[str, CancelPort] = {}
-        # Made with the first goal of an action, so that it has found the server when it is needed.
-        self._ports: dict[str, CancelPort] = {}
+    active: dict[str, CancelPort] = {}
+    # Made with the first goal of an action, so that it has found the server when it is needed.
+    ports: dict[str, CancelPort] = {}
+    for line in lines:
+        sign, goal_id, canceller = line.split()
+        if sign == _OVER:
+            active.pop(goal_id, None)
+            continue
+        action = canceller.removesuffix("/_action/cancel_goal")
+        if action not in ports:
+            ports[action] = CancelPort(node, action)
+        active[goal_id] = ports[action]
+    return active
 
-    def follow(self, lines: Iterable[str]) -> None:
-        """Keep count of the goals, to the end of the mission."""
-        from sar_compiler.ros.left_goals import CancelPort
 
-        for line in lines:
-            sign, goal_id, canceller = line.split()
-            if sign == _OVER:
-                self._active.pop(goal_id, None)
-                continue
-            action = canceller.removesuffix("/_action/cancel_goal")
-            if action not in self._ports:
-                self._ports[action] = CancelPort(self._node, action)
-            self._active[goal_id] = self._ports[action]
+def _cancel(node: "Node", active: Mapping[str, "CancelPort"]) -> bool:
+    """Cancel what is active, until the ends are seen; return whether all were."""
+    from rclpy.executors import SingleThreadedExecutor
 
-    def send(self) -> bool:
-        """Cancel what is active, until the ends are seen; return whether all were."""
-        from rclpy.executors import SingleThreadedExecutor
+    from sar_compiler.ros.leaves.goal_statuses import end_in_words
+    from sar_compiler.ros.left_goals import LeftGoal
 
-        from sar_compiler.ros.left_goals import LeftGoal
+    def tell_end(action: str, status: int) -> None:
+        words = f"the mission is gone: {action} was told to cancel its goal, which {end_in_words(status)}"
+        node.get_logger().warning(words)
 
-        executor = SingleThreadedExecutor(context=self._node.context)
-        executor.add_node(self._node)
-        left = {
-            LeftGoal(port, goal_id, self._teller(port), _UNKNOWN_SEC): port
-            for goal_id, port in self._active.items()
-        }
-        deadline = time.monotonic() + _TRYING_SEC
-        while (missing := [goal for goal in left if goal.missing()]) and time.monotonic() < deadline:
-            executor.spin_once(_TURN_SEC)
-        for goal in missing:
-            self._say(
-                f"the mission is gone, and {left[goal].action} does not end its goal: the robot may still be moving"
-            )
-        return not missing
-
-    def _teller(self, port: "CancelPort") -> Callable[[int], None]:
-        from sar_compiler.ros.leaves.goal_statuses import end_in_words
-
-        return lambda status: self._say(
-            f"the mission is gone: {port.action} was told to cancel its goal, which {end_in_words(status)}"
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    left = {
+        LeftGoal(port, goal_id, partial(tell_end, port.action), _UNKNOWN_SEC): port
+        for goal_id, port in active.items()
+    }
+    deadline = time.monotonic() + _TRYING_SEC
+    while (missing := [goal for goal in left if goal.missing()]) and time.monotonic() < deadline:
+        executor.spin_once(_TURN_SEC)
+    for goal in missing:
+        node.get_logger().warning(
+            f"the mission is gone, and {left[goal].action} does not end its goal: the robot may still be moving"
         )
-
-    def _say(self, text: str) -> None:
-        self._node.get_logger().warning(text)
+    return not missing

@@ -93,21 +93,21 @@ def _field_type(text: str) -> str:
 
 
 # The names are what a node calls them; absolute ones move with its remappings only.
-RECORDED: dict[str, Any] = {
-    "/tf": TFMessage,
-    "/tf_static": TFMessage,
-    "odometry/filtered": Odometry,
-    "scan": LaserScan,
-    "map": OccupancyGrid,
-    "amcl_pose": PoseWithCovarianceStamped,
-    "plan": Plan,
+RECORDED: dict[str, tuple[Any, ...]] = {
+    "/tf": (TFMessage,),
+    "/tf_static": (TFMessage,),
+    "odometry/filtered": (Odometry,),
+    "scan": (LaserScan,),
+    "map": (OccupancyGrid,),
+    "amcl_pose": (PoseWithCovarianceStamped,),
+    "plan": (Plan,),
     "cmd_vel": (TwistStamped, Twist),
-    "navigate_to_pose/_action/feedback": NavigateToPose.Impl.FeedbackMessage,
-    "navigate_to_pose/_action/status": GoalStatusArray,
-    "/clock": Clock,
-    "/rosout": Log,
-    "/diagnostics": DiagnosticArray,
-    "~/markers": MarkerArray,
+    "navigate_to_pose/_action/feedback": (NavigateToPose.Impl.FeedbackMessage,),
+    "navigate_to_pose/_action/status": (GoalStatusArray,),
+    "/clock": (Clock,),
+    "/rosout": (Log,),
+    "/diagnostics": (DiagnosticArray,),
+    "~/markers": (MarkerArray,),
 }
 """The topics of a mission, with their types; where there are several, what publishes decides."""
 
@@ -129,10 +129,7 @@ class RecordingError(SarError):
 
 def _type_to_record(name: str, types: Iterable[str]) -> Any:
     """Return the type of a topic that is to be recorded; None if it is not, or of another type than it should be."""
-    kinds = RECORDED.get(name, ())
-    return next(
-        (kind for kind in (kinds if isinstance(kinds, tuple) else (kinds,)) if type_name(kind) in types), None
-    )
+    return next((kind for kind in RECORDED.get(name, ()) if type_name(kind) in types), None)
 
 
 def _as_yaml(profiles: Iterable[QoSProfile]) -> str:

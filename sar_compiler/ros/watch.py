@@ -95,17 +95,14 @@ class UnaskedMotion:
 
     def _judge(self) -> None:
         """Tell of a robot that moves, and stop one that moves since the end of a goal."""
-        if self._is_ours():
+        is_ours = self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
+        if is_ours:
             if AWAKE.now() - self._cancelled_at >= _CANCEL_SEC:
                 self._cancel_everything()
         elif not self._told:
             self._tell(
                 f"The robot moves ({self._robot.speed_in_words}), and no goal of this mission is active."
             )
-
-    def _is_ours(self) -> bool:
-        """Whether the robot moves since the end of a goal of ours, and nobody else has it driven."""
-        return self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
 
     def _cancel_everything(self) -> None:
         self._cancelled_at = AWAKE.now()

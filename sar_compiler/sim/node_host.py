@@ -111,11 +111,6 @@ class NodeHost:
         self._executor.add_node(node)
         return node
 
-    def adopt(self, nodes: Sequence[Node]) -> None:
-        """Serve nodes of the caller, too, which the caller destroys."""
-        for node in nodes:
-            self._executor.add_node(node)
-
     def destroy(self, node: Node) -> None:
         """Destroy a node created here."""
         self._nodes.remove(node)

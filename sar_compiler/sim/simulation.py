@@ -21,7 +21,7 @@ from rclpy.utilities import get_default_context
 from rosgraph_msgs.msg import Clock
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultPlan, NavigationFaults
+from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.bt_navigator import BtNavigator
 from sar_compiler.sim.geometry import Pose2D
@@ -61,7 +61,12 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
                 f"its centre needs more than {radius:g} m around it"
             )
             raise PlacementError(name, problem)
-        _require_on_map(world, name, start)
+        # The localisation would refuse it.
+        if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
+            problem = (
+                f"would start at {_place_text(start)}, which is outside the world's map (metres, frame map)"
+            )
+            raise PlacementError(name, problem)
     for (one, here), (other, there) in itertools.combinations(starts, 2):
         if not here.distance_to(there) > 2 * radius:
             problem = (
@@ -69,13 +74,6 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
                 f"need more than {2 * radius:g} m between them (give a start: {other}:X,Y)"
             )
             raise PlacementError(other, problem)
-
-
-def _require_on_map(world: World, name: str, start: Pose2D) -> None:
-    """Refuse a start pose that the localisation would refuse."""
-    if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
-        problem = f"would start at {_place_text(start)}, which is outside the world's map (metres, frame map)"
-        raise PlacementError(name, problem)
 
 
 def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:
@@ -119,7 +117,7 @@ class NavigationSetup:
     occupancy: OccupancyMap
     planner: Planner
     places: Mapping[str, tuple[float, float]]
-    faults: Sequence[Fault]
+    faults: FaultPlan
 
 
 class SimulatedRobot:
@@ -157,7 +155,7 @@ class SimulatedRobot:
                 lambda: None if self._amcl is None else self._amcl.pose(),
                 lose_localisation=self._lose_localisation,
                 places=navigation.places,
-                faults=NavigationFaults(navigation.faults),
+                faults=navigation.faults.for_navigation(),
                 manner=manner(placement.like),
             )
 
@@ -293,7 +291,8 @@ class Simulation:
             self._robots[robot.name] = SimulatedRobot(
                 host, body, seed=seed_of(seed, number), navigation=navigation, placement=robot
             )
-        self._host.adopt(extra_nodes)
+        for node in extra_nodes:
+            self._executor.add_node(node)
 
     @property
     def sim_time(self) -> float:
@@ -404,9 +403,8 @@ class Simulation:
 def _navigation(world: World, faults: FaultPlan) -> NavigationSetup | None:
     """Return the data of the stand-ins for Nav2, or None if the world has no map."""
     places = world.places if faults.places is None else faults.places
-    faults.navigation.check_places(places)
+    faults.for_navigation().check_places(places)
     if world.map_path is None:
         return None
     occupancy = read_map(world.map_path)
-    navigation_faults = [fault for fault in faults.faults if fault.target in NAVIGATION_FAULTS]
-    return NavigationSetup(occupancy, Planner(occupancy, world.robot_radius), places, navigation_faults)
+    return NavigationSetup(occupancy, Planner(occupancy, world.robot_radius), places, faults)

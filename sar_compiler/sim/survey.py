@@ -115,14 +115,14 @@ class SurveyError(SarError):
 
 
 def survey(
-    world: World, *, seed: int = 0, report: Callable[[float], object] = lambda _: None
+    world: World, *, seed: int = 0, on_progress: Callable[[float], object] = lambda _: None
 ) -> OccupancyMap:
     """Drive the world's survey route and return the map made of the scans.
 
     Args:
         world: The world.
         seed: The seed of the noise.
-        report: Is told now and then which part of the route is driven, from 0 to 1.
+        on_progress: Is told now and then which part of the route is driven, from 0 to 1.
 
     Raises:
         SurveyError: If the world has no survey route, or the robot gets stuck on it.
@@ -140,7 +140,7 @@ def survey(
         if step % _SCAN_EVERY == 0:
             pose = robot.state.pose
             mapper.integrate(pose, lidar.scan(world.solid, pose, random))
-            report(max(0.0, 1.0 - follower.distance_remaining(pose) / float(path.to_go[0])))
+            on_progress(max(0.0, 1.0 - follower.distance_remaining(pose) / float(path.to_go[0])))
         robot.command(follower.command(robot.state))
         if follower.done:
             return mapper.result()

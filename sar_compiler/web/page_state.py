@@ -288,9 +288,6 @@ class PageState:
             for text, alarm in mission.situation.alarms.items()
         ]
 
-    def _drive(self) -> PageChange | None:
-        return None if self._mission.drive is None else self._mission.drive._asdict()
-
     def _pose_values(self) -> PageChange | None:
         pose = self._mission.pose
         return None if pose is None else {"x": pose.x, "y": pose.y, "yaw": pose.yaw}
@@ -322,7 +319,7 @@ class PageState:
         "nodes": _tree,
         "pose": _pose_values,
         "plan": lambda self: self._mission.plan,
-        "drive": _drive,
+        "drive": lambda self: self._mission.drive and self._mission.drive._asdict(),
         "lacks": lambda self: self._mission.lacks,
         "map": lambda self: self._mission.map or None,
         "kinds": lambda self: {name: each._asdict() for name, each in self._mission.situation.kinds.items()},

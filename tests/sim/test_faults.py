@@ -100,12 +100,12 @@ def test_faults_of_one_service_leave_the_others_alone() -> None:
 
 
 def test_goals_are_rejected_as_often_as_said() -> None:
-    navigation = plan("navigate_to_pose:reject=2").navigation
+    navigation = plan("navigate_to_pose:reject=2").for_navigation()
     assert [navigation.rejects_next() for _ in range(3)] == [True, True, False]
 
 
 def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
-    navigation = plan("navigate_to_pose:abort=zone_b").navigation
+    navigation = plan("navigate_to_pose:abort=zone_b").for_navigation()
     assert [navigation.accepted(zone) for zone in ("zone_b", "zone_a", None, "zone_b")] == [
         GoalFate(code=208),
         GoalFate(),
@@ -115,30 +115,30 @@ def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
 
 
 def test_a_code_comes_after_its_time_and_without_a_zone_to_every_goal() -> None:
-    navigation = plan("navigate_to_pose:code=208,after=14s").navigation
+    navigation = plan("navigate_to_pose:code=208,after=14s").for_navigation()
     assert [navigation.accepted(zone) for zone in ("zone_a", None)] == [
         GoalFate(code=208, after_sec=14.0)
     ] * 2
-    navigation = plan("navigate_to_pose:code=107@zone_c").navigation
+    navigation = plan("navigate_to_pose:code=107@zone_c").for_navigation()
     assert [navigation.accepted(zone) for zone in ("zone_c", "zone_a")] == [GoalFate(code=107), GoalFate()]
 
 
 def test_a_robot_drives_on_after_one_abort_without_a_code() -> None:
-    navigation = plan("navigate_to_pose:abort@zone_b,drives=3s").navigation
+    navigation = plan("navigate_to_pose:abort@zone_b,drives=3s").for_navigation()
     assert [navigation.accepted("zone_b") for _ in range(2)] == [GoalFate(code=0, drives_sec=3.0), GoalFate()]
 
 
 def test_the_localisation_dies_on_the_way_to_anywhere() -> None:
-    assert plan("amcl:die").navigation.accepted(None) == GoalFate(dies="amcl")
+    assert plan("amcl:die").for_navigation().accepted(None) == GoalFate(dies="amcl")
 
 
 def test_a_server_dies_once_per_fault() -> None:
-    navigation = plan("navigate_to_pose:die@zone_c,back=5").navigation
+    navigation = plan("navigate_to_pose:die@zone_c,back=5").for_navigation()
     assert navigation.accepted("zone_c") == GoalFate(dies="navigate_to_pose", back_sec=5.0)
     assert navigation.accepted("zone_c") == GoalFate()
 
 
 def test_a_place_that_is_not_there_is_named() -> None:
     with pytest.raises(FaultError, match=r"'zone-a' is no place.*did you mean 'zone_a'"):
-        plan("navigate_to_pose:abort=zone-a").navigation.check_places(["zone_a"])
-    plan("navigate_to_pose:abort=zone_a").navigation.check_places(["zone_a"])
+        plan("navigate_to_pose:abort=zone-a").for_navigation().check_places(["zone_a"])
+    plan("navigate_to_pose:abort=zone_a").for_navigation().check_places(["zone_a"])

@@ -176,7 +176,7 @@ def test_a_map_that_is_published_is_read_as_the_same_map(shipped_map: OccupancyM
 
 def test_the_survey_says_how_far_it_is(disaster_zone: World) -> None:
     told: list[float] = []
-    survey(disaster_zone, report=told.append)
+    survey(disaster_zone, on_progress=told.append)
     assert all(later > earlier - 0.01 for earlier, later in itertools.pairwise(told))
     assert 0.0 <= told[0] < 0.05
     assert told[-1] > 0.95
