@@ -48,12 +48,6 @@ def raised_in(error: BaseException) -> Behaviour | None:
     return passed[-1] if passed else None
 
 
-def called_by_engine(error: BaseException) -> Behaviour | None:
-    """Return the outermost behaviour of a tree that an exception passed through, if any."""
-    passed = _behaviours_passed(error)
-    return passed[0] if passed else None
-
-
 def behaviour_title(behaviour: Behaviour | None) -> str:
     """Name the behaviour that raised an exception, for a message."""
     if behaviour is None:
@@ -277,7 +271,8 @@ def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
         SetupFailedError: If it was raised by a behaviour's setup.
         Exception: The original exception, if it needs no context (a `SarError`) or was raised elsewhere.
     """
-    called = called_by_engine(error)
+    # The engine has called the outermost of them.
+    called = next(iter(_behaviours_passed(error)), None)
     ready = list(takewhile(lambda behaviour: behaviour is not called, root.iterate()))
     stop_leaves(ready, node)
     shut_down(ready, node)

@@ -74,20 +74,17 @@ class CancelPort:
 
     Attributes:
         client: Cancels.
+        ends: The final statuses of its goals, by their ids, as the status topic has said them last.
     """
 
     def __init__(self, node: Node, action: str) -> None:
         self._node, self.action = node, action
-        self._statuses: dict[bytes, int] = {}
+        self.ends: dict[bytes, int] = {}
         self.client = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._subscription = node.create_subscription(
             GoalStatusArray, f"{action}/_action/status", self._take, latched
         )
-
-    def end_of(self, goal_id: bytes) -> int | None:
-        """Return the final status of a goal; None if none was seen."""
-        return self._statuses.get(goal_id)
 
     def close(self) -> None:
         """Destroy the client and the subscription."""
@@ -96,7 +93,7 @@ class CancelPort:
 
     def _take(self, message: Any) -> None:
         final = (each for each in message.status_list if each.status in FINAL)
-        self._statuses = {bytes(each.goal_info.goal_id.uuid): each.status for each in final}
+        self.ends = {bytes(each.goal_info.goal_id.uuid): each.status for each in final}
 
 
 class LeftGoal:
@@ -124,7 +121,7 @@ class LeftGoal:
 
     def missing(self) -> str | None:
         """Cancel it if that is due; return why it may be active, None once it has ended."""
-        status = self._port.end_of(self._id)
+        status = self._port.ends.get(self._id)
         if status is not None:
             self._end(status)
         if self._is_over:

@@ -168,7 +168,11 @@ class Localised(Requirement):
         Raises:
             MisplacedRobotError: If the localisation has a pose that is far from the initial one.
         """
-        self._answered = self._answered or self._is_answered() or self._keeps_its_own()
+        self._answered = (
+            self._answered
+            or (self._has_asked and self._robot.pose_at >= self._sent_at)
+            or self._keeps_its_own()
+        )
         if self._answered:
             return None
         now = AWAKE.now()
@@ -187,9 +191,6 @@ class Localised(Requirement):
     @property
     def _has_asked(self) -> bool:
         return self._sent_at > -math.inf
-
-    def _is_answered(self) -> bool:
-        return self._has_asked and self._robot.pose_at >= self._sent_at
 
     def _keeps_its_own(self) -> bool:
         """Return whether the localisation has a pose at the initial place, with another yaw.

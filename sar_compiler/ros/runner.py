@@ -162,7 +162,6 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._handlers: tuple[TickHandler | None, TickHandler | None] = (None, None)
         self._ticks_left = py_trees.trees.CONTINUOUS_TICK_TOCK
         self._running = self._ticking = self._stopped = self._shut_down = self._woken = False
-        self.post_tick_handlers.append(self._remember_status)
 
     @property
     def running(self) -> bool:
@@ -310,6 +309,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
                 node.visit(visitor)
         for visitor in self.visitors:
             visitor.finalise()
+        self.last_status = self.root.status
         for handler in (*self.post_tick_handlers, post_tick_handler):
             if handler is not None:
                 handler(self)
@@ -401,9 +401,6 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         if self._stopped:
             message = "a stopped tree is not ticked again"
             raise RuntimeError(message)
-
-    def _remember_status(self, tree: py_trees.trees.BehaviourTree) -> None:
-        self.last_status = tree.root.status
 
     def _trigger(self) -> None:
         guard = self._guard

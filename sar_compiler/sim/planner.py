@@ -101,12 +101,11 @@ class Planner:
         cell = self._map.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:
             return goal
-        centres = self._map.centre_of(self._cells[:, 0], self._cells[:, 1])
-        distance = np.hypot(centres[:, 0] - goal.x, centres[:, 1] - goal.y)
-        if np.min(distance, initial=math.inf) > tolerance:
+        node = self._nearest_node(goal, tolerance)
+        if node is None:
             message = f"no place within {tolerance:g} m of the goal ({goal.x:.2f}, {goal.y:.2f}) is free"
             raise PlanningError(NavCode.NO_VALID_PATH, message)
-        x, y = centres[int(np.argmin(distance))]
+        ((x, y),) = self._map.centre_of(*self._cells[[node]].T)
         return Pose2D(float(x), float(y), goal.yaw)
 
     def _goal_node(self, goal: Pose2D) -> int:
@@ -126,12 +125,17 @@ class Planner:
             raise PlanningError(NavCode.START_OUTSIDE_MAP, message)
         if self.fits[cell]:
             return int(self._node_of[cell])
-        centres = self._map.centre_of(self._cells[:, 0], self._cells[:, 1])
-        distance = np.hypot(centres[:, 0] - start.x, centres[:, 1] - start.y)
-        if np.min(distance, initial=math.inf) > _START_SLACK:
+        node = self._nearest_node(start, _START_SLACK)
+        if node is None:
             message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), is not on ground where it fits"
             raise PlanningError(NavCode.START_OCCUPIED, message)
-        return int(np.argmin(distance))
+        return node
+
+    def _nearest_node(self, place: Pose2D, within: float) -> int | None:
+        """Return the node of the cell nearest to a place at which the robot fits; None if it is farther than so many metres."""
+        centres = self._map.centre_of(self._cells[:, 0], self._cells[:, 1])
+        distance = np.hypot(centres[:, 0] - place.x, centres[:, 1] - place.y)
+        return None if np.min(distance, initial=math.inf) > within else int(np.argmin(distance))
 
     def _smooth(self, points: Floats, goal: Pose2D) -> Floats:
         """Return the path with rounded corners, where the clearance allows it, ending exactly at the goal."""
