@@ -115,7 +115,7 @@ class RunJournal:
         from sar_compiler.journal.status_watch import StatusWatch
         from sar_compiler.ros.clock import mission_clock
         from sar_compiler.ros.left_goals import note_goals
-        from sar_compiler.ros.robot_watch import RobotWatch
+        from sar_compiler.ros.robot_observer import RobotObserver
 
         self.journal.clock = mission_clock(self._node)
         self.journal.on_failure = self._node.get_logger().error
@@ -126,7 +126,7 @@ class RunJournal:
             self._node.get_logger().info(f"The journal that was there is kept as {self.journal.aside}.")
         note_goals(self._node, self.journal)
         engine.add_visitor(StatusWatch(tree.root, self.journal))
-        RobotWatch(self._node, self.journal)  # the node keeps it
+        RobotObserver(self._node, self.journal)  # the node keeps it
 
     def end(self, status: int, reason: str, *, is_over: bool = False, is_stopped: bool = False) -> None:
         """Write how the run has ended.

@@ -9,7 +9,7 @@ from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.commands import print_error
 from sar_compiler.journal.journal_entries import RUN_ENDED, JournalEntry
 from sar_compiler.views.why import Inquiry
-from sar_compiler.web.feed import LiveFeed, RecordedFeed
+from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import PageServer
 
 if TYPE_CHECKING:
@@ -77,10 +77,10 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
     """
     from sar_compiler.missions.displaying import displayed
     from sar_compiler.project import Workspace
-    from sar_compiler.web.recording import Recording
+    from sar_compiler.web.replay import Replay
 
-    recording = Recording(paths, lambda path: _why_of(_explained(path, Workspace())), displayed)
-    with _told_of(RecordedFeed(recording, {"robots": _names(paths)}), port) as server:
+    replay = Replay(paths, lambda path: _why_of(_explained(path, Workspace())), displayed)
+    with _told_of(ReplayFeed(replay, {"robots": _names(paths)}), port) as server:
         server.wait()
 
 
@@ -141,7 +141,7 @@ class _TellsWhy:
 
 
 @contextmanager
-def _told_of(feed: "LiveFeed | RecordedFeed", port: int | None) -> Iterator[PageServer]:
+def _told_of(feed: "LiveFeed | ReplayFeed", port: int | None) -> Iterator[PageServer]:
     with closing(PageServer(feed, port)) as server:
         server.start()
         print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)

@@ -9,7 +9,7 @@ from typing import Any
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.web.page_state import PageState, all_changes
-from sar_compiler.web.recording import Recording
+from sar_compiler.web.replay import Replay
 
 # How often news are sent, and how often a page hears that the run lives, in seconds.
 _NEWS_SEC, _BEAT_SEC = 0.1, 1.0
@@ -29,30 +29,30 @@ def message(event: str, data: object) -> str:
     return f"event: {event}\ndata: {as_json(data)}\n\n"
 
 
-class RecordedFeed:
+class ReplayFeed:
     """The recorded states of journals for a page of replay, which requests each moment.
 
     Args:
-        recording: What they have.
+        replay: What they have.
         hello: What the page is told first, as JSON values; `robots` are the names of the robots.
     """
 
-    def __init__(self, recording: Recording, hello: dict[str, object]) -> None:
-        self._recording = recording
-        self._hello = {**hello, "mode": "replay", "end": recording.end}
+    def __init__(self, replay: Replay, hello: dict[str, object]) -> None:
+        self._replay = replay
+        self._hello = {**hello, "mode": "replay", "end": replay.end}
         # One moment after the other, beside whoever else is answered.
-        self._reader = ThreadPoolExecutor(1, "recording")
+        self._reader = ThreadPoolExecutor(1, "replay")
         self._pages = 0
         self._ended = False
 
     async def moment(self, time: float, since: int) -> str:
-        """Return the state at a time as JSON; see `Recording.moment`.
+        """Return the state at a time as JSON; see `Replay.moment`.
 
         Raises:
             JournalError: If a journal cannot be read any more.
         """
         return await asyncio.get_running_loop().run_in_executor(
-            self._reader, lambda: as_json(self._recording.moment(time, since))
+            self._reader, lambda: as_json(self._replay.moment(time, since))
         )
 
     async def stream(self) -> AsyncIterator[str]:
@@ -180,4 +180,4 @@ def _happen(state: PageState, entry: JournalEntry) -> None:
     state.take(entry._replace(data=data))
 
 
-Feed = RecordedFeed | LiveFeed
+Feed = ReplayFeed | LiveFeed

@@ -24,7 +24,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sar_compiler.errors import SarError
-from sar_compiler.web.feed import Feed, RecordedFeed
+from sar_compiler.web.feed import Feed, ReplayFeed
 
 # Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
@@ -102,12 +102,12 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
 
 
 async def _moment(feed: Feed, request: Request) -> Response:
-    """Return what a recording shows at a time.
+    """Return what a replay shows at a time.
 
     Raises:
         HTTPException: If there is none, or the time is no number.
     """
-    if not isinstance(feed, RecordedFeed):
+    if not isinstance(feed, ReplayFeed):
         raise HTTPException(404)
     try:
         time, since = float(request.query_params["time"]), int(request.query_params.get("since", 0))

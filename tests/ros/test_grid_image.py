@@ -27,7 +27,7 @@ def pixels(drawn):
 
 
 def test_the_highest_row_is_on_top_and_occupied_cells_are_black():
-    from sar_compiler.ros.robot_watch import grid_image
+    from sar_compiler.ros.robot_observer import grid_image
 
     drawn = grid_image(grid(3, 2, [0, 50, 100, -1, 0, 0]))
     assert drawn is not None
@@ -36,14 +36,14 @@ def test_the_highest_row_is_on_top_and_occupied_cells_are_black():
 
 
 def test_a_map_without_the_cells_that_it_says_is_none():
-    from sar_compiler.ros.robot_watch import grid_image
+    from sar_compiler.ros.robot_observer import grid_image
 
     assert grid_image(grid(3, 2, [0] * 5)) is None
     assert grid_image(grid(0, 0, [])) is None
 
 
 def test_of_a_huge_map_every_second_cell_is_drawn():
-    from sar_compiler.ros.robot_watch import grid_image
+    from sar_compiler.ros.robot_observer import grid_image
 
     drawn = grid_image(grid(5001, 1000, [0] * 5_001_000))
     assert drawn is not None
@@ -53,7 +53,7 @@ def test_of_a_huge_map_every_second_cell_is_drawn():
 
 @pytest.mark.parametrize(("width", "height"), [(5_000_000, 1), (1, 5_000_000)])
 def test_a_huge_map_of_one_row_stays_one(width, height):
-    from sar_compiler.ros.robot_watch import grid_image
+    from sar_compiler.ros.robot_observer import grid_image
 
     drawn = grid_image(grid(width, height, [0] * 5_000_000))
     assert drawn is not None

@@ -169,11 +169,11 @@ def test_a_navigator_that_was_deactivated_alone_is_given_no_pose(scene: Scene) -
 
 def test_what_the_robot_lacks_is_in_the_journal_until_it_is_back(scene: Scene) -> None:
     from sar_compiler.journal.journal import Journal
-    from sar_compiler.ros.robot_watch import RobotWatch
+    from sar_compiler.ros.robot_observer import RobotObserver
 
     journal, told = Journal(), []
     journal.listen(lambda entry: told.append(entry.data["text"]) if entry.kind == "lacks" else None)
-    RobotWatch(scene.watch._node, journal)
+    RobotObserver(scene.watch._node, journal)
     scene.begin()
     scene.nav2.navigator = "inactive"
     scene.until(lambda: told, "the loss")

@@ -13,10 +13,10 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.web.feed import RecordedFeed, as_json
+from sar_compiler.web.feed import ReplayFeed, as_json
 from sar_compiler.web.page_server import PageServer
 from sar_compiler.web.page_state import PageState
-from sar_compiler.web.recording import Recording
+from sar_compiler.web.replay import Replay
 from tests.processes import free_port
 from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
 from tests.web.folding import history
@@ -477,7 +477,7 @@ def replay(tmp_path):
         journal.note("point_reached", point=point)
         journal.end(Ending.STOPPED, 130, "Stopped.")
         journal.close()
-    with closing(PageServer(RecordedFeed(Recording([place]), {}), free_port())) as server:
+    with closing(PageServer(ReplayFeed(Replay([place]), {}), free_port())) as server:
         server.start()
         yield server
 
@@ -512,7 +512,7 @@ def test_the_end_of_a_replay_can_be_reached_by_its_slider(tmp_path, browser):
     clock.advance(10.1237)
     journal.end(Ending.OVER, 0, "Complete.")
     journal.close()
-    with closing(PageServer(RecordedFeed(Recording([place]), {}), 0)) as server:
+    with closing(PageServer(ReplayFeed(Replay([place]), {}), 0)) as server:
         server.start()
         browser.open(server.url)
         browser.type("#time", Keys.END)
@@ -654,7 +654,7 @@ def two(tmp_path):
             journal.watch("status", node=1, tick=second, status="RUNNING", message=f"{name} {second}")
             journal.watch("pose", x=float(second), y=float(number), yaw=0.0)
         journal.close()
-    feed = RecordedFeed(Recording(places), {"robots": ["robot1", "robot2"]})
+    feed = ReplayFeed(Replay(places), {"robots": ["robot1", "robot2"]})
     with closing(PageServer(feed, 0)) as server:
         server.start()
         yield server

@@ -16,9 +16,9 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.web import feed as feed_module
 from sar_compiler.web import page_server
-from sar_compiler.web.feed import RecordedFeed
+from sar_compiler.web.feed import ReplayFeed
 from sar_compiler.web.page_server import PORT, PageError, PageServer
-from sar_compiler.web.recording import Recording
+from sar_compiler.web.replay import Replay
 from tests.waiting import SILENCE_SEC, News
 from tests.web.folding import folded
 
@@ -334,7 +334,7 @@ def test_an_entry_that_is_no_json_is_not_the_end_of_the_page(live, value):
 
 @pytest.mark.parametrize("query", ["", "?time=", "?time=x", "?time=nan", "?time=1&since=x", "?since=1"])
 def test_a_moment_has_a_time(query):
-    with closing(PageServer(RecordedFeed(Recording([]), {}), 0)) as server:
+    with closing(PageServer(ReplayFeed(Replay([]), {}), 0)) as server:
         server.start()
         with pytest.raises(urllib.error.HTTPError, match="400"):
             urllib.request.urlopen(f"http://127.0.0.1:{server.port}/moment{query}", timeout=SILENCE_SEC)
@@ -353,13 +353,13 @@ def test_a_port_that_is_taken_is_named():
             PageError,
             match=rf"port {port} cannot be had for the page \(Address already in use\): .*--web-port",
         ):
-            PageServer(RecordedFeed(Recording([]), {}), port)
+            PageServer(ReplayFeed(Replay([]), {}), port)
 
 
 def test_beside_the_usual_port_another_one_is_taken():
     with (
-        closing(PageServer(RecordedFeed(Recording([]), {}))) as first,
-        closing(PageServer(RecordedFeed(Recording([]), {}))) as second,
+        closing(PageServer(ReplayFeed(Replay([]), {}))) as first,
+        closing(PageServer(ReplayFeed(Replay([]), {}))) as second,
     ):
         assert first.port != second.port
         assert second.port != PORT

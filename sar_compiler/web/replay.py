@@ -78,7 +78,7 @@ class Checkpoint(NamedTuple):
     packed: bytes | memoryview
 
 
-class RecordedTrack:
+class ReplayTrack:
     """The recorded states of one journal.
 
     Args:
@@ -89,7 +89,7 @@ class RecordedTrack:
     Attributes:
         first: The time of the mission's clock at its beginning; None if nothing has begun.
         last: The place of its end.
-        shift: How much later than the recording it begins, in seconds.
+        shift: How much later than the replay it begins, in seconds.
 
     Raises:
         JournalError: If it cannot be read.
@@ -138,7 +138,7 @@ class RecordedTrack:
         return True
 
     def at(self, time: float, robot: int) -> PageState:
-        """Return the state at a time, in seconds since the recording's beginning; it is changed by the next call.
+        """Return the state at a time, in seconds since the replay's beginning; it is changed by the next call.
 
         The last one is gone on with, where it is near enough; else it is told anew.
         """
@@ -176,7 +176,7 @@ class RecordedTrack:
                     self._state.take(entry._replace(kind=CHANGED, data=added))
 
 
-class Recording:
+class Replay:
     """The recorded states of several robots side by side, a journal for each.
 
     Args:
@@ -194,7 +194,7 @@ class Recording:
     def __init__(
         self, paths: Sequence[Path], explain: Explain = lambda _: None, add_display: AddDisplay = iter
     ) -> None:
-        self._tracks = [RecordedTrack(path, explain, add_display) for path in paths]
+        self._tracks = [ReplayTrack(path, explain, add_display) for path in paths]
         firsts = [track.first for track in self._tracks if track.first is not None]
         begin = min(firsts, default=0.0)
         for track in self._tracks:

@@ -27,13 +27,13 @@ def told(ros):
     """Return what a journal is told of a map."""
     from nav_msgs.msg import OccupancyGrid
 
-    from sar_compiler.ros.robot_watch import RobotWatch
+    from sar_compiler.ros.robot_observer import RobotObserver
 
     def tell(cells, width, height, **turn):
         entries: list[Any] = []
         journal = Journal()
         journal.listen(entries.append)
-        watch = RobotWatch(ros.node("mission"), journal)
+        watch = RobotObserver(ros.node("mission"), journal)
         grid = OccupancyGrid(data=array("b", cells))
         grid.info.width, grid.info.height, grid.info.resolution = width, height, 0.5
         grid.info.origin.position.x, grid.info.origin.position.y = -1.0, -2.0
@@ -79,14 +79,14 @@ class Watched:
     """What a journal is told of a robot that is a test; its clock stands still."""
 
     def __init__(self, ros):
-        from sar_compiler.ros.robot_watch import RobotWatch
+        from sar_compiler.ros.robot_observer import RobotObserver
 
         self.ros, self.robot, node = ros, ros.node("robot"), ros.node("mission")
         self.journal = Journal()
         self._entries: list[JournalEntry] = []
         self.journal.clock = self.clock = ManualClock()
         self.journal.listen(self._entries.append)
-        self.watch = RobotWatch(node, self.journal)
+        self.watch = RobotObserver(node, self.journal)
 
     def told(self, kind):
         return [entry.data for entry in self._entries if entry.kind == kind]

@@ -68,7 +68,7 @@ _LINES = 200
 _LONGEST, _OTHERS = 2000, 20
 
 
-class RobotWatch:
+class RobotObserver:
     """Watches topics for a journal.
 
     - `pose`: `x`, `y` (m) and `yaw` (rad) in the frame `map`, from `amcl_pose`

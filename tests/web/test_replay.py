@@ -11,9 +11,9 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.web import recording as recording_module
+from sar_compiler.web import replay as replay_module
 from sar_compiler.web.page_state import PageState
-from sar_compiler.web.recording import Recording
+from sar_compiler.web.replay import Replay
 from tests.web.folding import fly, folded
 
 
@@ -21,7 +21,7 @@ from tests.web.folding import fly, folded
 def cache(tmp_path, monkeypatch):
     """Keep the cache of a test by itself, and have checkpoints in short journals."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(recording_module, "_LEAST", 9)
+    monkeypatch.setattr(replay_module, "_LEAST", 9)
     return tmp_path / "cache" / "sar_compiler" / "replay"
 
 
@@ -52,26 +52,24 @@ def steps(path):
     return found
 
 
-def whole(recording, time):
+def whole(replay, time):
     """Return what a page shows at a time that it has not asked for before."""
-    (change,) = recording.moment(time, since=-1)["changes"]
+    (change,) = replay.moment(time, since=-1)["changes"]
     return folded({}, change)
 
 
 def test_every_moment_is_what_all_entries_until_then_come_to(journal):
-    recording, told = Recording([journal]), steps(journal)
-    assert recording.end == told[-1][0]
+    replay, told = Replay([journal]), steps(journal)
+    assert replay.end == told[-1][0]
     chance = random.Random(1)  # noqa: S311
-    times = [chance.uniform(0.0, recording.end) for _ in range(40)] + [
-        chance.choice(told)[0] for _ in range(40)
-    ]
-    for time in [*times, 0.0, recording.end]:
+    times = [chance.uniform(0.0, replay.end) for _ in range(40)] + [chance.choice(told)[0] for _ in range(40)]
+    for time in [*times, 0.0, replay.end]:
         until = [entry for end, entry in told if end <= time]
         state = PageState()
         for entry in until:
             state.take(entry)
         state.let_pass(time - max(end for end, _ in told if end <= time))
-        shown = whole(recording, time)
+        shown = whole(replay, time)
         assert shown == folded({}, state.whole())
         marks = MissionState.of(until).situation.landmarks
         assert {key: each["state"] for key, each in shown["landmarks"].items()} == {
@@ -80,42 +78,42 @@ def test_every_moment_is_what_all_entries_until_then_come_to(journal):
 
 
 def test_a_page_that_plays_is_told_the_changes_alone(journal):
-    recording = Recording([journal])
+    replay = Replay([journal])
     known: dict[str, Any] = {}
     since = larger = 0
     for step in range(101):
-        time = recording.end * step / 100
-        answer = recording.moment(time, since)
+        time = replay.end * step / 100
+        answer = replay.moment(time, since)
         for change in answer["changes"]:
             larger += "begin" in change
             known = folded(known, change)
         since = answer["number"]
-        assert known == whole(Recording([journal]), time)
+        assert known == whole(Replay([journal]), time)
     assert larger < 20
 
 
 def test_of_two_pages_none_is_told_the_changes_of_the_other(journal):
-    recording = Recording([journal])
-    first = recording.moment(10.0)
-    recording.moment(11.0)
-    (change,) = recording.moment(12.0, first["number"])["changes"]
-    assert folded({}, change) == whole(Recording([journal]), 12.0)
+    replay = Replay([journal])
+    first = replay.moment(10.0)
+    replay.moment(11.0)
+    (change,) = replay.moment(12.0, first["number"])["changes"]
+    assert folded({}, change) == whole(Replay([journal]), 12.0)
 
 
 def test_robots_are_side_by_side_by_their_clocks(tmp_path):
     paths = [written(tmp_path / f"robot{number}.journal", 100.0 + 5.0 * number) for number in range(2)]
-    recording = Recording(paths)
-    assert recording.end == steps(paths[1])[-1][0] + 5.0
-    first, second = recording.moment(20.0)["changes"]
+    replay = Replay(paths)
+    assert replay.end == steps(paths[1])[-1][0] + 5.0
+    first, second = replay.moment(20.0)["changes"]
     assert (first["robot"], second["robot"]) == (0, 1)
-    assert folded({}, second) | {"robot": 0} == whole(Recording(paths[1:]), 15.0)
-    early = folded({}, recording.moment(3.0, -1)["changes"][1])
+    assert folded({}, second) | {"robot": 0} == whole(Replay(paths[1:]), 15.0)
+    early = folded({}, replay.moment(3.0, -1)["changes"][1])
     assert (early["run"], early["time"]) == ({"number": 0}, 0.0)
 
 
 def test_robots_whose_clocks_are_days_apart_begin_together(tmp_path):
     paths = [written(tmp_path / f"robot{number}.journal", 100.0 + 1e6 * number) for number in range(2)]
-    assert Recording(paths).end == max(steps(path)[-1][0] for path in paths)
+    assert Replay(paths).end == max(steps(path)[-1][0] for path in paths)
 
 
 def test_a_journal_is_read_once_and_its_checkpoints_kept(journal, cache, monkeypatch):
@@ -125,9 +123,9 @@ def test_a_journal_is_read_once_and_its_checkpoints_kept(journal, cache, monkeyp
         asked.append(path)
         return {"why": 1}
 
-    explained = Recording([journal], explain)
-    monkeypatch.setattr(recording_module.RecordedTrack, "_make", lambda *_: pytest.fail("made anew"))
-    again = Recording([journal], lambda _: pytest.fail("asked anew"))
+    explained = Replay([journal], explain)
+    monkeypatch.setattr(replay_module.ReplayTrack, "_make", lambda *_: pytest.fail("made anew"))
+    again = Replay([journal], lambda _: pytest.fail("asked anew"))
     assert asked == [journal]
     for time in (again.end, 30.0, 7.0):
         assert whole(again, time) == whole(explained, time)
@@ -138,17 +136,17 @@ def test_a_journal_is_read_once_and_its_checkpoints_kept(journal, cache, monkeyp
 
 def test_the_journal_s_folder_is_left_as_it_was(journal):
     before = {path: path.read_bytes() for path in journal.parent.iterdir() if path.is_file()}
-    Recording([journal]).moment(5.0)
+    Replay([journal]).moment(5.0)
     assert {path: path.read_bytes() for path in journal.parent.iterdir() if path.is_file()} == before
 
 
 def test_a_journal_that_went_on_is_read_again(journal):
-    before = Recording([journal])
+    before = Replay([journal])
     kept = open_journal(journal, resume=True)
     fly(kept, 9, 50, clock=ManualClock(1000.0))
     kept.close()
-    assert Recording([journal]).end > before.end
-    assert whole(Recording([journal]), 1e9)["run"]["number"] == 4
+    assert Replay([journal]).end > before.end
+    assert whole(Replay([journal]), 1e9)["run"]["number"] == 4
     assert whole(before, 1e9)["run"]["number"] == 3
 
 
@@ -174,33 +172,33 @@ def broken(file, place):
 
 @pytest.mark.parametrize("place", ["empty", "head", "short", "flipped", "other", "number"])
 def test_a_broken_cache_is_made_anew(journal, cache, place):
-    sound = whole(Recording([journal]), 40.0)
+    sound = whole(Replay([journal]), 40.0)
     (file,) = cache.iterdir()
     kept = file.read_bytes()
     broken(file, place)
-    assert whole(Recording([journal]), 40.0) == sound
+    assert whole(Replay([journal]), 40.0) == sound
     assert file.read_bytes() == kept
 
 
 def test_what_somebody_puts_into_the_cache_is_not_carried_out(journal, capsys, monkeypatch):
-    sound = whole(Recording([journal]), 40.0)
-    monkeypatch.setattr(recording_module.pickle, "dumps", lambda *_, **__: pickle._dumps(Evil()))  # type: ignore[attr-defined]
-    monkeypatch.setattr(recording_module, "_code", lambda: "another version")
-    evil = Recording([journal])
+    sound = whole(Replay([journal]), 40.0)
+    monkeypatch.setattr(replay_module.pickle, "dumps", lambda *_, **__: pickle._dumps(Evil()))  # type: ignore[attr-defined]
+    monkeypatch.setattr(replay_module, "_code", lambda: "another version")
+    evil = Replay([journal])
     assert whole(evil, 40.0) == sound
-    assert whole(Recording([journal]), 40.0) == sound
+    assert whole(Replay([journal]), 40.0) == sound
     assert "carried out" not in capsys.readouterr().out
 
 
 def test_without_a_place_for_the_cache_it_is_done_without(journal, tmp_path, monkeypatch):
-    sound = whole(Recording([journal]), 40.0)
+    sound = whole(Replay([journal]), 40.0)
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert whole(Recording([journal]), 40.0) == sound
+    assert whole(Replay([journal]), 40.0) == sound
 
 
 def test_an_empty_journal_has_a_moment(tmp_path):
     path = tmp_path / "empty.journal"
     JournalFile.open(path).close()
-    recording = Recording([path])
-    assert (recording.end, whole(recording, 5.0)["run"]) == (0.0, {"number": 0})
+    replay = Replay([path])
+    assert (replay.end, whole(replay, 5.0)["run"]) == (0.0, {"number": 0})
