@@ -38,17 +38,12 @@ from sar_compiler.journal.json_values import json_text
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine, error_text
+from sar_compiler.ros.leaves.interfaces import interface_name
 from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
 
 # What a class calls a type, where a definition has another word.
 _WORDS = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 _BETWEEN = f"{'=' * 80}\nMSG: "
-
-
-def type_name(kind: Any) -> str:
-    """Return the full name of a message's type, such as `nav2_msgs/msg/BehaviorTreeLog`."""
-    package, folder, *_ = kind.__module__.split(".")
-    return f"{package}/{folder}/{kind.__name__}"
 
 
 def message_text(kind: Any) -> str:
@@ -129,7 +124,7 @@ class RecordingError(SarError):
 
 def _type_to_record(name: str, types: Iterable[str]) -> Any:
     """Return the type of a topic that is to be recorded; None if it is not, or of another type than it should be."""
-    return next((kind for kind in RECORDED.get(name, ()) if type_name(kind) in types), None)
+    return next((kind for kind in RECORDED.get(name, ()) if interface_name(kind) in types), None)
 
 
 def _as_yaml(profiles: Iterable[QoSProfile]) -> str:
@@ -303,7 +298,7 @@ class McapRecorder:
     def _add(self, writer: Writer, recorded: _Recorded) -> None:
         topic, kind, data, time_ns = recorded
         if topic not in self._channels:
-            name = type_name(kind)
+            name = interface_name(kind)
             if name not in self._schemas:
                 self._schemas[name] = writer.register_schema(name, "ros2msg", message_text(kind).encode())
             # At least the empty list: rosbag2 cannot read the empty text.

@@ -46,8 +46,8 @@ class FileProblem:
 
     @property
     def place(self) -> str:
-        """Its line and column."""
-        return f"{self.line}:{self.column}"
+        """Its line and column, each behind a colon; empty for the file as a whole."""
+        return f":{self.line}:{self.column}" if self.line else ""
 
 
 class ParameterFileError(SarError):
@@ -64,13 +64,9 @@ class ParameterFileError(SarError):
         self.file = file
         self.problems = tuple(sorted(problems, key=lambda problem: (problem.line, problem.column)))
         self.line, self.column = self.problems[0].line, self.problems[0].column
-        super().__init__("\n".join(self._line(problem) for problem in self.problems))
-
-    def _line(self, problem: FileProblem) -> str:
-        text = in_one_line(shortened(problem.text))
-        if not problem.line:
-            return f"{self.file}: {text}"
-        return f"{self.file}:{problem.place}: {text}"
+        super().__init__(
+            "\n".join(f"{file}{each.place}: {in_one_line(shortened(each.text))}" for each in self.problems)
+        )
 
 
 def check_parameter_file(path: Path | str) -> None:
@@ -155,7 +151,7 @@ class ParameterPlaces:
         self._beginning = ""
         for path in paths:
             given = _values_for(path, node)
-            places = {name: f"{path}:{_at(each.name, '').place}" for name, each in given.items()}
+            places = {name: f"{path}{_at(each.name, '').place}" for name, each in given.items()}
             self._given |= {name: (each.value, places[name]) for name, each in given.items()}
             self._beginning = next(iter(places.values()), f"{path}:1:1")
 
@@ -202,31 +198,28 @@ def _is_for(section: str, node: str) -> bool:
 
 def _text_of(file: Path) -> str:
     data = read_bytes(file, _MAX_BYTES)
-    if len(data) > _MAX_BYTES:
-        problem = FileProblem(0, 0, f"is larger than {_MAX_BYTES // 2**20} MiB, which no parameter file is")
-        raise ParameterFileError(file, [problem])
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        problem = FileProblem(0, 0, f"is not UTF-8 text (byte {error.start})")
-        raise ParameterFileError(file, [problem]) from None
+    wrong = f"is larger than {_MAX_BYTES // 2**20} MiB, which no parameter file is"
+    if len(data) <= _MAX_BYTES:
+        try:
+            return data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            wrong = f"is not UTF-8 text (byte {error.start})"
+    raise ParameterFileError(file, [FileProblem(0, 0, wrong)])
 
 
 def _problems(text: str) -> Iterator[FileProblem]:
+    root = None
     # This loader takes every scalar for text: no date, no number of Python's is in the way.
     try:
-        found = list(_too_deep(text)) or [*_unread_by_ros(text), *_signs_in_brackets(text)]
+        found = list(_too_deep(text)) or list(_unread_by_ros(text))
         root = None if found else yaml.compose(text, Loader=_LOADER)
     except yaml.MarkedYAMLError as error:
-        yield _not_yaml(error, text)
-        return
+        found = [_not_yaml(error, text)]
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position)
         column = error.position - (text.rfind("\n", 0, error.position) + 1)
-        yield FileProblem(
-            line + 1, column + 1, f"not YAML: the character {chr(error.character)!r} is not allowed"
-        )
-        return
+        wrong = f"not YAML: the character {chr(error.character)!r} is not allowed"
+        found = [FileProblem(line + 1, column + 1, wrong)]
     if found:
         yield from found
     elif root is None:
@@ -240,8 +233,11 @@ def _problems(text: str) -> Iterator[FileProblem]:
 
 
 def _unread_by_ros(text: str) -> Iterator[FileProblem]:
-    """Find YAML features that ROS does not support."""
-    documents = 0
+    """Find YAML features that ROS does not support.
+
+    An older libyaml, which some builds of ROS have, refuses some signs in plain scalars within brackets.
+    """
+    documents = brackets = 0
     for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.DocumentStartEvent):
             documents += 1
@@ -253,6 +249,18 @@ def _unread_by_ros(text: str) -> Iterator[FileProblem]:
                 yield _at(event, "a second document (---): ROS mixes it into the first; keep one")
         elif isinstance(event, yaml.AliasEvent):
             yield _at(event, f"ROS reads no aliases: write out the value of '*{event.anchor}'")
+        elif isinstance(event, yaml.CollectionStartEvent):
+            brackets += bool(event.flow_style)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            brackets = max(brackets - 1, 0)
+        elif isinstance(event, yaml.ScalarEvent) and brackets and _needs_quotes(event):
+            yield _at(
+                event, f"'{event.value}' needs quotes within [] and {{}}: not every ROS takes its ':' or '?'"
+            )
+
+
+def _needs_quotes(event: yaml.ScalarEvent) -> bool:
+    return event.implicit[0] and _SIGNS.search(event.value) is not None
 
 
 def _too_deep(text: str) -> Iterator[FileProblem]:
@@ -263,24 +271,6 @@ def _too_deep(text: str) -> Iterator[FileProblem]:
         if depth > _MAX_DEPTH:
             yield _at(event, "nested too deeply")
             return
-
-
-def _signs_in_brackets(text: str) -> Iterator[FileProblem]:
-    """Find signs in plain scalars that an older libyaml, which some builds of ROS have, refuses."""
-    brackets = 0
-    for event in yaml.parse(text, Loader=_LOADER):
-        if isinstance(event, yaml.CollectionStartEvent):
-            brackets += bool(event.flow_style)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            brackets = max(brackets - 1, 0)
-        elif (
-            brackets
-            and isinstance(event, yaml.ScalarEvent)
-            and event.implicit[0]
-            and _SIGNS.search(event.value)
-        ):
-            what = f"'{event.value}' needs quotes within [] and {{}}: not every ROS takes its ':' or '?'"
-            yield _at(event, what)
 
 
 def _not_yaml(error: yaml.MarkedYAMLError, text: str) -> FileProblem:

@@ -286,12 +286,13 @@ def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monk
 def test_the_definition_of_every_message_that_is_recorded_is_understood():
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    from sar_compiler.ros.mission_recording import RECORDED, message_text, type_name
+    from sar_compiler.ros.leaves.interfaces import interface_name
+    from sar_compiler.ros.mission_recording import RECORDED, message_text
 
     jazzy = get_typestore(Stores.ROS2_JAZZY)
     for kinds in RECORDED.values():
-        for kind in kinds if isinstance(kinds, tuple) else (kinds,):
-            types = get_types_from_msg(message_text(kind), type_name(kind))
+        for kind in kinds:
+            types = get_types_from_msg(message_text(kind), interface_name(kind))
             known = {name: fields for name, fields in types.items() if name in jazzy.fielddefs}
             assert all(fields[1] == jazzy.fielddefs[name][1] for name, fields in known.items()), kind
 

@@ -54,12 +54,12 @@ def declared_types(root: Behaviour) -> dict[Use, str]:
         for word in _WORDS.values():
             name, written = getattr(leaf, f"{word}_name", None), getattr(leaf, f"{word}_type", None)
             if isinstance(name, str) and written:
-                types[Use(word, name)] = written if isinstance(written, str) else _graph_name(written)
+                types[Use(word, name)] = written if isinstance(written, str) else interface_name(written)
     return types
 
 
-def _graph_name(interface: Any) -> str:
-    """Return `package/srv/Name` for a Python class of an interface."""
+def interface_name(interface: Any) -> str:
+    """Return the full name of a Python class of an interface or a message: `package/srv/Name`."""
     package, kind, *_ = f"{interface.__module__}.".split(".")
     return f"{package}/{kind}/{interface.__name__}"
 
