@@ -161,7 +161,7 @@ def test_the_map_goes_where_it_is_told(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_the_core_needs_no_ros() -> None:
-    modules = ["world", "world_file", "robot", "lidar", "survey", "planner", "navigator", "occupancy"]
+    modules = ["world", "robot", "survey", "planner", "navigator", "occupancy", "placement"]
     code = (
         "import sys; sys.modules['rclpy'] = None\n"
         + "".join(f"import sar_compiler.sim.{name}\n" for name in modules)
