@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -209,7 +209,8 @@ class MissionPublisher:
         made = [Marker(action=Marker.DELETEALL)]
         for number, landmark in enumerate(self._situation.landmarks.values()):
             if landmark.corners:
-                made.append(_outline(number, landmark))
+                outline = (*landmark.corners, landmark.corners[0])
+                made.append(_strip(landmark.kind, number, _COLOURS[landmark.level], outline))
             else:
                 made += _shape(number, landmark, self._situation.kind_of(landmark).shape)
         made += _line(self._plan)
@@ -226,13 +227,13 @@ def _colour(rgb: tuple[float, float, float]) -> ColorRGBA:
     return ColorRGBA(r=rgb[0], g=rgb[1], b=rgb[2], a=0.8)
 
 
-def _outline(number: int, landmark: Landmark) -> Marker:
-    """Return a landmark's outline as a closed line."""
-    marker = Marker(
-        ns=landmark.kind, id=number, type=Marker.LINE_STRIP, color=_colour(_COLOURS[landmark.level])
-    )
+def _strip(
+    kind: str, number: int, rgb: tuple[float, float, float], points: Iterable[Sequence[float]]
+) -> Marker:
+    """Return a line from place to place, x and y in metres."""
+    marker = Marker(ns=kind, id=number, type=Marker.LINE_STRIP, color=_colour(rgb))
     marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
-    marker.points = [Point(x=x, y=y, z=0.05) for x, y in (*landmark.corners, landmark.corners[0])]
+    marker.points = [Point(x=float(x), y=float(y), z=0.05) for x, y in points]
     return marker
 
 
@@ -254,9 +255,7 @@ def _shape(number: int, landmark: Landmark, shape: str) -> list[Marker]:
 
 def _line(plan: Mapping[str, Any]) -> list[Marker]:
     """Return a plan's line; nothing for one of fewer than two points, which RViz calls an error."""
-    marker = Marker(ns="plan", type=Marker.LINE_STRIP, color=_colour(_PLAN_COLOUR))
-    marker.header.frame_id = str(plan.get("frame", ""))
-    marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
     points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
-    marker.points = [Point(x=float(x), y=float(y), z=0.05) for x, y in points]
+    marker = _strip("plan", 0, _PLAN_COLOUR, points)
+    marker.header.frame_id = str(plan.get("frame", ""))
     return [marker] if len(points) > 1 else []
