@@ -62,10 +62,10 @@ def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     collector, palettes = Collector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare_models(models, yielding(registry, models), collector)
-    return [*_mended(palettes), *collector.findings]
+    return [*_recoveries(palettes), *collector.findings]
 
 
-def _mended(files: Palettes) -> Iterable[Diagnostic]:
+def _recoveries(files: Palettes) -> Iterable[Diagnostic]:
     return itertools.chain.from_iterable(tree_file.findings for tree_file in files)
 
 
@@ -73,7 +73,7 @@ def _is_error(finding: Diagnostic) -> bool:
     return finding.severity is Severity.ERROR
 
 
-def _guarded(
+def _guard(
     name: str, rule: Callable[[], Iterable[Diagnostic]], forest: Forest, found: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
     """Yield what a rule finds; if it fails, what it has found before, and that it has failed."""
@@ -99,11 +99,11 @@ def check(
     """
     palettes = tuple(palettes)
     registry = yielding(registry, read_models([*forest.files, *palettes], Collector()))
-    findings = [*forest.findings, *_mended(forest.files)]
+    findings = [*forest.findings, *_recoveries(forest.files)]
     context = CheckContext(forest, registry, palettes, btcpp)
     is_all = True
     for rule in RULES:
-        found = list(_guarded(rule.__name__, functools.partial(rule, context), forest, findings))
+        found = list(_guard(rule.__name__, functools.partial(rule, context), forest, findings))
         is_all = is_all and sum(map(_is_error, found)) < MOST
         findings += found
     from sar_compiler.checks.schema_validation import check_schema
@@ -112,7 +112,7 @@ def check(
     described = described_specs([*forest.files, *palettes], registry)
     for tree_file in forest.files if is_all else ():
         schema = functools.partial(check_schema, tree_file, registry, described, findings)
-        findings += itertools.islice(_guarded(check_schema.__name__, schema, forest, findings), MOST)
+        findings += itertools.islice(_guard(check_schema.__name__, schema, forest, findings), MOST)
     files = (*reversed(forest.files), *forest.others)
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 
@@ -168,14 +168,14 @@ def failure_of_rule(
     """
     from sar_compiler.nodes.constructors import RegistrationError  # which imports py_trees
 
-    element = _looked_at(error) or default
+    element = _element_of(error) or default
     if isinstance(error, RegistrationError):
         told = str(error)
         finding = element.finding("faulty-class", told, hint=_CLASS_HINT)
     elif isinstance(error, _EXPECTED):
         raise error
     else:
-        told = _told(error)
+        told = _error_words(error)
         message = f"the rule {name} failed here: {told}"
         finding = element.finding("internal-error", message, hint=_HINT)
     said = (each.message for each in found if each.code == finding.code)
@@ -196,18 +196,18 @@ def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagno
     """
     if isinstance(error, _EXPECTED):
         raise error
-    message = f"the {what} of this file failed: {_told(error)}"
+    message = f"the {what} of this file failed: {_error_words(error)}"
     return Diagnostic("internal-error", message, Source(str(path), "", NO_SPANS), _START, hint=_HINT)
 
 
-def _told(error: Exception) -> str:
+def _error_words(error: Exception) -> str:
     """Return an error with the place in the sources that it comes from."""
     last = [*_calls(error)][-1]
     place = f"{Path(last.f_code.co_filename).name}, in {last.f_code.co_name}"
     return f"{type(error).__name__}: {error} ({place})"
 
 
-def _looked_at(error: Exception) -> Element | None:
+def _element_of(error: Exception) -> Element | None:
     """Return the element that was looked at when an error was raised: that of the innermost call that has one."""
     values = (value for frame in reversed([*_calls(error)]) for value in frame.f_locals.values())
     elements = (value if isinstance(value, Element) else getattr(value, "element", None) for value in values)

@@ -134,12 +134,12 @@ def findings_of_runs(
     described = {bound.name for bound in binding.nodes() if bound.spec.is_only_described}
     found = []
     for raised in _search(stepper.steps, lambda: budget.take(cost), place_of):
-        ticks = [_played(stepper, state, wanted) for state, wanted in raised.ticks]
+        ticks = [_play(stepper, state, wanted) for state, wanted in raised.ticks]
         is_sure = not simulated.by_semantics and not any(
             event.leaf.name in described for events in ticks for event in events
         )
         place = _place(raised.error, binding)
-        told = f"{simulated.told(raised.error)} ({_told(ticks)})"
+        told = f"{simulated.told(raised.error)} ({_run_words(ticks)})"
         severity = Severity.ERROR if is_sure else Severity.WARNING
         source, span = place.element.source, _span(raised.error, place)
         hint = f"{how_to_see} shows the run tick by tick"
@@ -197,7 +197,7 @@ def _has_path(path: tuple[int, ...]) -> Callable[[TickSteps], bool]:
     return lambda steps: steps.path == path
 
 
-def _played(stepper: TreeStepper, state: bytes, wanted: Callable[[TickSteps], bool]) -> tuple[Event, ...]:
+def _play(stepper: TreeStepper, state: bytes, wanted: Callable[[TickSteps], bool]) -> tuple[Event, ...]:
     """Return what the leaves did in a tick."""
     stepper.steps.enter(state)
     while stepper.steps.step() and not wanted(stepper.steps):
@@ -205,7 +205,7 @@ def _played(stepper: TreeStepper, state: bytes, wanted: Callable[[TickSteps], bo
     return tuple(event for event in stepper.played().events if event.answer is not None)
 
 
-def _told(ticks: list[tuple[Event, ...]]) -> str:
+def _run_words(ticks: list[tuple[Event, ...]]) -> str:
     """Return a run in words: the answers of its last ticks."""
     if not any(ticks):
         return f"in tick {len(ticks)}"
@@ -295,7 +295,7 @@ class Mistaken:
         self._trees = {bound: tree for tree in binding.trees() for bound in tree.nodes}
         told = [each for each in findings if each.code in _CODES]
         self._attributes = {
-            (bound, attribute) for bound in self._trees for attribute in _told_of(bound, told)
+            (bound, attribute) for bound in self._trees for attribute in _attributes_of(bound, told)
         }
         self._keys = {key for place in self._attributes for key in self._written(*place)}
         links = [*self._links()]
@@ -330,7 +330,7 @@ class Mistaken:
                         yield (tree, outer), (use.subtree, inner)
 
 
-def _told_of(bound: BoundNode, told: list[Diagnostic]) -> Iterator[str]:
+def _attributes_of(bound: BoundNode, told: list[Diagnostic]) -> Iterator[str]:
     element = bound.element
     for finding in told:
         if finding.source.path == element.source.path and finding.span.line >= element.line:

@@ -102,7 +102,7 @@ def milliseconds_in(text: str) -> "Decimal | None":
 def plain_duration(text: str, unit: str) -> str:
     """Return a duration as the plain number that it is in another unit; any other text as it is."""
     milliseconds = milliseconds_in(text) if unit in _MILLISECONDS else None
-    return text if milliseconds is None else _written(milliseconds / _MILLISECONDS[unit])
+    return text if milliseconds is None else _plain_text(milliseconds / _MILLISECONDS[unit])
 
 
 def meant_number(text: str) -> str | None:
@@ -133,7 +133,7 @@ def meant_plain_number(text: str) -> str | None:
     from decimal import Decimal
 
     value = Decimal(number)
-    return _written(value) if abs(value.adjusted()) < LONGEST else None
+    return _plain_text(value) if abs(value.adjusted()) < LONGEST else None
 
 
 def meant_duration(text: str) -> str | None:
@@ -146,7 +146,7 @@ def meant_duration(text: str) -> str | None:
     from decimal import Decimal
 
     value = Decimal(number) * Decimal(spelt[0])
-    return f"{_written(value)}{spelt[1]}" if abs(value.adjusted()) < LONGEST else None
+    return f"{_plain_text(value)}{spelt[1]}" if abs(value.adjusted()) < LONGEST else None
 
 
 def number_hint(text: str, unit: str = "") -> str | None:
@@ -184,7 +184,7 @@ def number_in(text: str, unit: str) -> str | None:
     from fractions import Fraction
 
     number, one = meant_plain_number(match[1]), _one(match[2].lower(), unit)
-    return _rounded(Fraction(number) * one) if number is not None and one is not None else None
+    return _round(Fraction(number) * one) if number is not None and one is not None else None
 
 
 def _one(spelt: str, unit: str) -> "Fraction | None":
@@ -200,16 +200,16 @@ def _one(spelt: str, unit: str) -> "Fraction | None":
     return Fraction(count) if count else None
 
 
-def _rounded(value: "Fraction") -> str:
+def _round(value: "Fraction") -> str:
     """Write a number with all its digits if it has an end, else the first ones."""
     from decimal import Decimal
 
     short = Decimal(value.numerator) / Decimal(value.denominator)
     if short * value.denominator == value.numerator and len(short.as_tuple().digits) <= _MOST_DIGITS:
-        return _written(short)
-    return _written(Decimal(f"{float(value):.{_DIGITS}g}"))
+        return _plain_text(short)
+    return _plain_text(Decimal(f"{float(value):.{_DIGITS}g}"))
 
 
-def _written(value: "Decimal") -> str:
+def _plain_text(value: "Decimal") -> str:
     text = f"{value:f}"
     return text.rstrip("0").rstrip(".") if "." in text else text

@@ -82,7 +82,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
 
     def mark(cls: C) -> C:
         _require_behaviour(tag, cls)
-        means = _guarded(tag, cls, semantics or Semantics())
+        means = _guard_functions(tag, cls, semantics or Semantics())
         spec = NodeSpec(
             tag, cls, kind, names, effects, needs, said, known, read, written, means, child_count=numbers
         )
@@ -160,7 +160,7 @@ class _UsersFunction:
         return found
 
 
-def _guarded(tag: str, cls: type[Any], semantics: Semantics) -> Semantics:
+def _guard_functions(tag: str, cls: type[Any], semantics: Semantics) -> Semantics:
     """Return semantics whose functions, where they are the user's own, are guarded."""
     guarded: dict[str, Any] = {}
     for name in _FUNCTIONS:

@@ -234,12 +234,14 @@ def value_type_of(annotation: object) -> ValueType | None:
     if is_class(annotation) and issubclass(annotation, enum.Enum):
         members = {member.name: member for member in annotation}
         convert = functools.partial(_member, annotation)
-        chosen = _choice(annotation.__name__, tuple(members), convert, _numbered(members))
+        chosen = _choice(annotation.__name__, tuple(members), convert, _by_number(members))
         return replace(chosen, python=annotation)
     if typing.get_origin(annotation) is typing.Literal:
         literals = typing.get_args(annotation)
         if all(isinstance(literal, str) for literal in literals):
-            return _choice(".".join(("one_of", *literals)), literals, functools.partial(_chosen, literals))
+            return _choice(
+                ".".join(("one_of", *literals)), literals, functools.partial(_choose_text, literals)
+            )
     return None
 
 
@@ -452,16 +454,16 @@ def _no_duration(
 
 
 def _script(text: str) -> object:
-    return _parsed(text, allow_empty=True)
+    return _parse_script(text, allow_empty=True)
 
 
 def _condition(text: str) -> object:
-    return _parsed(text, allow_empty=False)
+    return _parse_script(text, allow_empty=False)
 
 
-def _parsed(text: str, *, allow_empty: bool) -> object:
+def _parse_script(text: str, *, allow_empty: bool) -> object:
     try:
-        return _remembered(text, allow_empty=allow_empty)
+        return _cached_parse(text, allow_empty=allow_empty)
     except ScriptError as error:
         place = (error.start, error.end)
         raise ConversionError(str(error), error.suggestion, error.hint, place) from None
@@ -469,7 +471,7 @@ def _parsed(text: str, *, allow_empty: bool) -> object:
 
 # A script that comes from the blackboard is asked for in every tick.
 @functools.lru_cache(maxsize=256)
-def _remembered(text: str, *, allow_empty: bool) -> Script:
+def _cached_parse(text: str, *, allow_empty: bool) -> Script:
     return parse(text, allow_empty=allow_empty)
 
 
@@ -482,7 +484,7 @@ def _choice(
     )
 
 
-def _chosen(names: tuple[str, ...], text: str) -> str:
+def _choose_text(names: tuple[str, ...], text: str) -> str:
     if text in names:
         return text
     message = f"'{text}' is not one of {', '.join(names)}"
@@ -492,17 +494,17 @@ def _chosen(names: tuple[str, ...], text: str) -> str:
 def _member(kind: type[enum.Enum], text: str) -> enum.Enum:
     """Return the member of an enumeration that has a name, or is a whole number."""
     members, texts = _texts_of(kind)
-    return texts[text] if text in texts else members[_chosen(tuple(members), text)]
+    return texts[text] if text in texts else members[_choose_text(tuple(members), text)]
 
 
 @functools.lru_cache(maxsize=64)
 def _texts_of(kind: type[enum.Enum]) -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
     """Return the members of an enumeration by their names, and by all that may be written for them."""
     members: dict[str, enum.Enum] = {member.name: member for member in kind}
-    return members, {**_numbered(members), **members}
+    return members, {**_by_number(members), **members}
 
 
-def _numbered(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]:
+def _by_number(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]:
     return {str(member.value): member for member in members.values() if isinstance(member.value, int)}
 
 

@@ -68,11 +68,11 @@ def canonical_bytes(tree_file: TreeFile) -> bytes:
     source = tree_file.source
     text = convert(tree_file, source.form).text
     if source.form is Form.XML:
-        text = text.replace(DECLARATION, DECLARATION.replace("UTF-8", _declared(source.encoding)), 1)
+        text = text.replace(DECLARATION, DECLARATION.replace("UTF-8", _encoding_name(source.encoding)), 1)
     return bytes_of(source, text.replace("\n", source.line_end))
 
 
-def _declared(encoding: str) -> str:
+def _encoding_name(encoding: str) -> str:
     """Return what the declaration calls an encoding; the byte order mark tells the two of UTF-16 apart."""
     names = {"utf-8": "UTF-8", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}
     return names.get(codecs.lookup(encoding).name, encoding)
@@ -93,10 +93,10 @@ def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
         elif comment.attribute is not None:
             what = f"the comment beside '{comment.attribute}' is before the element in {other}"
             code = "moved"
-            message = f"{what}: '{_shortened(comment.text)}'"
+            message = f"{what}: '{_first_words(comment.text)}'"
         elif kept != comment.text:
             code = "changed"
-            message = f"{other} cannot have the comment '{_shortened(comment.text)}' as it is"
+            message = f"{other} cannot have the comment '{_first_words(comment.text)}' as it is"
         else:
             continue
         yield element.finding(code, message, name=comment.attribute)
@@ -133,7 +133,7 @@ def _without_schema(comments: tuple[Comment, ...]) -> Iterator[Comment]:
             yield dataclasses.replace(comment, text=kept)
 
 
-def _shortened(text: str) -> str:
+def _first_words(text: str) -> str:
     first = text.split("\n", maxsplit=1)[0]
     return first if first == text and len(first) <= 40 else f"{first[:40]}..."  # noqa: PLR2004
 

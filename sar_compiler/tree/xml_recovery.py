@@ -80,7 +80,7 @@ def recover(source: Source) -> Recovered | None:
         raw = part.value
         if raw.search(text, start, end) is None:
             continue
-        parts += [text[done:start], _replaced(text[start:end], stand_ins, part)]
+        parts += [text[done:start], _replace(text[start:end], stand_ins, part)]
         done = end
         runs = itertools.islice(raw.finditer(text, start, end), _MOST - len(findings))
         tell = _TELLING.get(part, _finding)
@@ -121,7 +121,7 @@ def _stand_ins(text: str) -> dict[int, str] | None:
     return found if len(found) == len(_STANDING_ALONE) else None
 
 
-def _replaced(stretch: str, stand_ins: dict[int, str], part: _Stretch) -> str:
+def _replace(stretch: str, stand_ins: dict[int, str], part: _Stretch) -> str:
     if part in _TELLING:
         return _NOT_BLANK.sub(" ", stretch)
     if part is _Stretch.COMMENT:

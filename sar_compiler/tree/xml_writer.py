@@ -50,12 +50,12 @@ def _element(element: Element, indent: str, *, after_blank_line: bool) -> Iterat
     )
     inner = list(element.content())
     if not inner:
-        end = f">{_escaped(element.text, _TEXT_ESCAPES)}</{element.tag}>" if element.text else "/>"
+        end = f">{_escape(element.text, _TEXT_ESCAPES)}</{element.tag}>" if element.text else "/>"
         yield from _start_tag(element, indent, end, trailing)
         return
     yield from _start_tag(element, indent, ">", trailing)
     if element.text:
-        yield f"{indent}  {_escaped(element.text, _TEXT_ESCAPES)}"
+        yield f"{indent}  {_escape(element.text, _TEXT_ESCAPES)}"
     yield from _content(inner, f"{indent}  ")
     yield f"{indent}</{element.tag}>"
 
@@ -70,7 +70,7 @@ def _content(content: list[Comment | Element], indent: str) -> Iterator[str]:
 
 def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterator[str]:
     attributes = [
-        f'{name}="{_as_broken(element, name, value) or _escaped(value, _ESCAPES)}"'
+        f'{name}="{_as_broken(element, name, value) or _escape(value, _ESCAPES)}"'
         for name, value in element.attributes.items()
     ]
     line = f"{indent}<{' '.join([element.tag, *attributes])}{end}"
@@ -118,7 +118,7 @@ def _follows_blank_line(element: Element) -> bool:
     return element.source.spans.follows_blank_line(element.source, element)
 
 
-def _escaped(text: str, escapes: dict[str, str]) -> str:
+def _escape(text: str, escapes: dict[str, str]) -> str:
     return "".join(escapes.get(character, character) for character in text)
 
 
@@ -128,8 +128,8 @@ def one_tag_a_line(root: Element) -> str:
 
 
 def _tags(element: Element) -> Iterator[str]:
-    attributes = [f' {name}="{_escaped(value, _ESCAPES)}"' for name, value in element.attributes.items()]
-    start = f"<{element.tag}{''.join(attributes)}>{_escaped(element.text, {**_TEXT_ESCAPES, chr(10): ' '})}"
+    attributes = [f' {name}="{_escape(value, _ESCAPES)}"' for name, value in element.attributes.items()]
+    start = f"<{element.tag}{''.join(attributes)}>{_escape(element.text, {**_TEXT_ESCAPES, chr(10): ' '})}"
     lines = [start, *(line for child in element.children for line in _tags(child))]
     lines[-1] += f"</{element.tag}>"
     yield from lines

@@ -43,7 +43,7 @@ def write_yaml(tree_file: TreeFile) -> str:
 
 def comment_in_yaml(text: str) -> str:
     """Return the text of a comment as YAML can have it: what cannot be printed is written as an escape."""
-    return "".join(one if one.isprintable() or one == "\n" else _escaped(one) for one in text)
+    return "".join(one if one.isprintable() or one == "\n" else _escape(one) for one in text)
 
 
 def scalar(text: str) -> str:
@@ -51,7 +51,7 @@ def scalar(text: str) -> str:
     if _is_plain(text):
         return text
     if not text.isprintable() or ("'" in text and not set(text) & {'"', "\\"}):
-        return f'"{"".join(_escaped(character) for character in text)}"'
+        return f'"{"".join(_escape(character) for character in text)}"'
     return "'" + text.replace("'", "''") + "'"
 
 
@@ -101,16 +101,14 @@ def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterat
     if after_blank_line:
         yield ""
     for line in comment_in_yaml(comment.text).split("\n"):
-        yield f"{indent}{_marked(line)}"
+        yield f"{indent}{_mark(line)}"
 
 
 def _trailing(comments: list[Comment]) -> str:
-    return (
-        f"  {_marked(', '.join(comment_in_yaml(comment.text) for comment in comments))}" if comments else ""
-    )
+    return f"  {_mark(', '.join(comment_in_yaml(comment.text) for comment in comments))}" if comments else ""
 
 
-def _marked(line: str) -> str:
+def _mark(line: str) -> str:
     return f"#{line}" if not line or line.startswith("#") else f"# {line}"
 
 
@@ -135,7 +133,7 @@ def _is_plain(text: str) -> bool:
     return bool(begins and ends and marks and text.isprintable() and text.lower() not in _GUESSED)
 
 
-def _escaped(character: str) -> str:
+def _escape(character: str) -> str:
     if character in _ESCAPES:
         return _ESCAPES[character]
     if character.isprintable():

@@ -189,7 +189,7 @@ def dot(tree: CompiledTree) -> str:
 
 
 def _dot_lines(tree: CompiledTree) -> Iterator[str]:
-    yield f"digraph {_quoted(in_one_line(tree.instance.tree.name))} {{"
+    yield f"digraph {_quote(in_one_line(tree.instance.tree.name))} {{"
     yield "  ordering=out;"
     yield '  graph [fontname="sans-serif", style=dashed];'
     yield '  node [fontname="sans-serif", fontsize=9, style=filled];'
@@ -200,10 +200,10 @@ def _dot_lines(tree: CompiledTree) -> Iterator[str]:
 def _dot_node(number: int, node: DrawnNode) -> str:
     shape, colour = _DOT_LOOKS[node.shape]
     label = "\\n".join(map(_dot_text, filter(None, (node.label, node.details))))
-    return f'  n{number} [label="{label}", shape={shape}, fillcolor={colour}, tooltip={_quoted(node.title)}];'
+    return f'  n{number} [label="{label}", shape={shape}, fillcolor={colour}, tooltip={_quote(node.title)}];'
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return f'"{_dot_text(text)}"'
 
 
@@ -340,7 +340,7 @@ class Block:
 def svg(tree: CompiledTree) -> str:
     """Return a compiled tree as a picture."""
     nodes = drawn_nodes(tree)
-    blocks = _placed(nodes)
+    blocks = _place_blocks(nodes)
     width, height = (math.ceil(size + 2 * _MARGIN) for size in (blocks[0].width, blocks[0].height))
     size = f'width="{width}" height="{height}"'
     title = f"{in_one_line(tree.instance.tree.name)}, {len(nodes)} {'node' if len(nodes) == 1 else 'nodes'}"
@@ -357,7 +357,7 @@ def svg(tree: CompiledTree) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _placed(nodes: Sequence[DrawnNode]) -> list[Block]:
+def _place_blocks(nodes: Sequence[DrawnNode]) -> list[Block]:
     blocks = [_block(node) for node in nodes]
     below = [[blocks[child] for child in node.children] for node in nodes]
     # Children come behind their parents in the list.

@@ -102,7 +102,7 @@ def _of_one_cause(group: Sequence[Diagnostic]) -> list[Diagnostic]:
     by_message = _groups(group, lambda each: each.message)
     cause = group[0].common_cause
     if cause is not None and len(by_message) > FEW:
-        return [replace(group[0], message=_listed(cause, group), suggestion=None)]
+        return [replace(group[0], message=_cause_text(cause, group), suggestion=None)]
     return [told for places in by_message for told in _of_one_message(places)]
 
 
@@ -117,7 +117,7 @@ def _of_one_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
     return [replace(first, message=f"{first.message}; {where}")]
 
 
-def _listed(cause: Cause, group: Iterable[Diagnostic]) -> str:
+def _cause_text(cause: Cause, group: Iterable[Diagnostic]) -> str:
     """Return the sentence that lists what a cause is about, the most frequent first."""
     counts = Counter(each.common_cause.subject for each in group if each.common_cause)
     named = ", ".join(f"'{subject}' ({number:,})" for subject, number in counts.most_common(_NAMED))

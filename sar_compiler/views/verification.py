@@ -34,7 +34,7 @@ def verification_as_text(verification: Verification, seconds: float) -> str:
         line
         for verdict in verification.verdicts
         if verdict.trace
-        for line in _told(verdict, verdict.trace, labels)
+        for line in _trace_lines(verdict, verdict.trace, labels)
     ]
     return "\n".join([*told, *_summary(verification, seconds)])
 
@@ -68,7 +68,7 @@ def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str
         line
         for answer in comparison.answers
         if answer.change == WORSE and answer.now and answer.now.trace
-        for line in _told(answer.now, answer.now.trace, labels)
+        for line in _trace_lines(answer.now, answer.now.trace, labels)
     ]
     return "\n".join([*told, *_changes_in(comparison, names, seconds)])
 
@@ -97,13 +97,13 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
     answers, sides = comparison.answers, (comparison.before, comparison.now)
     named = max(map(len, names)) + 2
     for name, side, when in zip(names, sides, ("before", "now"), strict=True):
-        size = f"{_counted(side.states, 'state')}, {_counted(side.ticks, 'tick')} between them"
+        size = f"{_count_text(side.states, 'state')}, {_count_text(side.ticks, 'tick')} between them"
         yield f"{when + ':':8}{name:{named}}{size}"
     counts = Counter(answer.change for answer in answers)
     listed = ", ".join(
         f"{counts[change]} {change}" for change in (WORSE, BETTER, OTHER, SAME) if counts[change]
     )
-    yield f"{_counted(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
+    yield f"{_count_text(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
     width = max(len(answer.question) for answer in answers) + 2
     for answer in answers:
         line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
@@ -117,7 +117,7 @@ def _answer_or_none(verdict: Verdict | None) -> str:
     return "left out" if verdict is None else _answer(verdict)
 
 
-def _told(verdict: Verdict, trace: Trace, labels: Mapping[StubLeaf, str]) -> Iterator[str]:
+def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[StubLeaf, str]) -> Iterator[str]:
     yield f"{verdict.question}: {verdict.outcome.value}"
     yield f"  {verdict.reason}:"
     first = len(trace.ticks) - trace.loop
@@ -151,8 +151,8 @@ def _value(value: object) -> str:
 def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     verdicts = verification.verdicts
     width = max(len(verdict.question) for verdict in verdicts) + 2
-    states = _counted(verification.states, "state")
-    ticks, depth = (_counted(number, "tick") for number in (verification.ticks, verification.depth))
+    states = _count_text(verification.states, "state")
+    ticks, depth = (_count_text(number, "tick") for number in (verification.ticks, verification.depth))
     yield f"{states}, {ticks} between them, {depth} deep, {seconds:.1f} s"
     yield _tally(verification)
     for verdict in verdicts:
@@ -173,7 +173,7 @@ def _tally(verification: Verification) -> str:
         (len(verification.left_out), "left out"),
     ]
     listed = ", ".join(f"{count} {kind}" for count, kind in kinds if count)
-    return f"{_counted(sum(count for count, _ in kinds), 'answer')}: {listed}"
+    return f"{_count_text(sum(count for count, _ in kinds), 'answer')}: {listed}"
 
 
 def _answer(verdict: Verdict) -> str:
@@ -182,7 +182,7 @@ def _answer(verdict: Verdict) -> str:
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
 
 
-def _counted(number: int, word: str) -> str:
+def _count_text(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
@@ -193,7 +193,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     if verification.complete:
         return
     how = "it was stopped there" if verification.stopped else "--max-states says how many are looked at"
-    yield f"Not proved beyond {_counted(verification.states, 'state')}: there are more; {how}."
+    yield f"Not proved beyond {_count_text(verification.states, 'state')}: there are more; {how}."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
         yield f"Most different values among the last ones had: {listed}."

@@ -507,27 +507,27 @@ def why_text(reasons: Why, otherwise: str = "") -> str:
     said = f": {reasons.reason}" if reasons.reason else "."
     lines = [in_one_line(f"The mission is {reasons.outcome}{said}")]
     if reasons.first is not None and reasons.outcome != "complete":
-        lines += ["", "First to look at:", f"  {_told(reasons.first)}"]
+        lines += ["", "First to look at:", f"  {_status_line(reasons.first)}"]
     if reasons.chain:
         lines += ["", "The root had failed, and went on:" if reasons.went_on else "The root has failed:"]
-        lines += [f"  {'  ' * answer.depth}{_told(answer)}" for answer in reasons.chain]
+        lines += [f"  {'  ' * answer.depth}{_status_line(answer)}" for answer in reasons.chain]
     elif reasons.outcome != "complete":
         lines += ["", "The root has not failed."]
     if otherwise:
         lines += ["", otherwise]
     if reasons.before:
         lines += ["", "What had failed before, and had not the last word:"]
-        lines += [f"  {_told(each.first)}{_often(each)}" for each in reasons.before[:_MOST]]
+        lines += [f"  {_status_line(each.first)}{_repetition(each)}" for each in reasons.before[:_MOST]]
         if len(reasons.before) > _MOST:
             lines.append(f"  … {len(reasons.before) - _MOST} more nodes")
     return "\n".join(lines)
 
 
-def _often(failure: FormerFailure) -> str:
+def _repetition(failure: FormerFailure) -> str:
     return f"; {failure.times} times, until {failure.last.time:.1f} s" if failure.times > 1 else ""
 
 
-def _told(answer: NodeStatus) -> str:
+def _status_line(answer: NodeStatus) -> str:
     at = f"{answer.since.time:.1f} s  " if answer.since is not None else ""
     said = f", {shortened(answer.message)}" if answer.message else ""
     place = f"  ({answer.place})" if answer.place else ""
@@ -541,7 +541,7 @@ def difference_text(difference: RunDifference | None, names: tuple[str, str]) ->
     lines = [f"The runs are alike in {difference.step} changes of status. Then:"]
     for name, answer in zip(names, (difference.here, difference.there), strict=True):
         lines.append(
-            f"  {in_one_line(name)}: {_told(answer) if answer is not None else 'nothing more, it had ended'}"
+            f"  {in_one_line(name)}: {_status_line(answer) if answer is not None else 'nothing more, it had ended'}"
         )
     return "\n".join(lines)
 

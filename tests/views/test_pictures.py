@@ -12,7 +12,16 @@ from lxml import etree
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.testing import compiled
-from sar_compiler.views.drawing import _NARROW, Shape, _placed, dot, drawn_nodes, mermaid, svg, too_large
+from sar_compiler.views.drawing import (
+    _NARROW,
+    Shape,
+    _place_blocks,
+    dot,
+    drawn_nodes,
+    mermaid,
+    svg,
+    too_large,
+)
 from tests.trees import document, forest_of
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -67,7 +76,7 @@ def boxes(nodes):
     """Return for each node the edges of its box: left, right, upper, lower."""
     return [
         (each.x + each.shift, each.x + each.shift + each.wide, each.top, each.bottom)
-        for each in _placed(nodes)
+        for each in _place_blocks(nodes)
     ]
 
 
@@ -161,7 +170,7 @@ def test_a_subtree_has_a_line_around_all_that_is_in_it():
 @pytest.mark.parametrize("seed", range(20))
 def test_no_box_covers_another_or_leaves_the_picture(seed):
     nodes = drawn_nodes(tree_of(grown(150, random.Random(seed))))  # noqa: S311 - the same trees in every run
-    block, places = _placed(nodes)[0], boxes(nodes)
+    block, places = _place_blocks(nodes)[0], boxes(nodes)
     for left, right, top, bottom in places:
         assert block.x <= left < right <= block.x + block.width
         assert block.y <= top < bottom <= block.y + block.height
@@ -180,11 +189,11 @@ def test_many_children_stand_below_each_other():
     first, second = boxes(nodes)[1:3]
     assert first[0] == second[0]
     assert first[3] < second[2]
-    assert _placed(nodes)[0].width <= _NARROW
+    assert _place_blocks(nodes)[0].width <= _NARROW
 
 
 def test_a_picture_of_a_thousand_nodes_is_not_a_thin_strip():
-    block = _placed(drawn_nodes(tree_of(grown(1000, random.Random(1)))))[0]  # noqa: S311 - the same in every run
+    block = _place_blocks(drawn_nodes(tree_of(grown(1000, random.Random(1)))))[0]  # noqa: S311 - the same in every run
     assert block.height < 20 * block.width
 
 

@@ -38,7 +38,7 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
             return  # the nodes after it are never reached
         found = outcomes.begun_again(child, outcomes.works)
         if found is not None and outcomes.known_to_return(child) & S:
-            yield _restarted(found, later, bound, f"while {name_beside(later, found.leaf)} runs")
+            yield _restart(found, later, bound, f"while {name_beside(later, found.leaf)} runs")
             return
         found = outcomes.begun_again(child, outcomes.acts_at_once)
         if found is not None:
@@ -70,7 +70,7 @@ def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
             and outcomes.known_to_return(child) & F
         ):
             place = Found(found.leaf, child) if child.subtree is not None else found
-            yield _restarted(place, later, bound, "after it has failed")
+            yield _restart(place, later, bound, "after it has failed")
             return
     if outcomes.takes_time(bound.children[-1]):
         yield from _lost_progress(bound, outcomes)
@@ -85,7 +85,7 @@ def _beginning(bound: BoundNode) -> BoundNode:
     return bound
 
 
-def _restarted(found: Found, later: BoundNode, bound: BoundNode, when: str) -> Diagnostic:
+def _restart(found: Found, later: BoundNode, bound: BoundNode, when: str) -> Diagnostic:
     message = (
         f"{found.name_beside(later)} is started again in the next tick {when}, and interrupts "
         f"{name_beside(later, found.leaf)} before it can end: "

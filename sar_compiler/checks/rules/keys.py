@@ -61,7 +61,7 @@ def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
         if not entry.is_made:
             yield from _unwritten(entry, board, context)
             continue
-        yield from _doubted(_too_early(entry)) if board.is_foreign else _too_early(entry)
+        yield from _doubt(_too_early(entry)) if board.is_foreign else _too_early(entry)
         yield from _overwritten(entry, context)
         if not board.is_foreign:
             yield from _side_by_side(entry)
@@ -98,10 +98,10 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
     # What only other programs' nodes read, those programs may well write.
     own = next((each for each in readers if not each.bound.spec.is_foreign), None)
     if own is not None:
-        yield from _doubted([_unwritten_finding(own, entry, None)])
+        yield from _doubt([_unwritten_finding(own, entry, None)])
 
 
-def _doubted(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+def _doubt(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
     """Yield findings one level milder: beside nodes of other programs, something that no file shows may write a key."""
     for finding in findings:
         message = f"{finding.message}, unless C++ code does"

@@ -61,8 +61,8 @@ class _Words:
         self.conditions = [filled(answer.when) for answer in spec.answers if answer.status != "FAILURE"]
         if any(not script or _holds(script, _variables(self.facts)) for script in self.conditions):
             self.conditions = []  # it may do something from the start
-        self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parsed(script)))
-        uses = (use for script in self.results for use in name_uses(_parsed(script)))
+        self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parse(script)))
+        uses = (use for script in self.results for use in name_uses(_parse(script)))
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
     def enables(self, other: "_Words") -> bool:
@@ -127,14 +127,14 @@ def _variables(facts: Mapping[str, Fact]) -> PlainVariables:
 
 
 @functools.lru_cache(maxsize=256)
-def _parsed(script: str) -> Script:
+def _parse(script: str) -> Script:
     return parse(script)
 
 
 def _holds(script: str, facts: PlainVariables) -> bool:
     """Return whether a script over facts is true or cannot be evaluated."""
     try:
-        return Program(_parsed(script)).holds(facts)
+        return Program(_parse(script)).holds(facts)
     except EvaluationError:
         return True
 
@@ -142,7 +142,7 @@ def _holds(script: str, facts: PlainVariables) -> bool:
 def _run(script: str, facts: PlainVariables) -> bool:
     """Apply a script to facts; return whether it could be evaluated."""
     try:
-        Program(_parsed(script)).run(facts)
+        Program(_parse(script)).run(facts)
     except EvaluationError:
         return False
     return True

@@ -82,14 +82,14 @@ _SEPARATES = {
 def check_names(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield siblings that were explicitly given the same name, and names that read as a path."""
     for tree in context.trees if context.sound and not context.is_foreign else ():
-        yield from _separated(tree.nodes)
+        yield from _separators(tree.nodes)
         for bound in tree.parents:
             children = bound.children
             if len(children) > 1 and len({child.name for child in children}) < len(children):
                 yield from _same(children)
 
 
-def _separated(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
+def _separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
     for bound in nodes:
         found = _SEPARATOR.search(bound.name)
         if found is None or "name" not in bound.element.attributes:

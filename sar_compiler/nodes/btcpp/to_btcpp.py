@@ -117,7 +117,7 @@ class _Conversion:
         missing = [tag for tag in self._used if tag not in own]
         if missing:
             models = [
-                _copied(others[tag].element)
+                _copy(others[tag].element)
                 if tag in others and tag not in self._registry
                 else self._model(tag)
                 for tag in missing
@@ -375,6 +375,6 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
             yield section
 
 
-def _copied(element: Element) -> Element:
+def _copy(element: Element) -> Element:
     """Return a copy of another file's element that belongs to no file."""
-    return synthetic_element(element.tag, element.attributes, map(_copied, element.children), element.text)
+    return synthetic_element(element.tag, element.attributes, map(_copy, element.children), element.text)

@@ -149,15 +149,15 @@ def supplements(palettes: Iterable[TreeFile], named: Iterable[TreeFile]) -> Iter
 
     What they say of subtrees is left out: it is of the trees of some file, and another may have one of that name.
     """
-    known = {SUBTREE_TAG, *map(_described, _descriptions(named))}
+    known = {SUBTREE_TAG, *map(_described_name, _descriptions(named))}
     for palette in palettes:
-        new = [each for each in _descriptions([palette]) if _described(each) not in known]
-        known.update(map(_described, new))
+        new = [each for each in _descriptions([palette]) if _described_name(each) not in known]
+        known.update(map(_described_name, new))
         section = replace(palette.root, tag=MODEL_TAG, attributes={}, children=tuple(new))
         yield replace(palette, root=replace(palette.root, children=(section,)), is_named=False)
 
 
-def _described(description: Element) -> str:
+def _described_name(description: Element) -> str:
     return SUBTREE_TAG if description.tag == SUBTREE_TAG else description.attributes.get("ID", "")
 
 
