@@ -6,7 +6,15 @@ from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, re
 
 
 class ThresholdError(SarError):
-    """A parallel is to wait for more children than it has."""
+    """A parallel is to wait for more children than it has.
+
+    Attributes:
+        node: The node's name.
+    """
+
+    def __init__(self, message: str, node: str) -> None:
+        super().__init__(message)
+        self.node = node
 
 
 class CountingNode(ControlNode):
@@ -76,7 +84,7 @@ class CountingNode(ControlNode):
                 f"'{self.behaviour.name}' can never count {wanted} children, because it has {count}; "
                 f"{port} is at most {count}, or negative to count from the end (-1: all)"
             )
-            raise ThresholdError(message)
+            raise ThresholdError(message, self.behaviour.name)
         return wanted if wanted >= 0 else max(count + wanted + 1, 0)
 
     def decide_early(self, ticker: Ticker) -> int:  # noqa: ARG002 - for nodes that do
