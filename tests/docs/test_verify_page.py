@@ -1,12 +1,10 @@
 """The page about verifying does what it says, and leaves nothing out."""
 
-import argparse
 import json
 import re
 from pathlib import Path
 
 from sar_compiler.checks.verify import verdicts
-from sar_compiler.cli.verify import add_verify
 from tests.docs.markdown import codes, tables
 from tests.docs.test_worked_pages import follow
 
@@ -32,15 +30,6 @@ def test_every_question_is_in_the_table():
 def test_every_key_of_a_property_is_in_the_table():
     shown = {code.split(":")[0] for cell in cells("Forms") for code in codes(cell)}
     assert shown == set(SCHEMA["definitions"]["property"]["properties"])
-
-
-def test_every_option_is_in_the_table():
-    command = argparse.ArgumentParser()
-    add_verify(command)
-    options = {action.option_strings[0] for action in command._actions if action.option_strings}
-    own = options - {"-h", "--nodes", "--model", "--include-path", "--trust"}
-    shown = {code.split()[0] for cell in cells("The command") for code in codes(cell)}
-    assert {code for code in shown if code.startswith("--")} == own
 
 
 def test_every_code_of_a_finding_is_explained():
