@@ -24,16 +24,31 @@ NOT_HERE = ("What other programs say", "Installing", "Wrong usage, status 2")
 ELSEWHERE = (Path("Makefile"),)
 
 
-def texts_of(path):
-    """Return the texts of a module; f-strings with what is filled in cut out, but for the module's own constants."""
-    module = ast.parse(path.read_text(encoding="utf-8"))
-    constants = {
+def constants_of(module):
+    """Return the texts that a module gives names."""
+    return {
         target.id: node.value.value
         for node in module.body
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
         for target in node.targets
         if isinstance(target, ast.Name) and isinstance(node.value.value, str)
     }
+
+
+def imported_constants(module):
+    """Yield the texts that a module imports by name from others of the project."""
+    for node in module.body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            path = Path(f"{node.module.replace('.', '/')}.py")
+            if path.is_file():
+                known = constants_of(ast.parse(path.read_text(encoding="utf-8")))
+                yield from ((each.name, known[each.name]) for each in node.names if each.name in known)
+
+
+def texts_of(path):
+    """Return the texts of a module; f-strings with what is filled in cut out, but for constants of the project."""
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    constants = {**dict(imported_constants(module)), **constants_of(module)}
     for node in ast.walk(module):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
