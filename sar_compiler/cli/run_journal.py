@@ -125,7 +125,8 @@ class RunJournal:
         if self.journal.aside is not None:
             self._node.get_logger().info(f"The journal that was there is kept as {self.journal.aside}.")
         note_goals(self._node, self.journal)
-        engine.add_visitor(StatusWatch(tree.root, self.journal))
+        warn, answers = self._node.get_logger().warning, tree.origins.declared_answers()
+        engine.add_visitor(StatusWatch(tree.root, self.journal, answers, warn))
         RobotObserver(self._node, self.journal)  # the node keeps it
 
     def end(self, status: int, reason: str, *, is_over: bool = False, is_stopped: bool = False) -> None:

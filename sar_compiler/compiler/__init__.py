@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from uuid import UUID
 
 import py_trees
 from py_trees.behaviour import Behaviour
@@ -48,7 +47,7 @@ class CompiledTree:
     """
 
     root: Behaviour
-    origins: Mapping[UUID, Origin]
+    origins: Origins
     instance: Instance
 
     def __repr__(self) -> str:

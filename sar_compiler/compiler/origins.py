@@ -12,6 +12,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.spec import Role, Use
+from sar_compiler.runtime.answers import Answer
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,16 @@ class Origins(Mapping[UUID, Origin]):
     def construction(self, behaviour: UUID) -> Construction:
         """Return how a behaviour was made."""
         return self._by_id[behaviour]
+
+    def declared_answers(self) -> dict[UUID, tuple[Answer, ...]]:
+        """Return the answers of those leaves that have declared what they mean, by their behaviours' ids."""
+        return {
+            each.behaviour: each.bound.spec.answers
+            for each in self._in_order
+            if each.wrapper is None
+            and each.bound.spec.kind.is_leaf
+            and any(answer.label for answer in each.bound.spec.answers)
+        }
 
     def place(self, behaviour: UUID) -> str | None:
         """Return the file and the line that a behaviour was made from; None if it was not made from a file."""

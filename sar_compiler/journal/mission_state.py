@@ -78,6 +78,18 @@ class KnownFact(NamedTuple):
     text: str
 
 
+def answer_words(status: str, label: str | None) -> str:
+    """Return an answer in words: `FAILURE (aborted)`.
+
+    Args:
+        status: The status.
+        label: What it means; empty if it is not known which of several answers it was, None if there is nothing to know.
+    """
+    if label is None or not status:
+        return status
+    return f"{status} ({label or 'answer not said'})"
+
+
 @dataclass
 class NodeState:
     """A node of the tree.
@@ -94,6 +106,7 @@ class NodeState:
         attributes: Its attributes, by name.
         status: As in the entries; empty if it was never ticked. IDLE and HALTED: it has no part in what is going on.
         message: What it says; empty while it has no part in what is going on.
+        label: The label of its answer, of a leaf; empty if it has not said which of several, None if it has declared none.
         since: The moment of its last change of status.
         tick: The number of the tick in which it has changed last.
     """
@@ -109,8 +122,14 @@ class NodeState:
     attributes: Mapping[str, Any] = field(default_factory=dict)
     status: str = ""
     message: str = ""
+    label: str | None = None
     since: Instant | None = None
     tick: int = 0
+
+    @property
+    def words(self) -> str:
+        """Its status with what it means and what it says, in words."""
+        return f"{answer_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
 
     @property
     def has_part(self) -> bool:
@@ -260,11 +279,14 @@ class MissionState:
         self.goals.pop(goal, None)
         self.drive, self.plan = None, []
 
-    def _status(self, node: int, tick: int, status: str, message: str, **_last: object) -> None:
+    def _status(
+        self, node: int, tick: int, status: str, message: str, label: str | None = None, **_last: object
+    ) -> None:
         state = self.nodes[node]
         if state.status != status:
             state.status, state.since = str(status), self.now
         state.message, state.tick = str(message) if state.has_part else "", int(tick)
+        state.label = None if label is None else str(label)
         self.tick = max(self.tick, int(tick))
 
     def _pose(self, x: float, y: float, yaw: float) -> None:

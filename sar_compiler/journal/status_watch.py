@@ -1,10 +1,14 @@
 """The statuses of a tree's nodes, tick by tick, in the journal."""
 
+from collections.abc import Callable, Iterable, Mapping
+from uuid import UUID
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.visitors import VisitorBase
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.runtime.answers import Answer, DeclaredAnswers
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 
@@ -14,21 +18,32 @@ _STANDING = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 class StatusWatch(VisitorBase):
     """Watches every node that is ticked: kind `status`, with `node` (its number), `tick`, `status`, `message`.
 
-    A node has an entry where its status or its message is another one than in its last. Nodes are numbered from 0 in
-    pre-order, as in the journal's tree. HALTED is the status of one that was stopped while it was running; IDLE of one that
+    A node has an entry where its status, its message or its answer is another one than in its last. Nodes are numbered from 0 in
+    pre-order, as in the journal's tree. A leaf that has declared its answers has the `label` of the one it has given, which is
+    empty if it has not said which. HALTED is the status of one that was stopped while it was running; IDLE of one that
     had ended, and was reset because what is above it began anew or was stopped; `last` is then the tick in which it was ticked last.
 
     Args:
         root: The tree.
         journal: Where it is written.
+        answers: The declared answers of leaves, by the ids of their behaviours.
+        warn: Called once with what is wrong with an `answer_label`.
     """
 
-    def __init__(self, root: Behaviour, journal: Journal) -> None:
+    def __init__(
+        self,
+        root: Behaviour,
+        journal: Journal,
+        answers: Mapping[UUID, Iterable[Answer]] | None = None,
+        warn: Callable[[str], object] = lambda _: None,
+    ) -> None:
         super().__init__(full=False)
         self._journal = journal
+        self._answers = {id_: DeclaredAnswers(declared) for id_, declared in (answers or {}).items()}
+        self._warn, self._warned = warn, set[str]()
         self._behaviours = list(pre_order(root))
         self._numbers = {id(behaviour): number for number, behaviour in enumerate(self._behaviours)}
-        self._last: dict[int, tuple[str, str]] = {}
+        self._last: dict[int, tuple[str, str, str | None]] = {}
         self._standing: set[int] = set()
         self._tick = 0
         self._ticked: dict[int, int] = {}
@@ -42,7 +57,7 @@ class StatusWatch(VisitorBase):
         number = self._numbers.get(id(behaviour))
         if number is not None:
             status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
-            self._note(number, str(status), behaviour.feedback_message)
+            self._note(number, str(status), behaviour.feedback_message, self._label(behaviour, str(status)))
 
     def finalise(self) -> None:
         """Watch the nodes that were stopped or reset, and end the tick."""
@@ -52,11 +67,26 @@ class StatusWatch(VisitorBase):
             self._note(number, "HALTED" if was_running else "IDLE", "", last=self._ticked.get(number, 0))
         self._journal.write_when_due()
 
-    def _note(self, number: int, status: str, message: str, **more: int) -> None:
+    def _label(self, behaviour: Behaviour, status: str) -> str | None:
+        """Return the label of a leaf's answer; empty if it has not said which, None if it has declared none."""
+        declared = self._answers.get(behaviour.id)
+        if declared is None:
+            return None
+        said = getattr(behaviour, "answer_label", "")
+        objection = declared.objection(status, said)
+        if objection and objection not in self._warned:
+            self._warned.add(objection)
+            self._warn(f"'{behaviour.name}' ({type(behaviour).__name__}): {objection}.")
+        return declared.label(status, said)
+
+    def _note(self, number: int, status: str, message: str, label: str | None = None, **more: int) -> None:
         if not more:
             self._ticked[number] = self._tick
-        if self._last.get(number) == (status, message):
+        if self._last.get(number) == (status, message, label):
             return
-        self._last[number] = status, message
+        self._last[number] = status, message, label
         (self._standing.add if status in _STANDING else self._standing.discard)(number)
-        self._journal.watch("status", node=number, tick=self._tick, status=status, message=message, **more)
+        said: dict[str, object] = {} if label is None else {"label": label}
+        self._journal.watch(
+            "status", node=number, tick=self._tick, status=status, message=message, **said, **more
+        )

@@ -58,7 +58,6 @@ class NumberedTree:
     def __init__(self, tree: CompiledTree) -> None:
         self.name = tree.instance.tree.name
         self.scopes = {each.scope.path: each.scope for each in tree.instance.iterate()}
-        assert isinstance(tree.origins, Origins)  # noqa: S101 - the compiler makes no other
         self.nodes = list(_number(tree.root, tree.origins))
         if len(self.nodes) > MOST_NODES:
             message = (

@@ -1,6 +1,7 @@
 """The possible answers of a leaf to a tick, as plain data, for runs without a robot."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -40,3 +41,44 @@ class Answer:
 def nominal(options: Sequence[Answer]) -> Answer:
     """Return the first answer that is not RUNNING, or else the first one."""
     return next((answer for answer in options if answer.status != "RUNNING"), options[0])
+
+
+OVERRIDDEN = "overridden"
+"""The `answer_label` of a leaf whose status was put in its place from outside: it has given no answer."""
+
+
+class DeclaredAnswers:
+    """The answers that a live leaf has declared, among which its status and its `answer_label` are looked up.
+
+    Args:
+        answers: The answers.
+    """
+
+    def __init__(self, answers: Iterable[Answer]) -> None:
+        self._labels: dict[str, list[str]] = defaultdict(list)
+        for answer in answers:
+            if answer.label not in self._labels[answer.status]:
+                self._labels[answer.status].append(answer.label)
+        self._all = {label for labels in self._labels.values() for label in labels}
+
+    def label(self, status: str, said: str) -> str:
+        """Return the label of the answer that a leaf has given; empty if that is not known.
+
+        The only answer of a status need not be said. What was said of another status counts for nothing then.
+
+        Args:
+            status: The leaf's status.
+            said: Its `answer_label`.
+        """
+        labels = self._labels.get(status, [])
+        if said in labels:
+            return said
+        return labels[0] if len(labels) == 1 and said != OVERRIDDEN else ""
+
+    def objection(self, status: str, said: str) -> str:
+        """Return why what a leaf has said cannot be so, in words; empty if it can."""
+        labels = self._labels.get(status, [])
+        if said in ("", OVERRIDDEN, *labels) or (said in self._all and len(labels) == 1):
+            return ""
+        known = ", ".join(filter(None, labels)) or "none"
+        return f"its answer_label is '{said}' with {status}, of which it has declared: {known}"

@@ -3,6 +3,7 @@
 from collections.abc import Generator
 from typing import Any, Protocol
 
+from sar_compiler.runtime.answers import OVERRIDDEN
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, RUNNING, STATUSES
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode, Visit
@@ -61,6 +62,8 @@ def hooked_tick(tree: LiveTree, hooks: TickHooks, visits: list[Visit]) -> Genera
 
 def _begun(node: TreeNode, ticker: Ticker, hooks: TickHooks) -> Generator[None, None, int]:
     given = yield from hooks.before(node.behaviour)
+    if getattr(node.behaviour, "answer_label", "") == OVERRIDDEN:
+        node.behaviour.answer_label = ""
     return _come_to(given, CALLED, node, ticker) if given & ENDED else node.begin(ticker)
 
 
@@ -73,4 +76,5 @@ def _come_to(given: int, outcome: int, node: TreeNode, ticker: Ticker) -> int:
     ticker.cells[node.at] = given
     node.behaviour.status = STATUSES[given]
     node.behaviour.feedback_message = "put in its place from outside"
+    node.behaviour.answer_label = OVERRIDDEN
     return given

@@ -141,6 +141,7 @@ class StubLeaf(SkippableLeaf):
         self.answers = tuple(answers)
         self.path: tuple[str, ...] = (name,)
         self.policy: OutcomePolicy = NominalPolicy()
+        self.answer_label = ""
         self.events: list[Event] = []
         self._variables = variables
         self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
@@ -191,7 +192,7 @@ class StubLeaf(SkippableLeaf):
         answer = self.policy.choose(self, self.options())
         self.events.append(Event(self, ANSWERED, answer))
         self.change(answer)
-        self.feedback_message = answer.name
+        self.feedback_message, self.answer_label = answer.name, answer.label
         return STATUSES[answer.status]
 
     def terminate(self, new_status: Status) -> None:

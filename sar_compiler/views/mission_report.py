@@ -147,6 +147,7 @@ def _node(node: NodeState) -> dict[str, Any]:
         "line": node.line,
         "attributes": dict(node.attributes),
         "status": node.status or None,
+        "label": node.label,
         "message": node.message,
     }
 

@@ -66,10 +66,10 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
     if entry.kind in _PASSED_OVER:
         return ""
     if entry.kind == "status":
-        status, message = entry.data.get("status"), entry.data.get("message")
-        if status in (before, "IDLE"):
+        node = state.nodes[entry.data["node"]]
+        if node.status in (before, "IDLE"):
             return ""
-        words = f"{state.nodes[entry.data['node']].name} {status}{f', {message}' if message else ''}"
+        words = f"{node.name} {node.words}"
     elif state.is_told:  # behind each fact stands what it says
         words = str(entry.data.get("said") or "") if entry.kind == CHANGED else ""
     else:
@@ -222,8 +222,8 @@ def _row(state: MissionState, node: NodeState, now: float, *, is_folded: bool) -
         pieces.append(Piece(f" +{_below(state, node)}", "quiet"))
     if node.has_part and node.since is not None:
         pieces.append(Piece(f"  {clock_text(now - node.since.time)}", "quiet"))
-    if node.message:
-        pieces.append(Piece(f"  {in_one_line(node.message)}", "quiet" if node.status != "FAILURE" else ""))
+    if words := node.message or (node.label if node.has_part else ""):
+        pieces.append(Piece(f"  {in_one_line(words)}", "quiet" if node.status != "FAILURE" else ""))
     return pieces
 
 

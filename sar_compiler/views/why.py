@@ -6,7 +6,14 @@ from typing import Any, NamedTuple
 
 from sar_compiler.checks.verify.counterfactual import Counterfactual, LeafAnswer, RecordedTick
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
-from sar_compiler.journal.mission_state import FAILURE, SUCCESS, Instant, MissionState, NodeState
+from sar_compiler.journal.mission_state import (
+    FAILURE,
+    SUCCESS,
+    Instant,
+    MissionState,
+    NodeState,
+    answer_words,
+)
 from sar_compiler.journal.situation import CHANGED, Level
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.drawing import Shape
@@ -28,6 +35,7 @@ class NodeStatus(NamedTuple):
         place: `file:line`; empty if unknown.
         depth: How far it is below the first of its chain.
         status: The status.
+        label: What it means: the label of a leaf's answer; empty if it has not said which, None if there is none to say.
         message: What it has said.
         since: When it got that status.
     """
@@ -37,6 +45,7 @@ class NodeStatus(NamedTuple):
     place: str
     depth: int
     status: str
+    label: str | None
     message: str
     since: Instant | None
 
@@ -317,7 +326,7 @@ def _tick() -> Callable[[JournalEntry], int]:
 
 def _answer(node: NodeState) -> NodeStatus:
     place = f"{node.file}:{node.line}" if node.file else ""
-    return NodeStatus(node.number, node.name, place, 0, node.status, node.message, node.since)
+    return NodeStatus(node.number, node.name, place, 0, node.status, node.label, node.message, node.since)
 
 
 class _History:
@@ -420,13 +429,14 @@ class RunDifference(NamedTuple):
 def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntry]) -> RunDifference | None:
     """Return the first difference of two runs; None if there is none.
 
-    What nodes come to is compared, change by change, whatever the time; messages do not count.
+    What nodes come to is compared, and what they mean by it, change by change, whatever the time; messages do not count.
     """
     for step, (here, there) in enumerate(itertools.zip_longest(_changes(stream), _changes(other))):
         if (
             here is None
             or there is None
             or (here.name, here.node, here.status) != (there.name, there.node, there.status)
+            or (here.label != there.label and None not in (here.label, there.label))
         ):
             return RunDifference(step, here, there)
     return None
@@ -436,9 +446,9 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
     state = MissionState()
     for entry in _of_tree(stream):
         node = state.nodes[entry.data["node"]] if entry.kind == "status" else None
-        before = node.status if node is not None else ""
+        before = (node.status, node.label) if node is not None else None
         state.take(entry)
-        if node is not None and node.status != before:
+        if node is not None and (node.status, node.label) != before:
             yield _answer(node)
 
 
@@ -531,7 +541,7 @@ def _status_line(answer: NodeStatus) -> str:
     at = f"{answer.since.time:.1f} s  " if answer.since is not None else ""
     said = f", {shortened(answer.message)}" if answer.message else ""
     place = f"  ({answer.place})" if answer.place else ""
-    return in_one_line(f"{at}{answer.name} {answer.status}{said}{place}")
+    return in_one_line(f"{at}{answer.name} {answer_words(answer.status, answer.label)}{said}{place}")
 
 
 def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:

@@ -27,6 +27,7 @@ class ShownStatus(NamedTuple):
         message: What it says.
         failed: When it has failed last; None if it has not.
         failure: What it has said then.
+        label: Which answer its status is; empty if that is not known.
     """
 
     status: str = ""
@@ -37,6 +38,7 @@ class ShownStatus(NamedTuple):
     message: str = ""
     failed: float | None = None
     failure: str = ""
+    label: str = ""
 
 
 class GrowingList:
@@ -196,6 +198,7 @@ class PageState:
             message,
             now if has_failed else was.failed,
             message if has_failed else was.failure,
+            str(data.get("label") or ""),
         )
         self._nodes.add(number)
 

@@ -448,6 +448,7 @@ class TestOrders:
         assert held.update() is Status.SUCCESS
         assert self.call(ros, "pause") == (True, "done")
         assert [held.update(), held.update()] == [Status.FAILURE] * 2
+        assert held.answer_label == "held"
         assert self.call(ros, "resume") == (True, "done")
         assert held.update() is Status.SUCCESS
 
@@ -457,7 +458,9 @@ class TestOrders:
         assert self.call(ros, "skip_zone") == (True, "done")
         assert zones.current_zone()["id"] == "zone_b"
         assert "zone_a was given up: the operator has skipped it." in record.shortfalls(zones)
-        assert [held.update(), held.update()] == [Status.FAILURE, Status.SUCCESS]
+        assert held.update() is Status.FAILURE
+        assert held.answer_label == "zone skipped"
+        assert held.update() is Status.SUCCESS
 
     def test_without_a_zone_there_is_nothing_to_skip(
         self, ros: Any, held: NotHeld, zones: ZoneManager

@@ -1,6 +1,7 @@
 """What is written of the nodes of a tree."""
 
 import pytest
+from py_trees.behaviour import Behaviour
 from py_trees.behaviours import StatusQueue
 from py_trees.common import Status
 from py_trees.composites import Selector, Sequence
@@ -8,6 +9,9 @@ from py_trees.trees import BehaviourTree
 
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.runtime.answers import OVERRIDDEN, Answer
+from sar_compiler.runtime.kernel.live import LiveTree, shown
+from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
 @pytest.fixture
@@ -77,3 +81,90 @@ def test_a_node_that_had_ended_is_written_as_idle_once_what_is_above_it_begins_a
         (2, 1, "FAILURE"),
         (2, 2, "IDLE"),
     ]
+
+
+SAYING = (
+    Answer("SUCCESS", "found"),
+    Answer("SUCCESS", "nothing"),
+    Answer("FAILURE", "no answer"),
+    Answer("RUNNING", "searching"),
+)
+
+
+def labels_of(journal, statuses, said, warnings):
+    """Tick a leaf that has declared answers; return the labels that are written, where it has said these."""
+    one = Scripted("one", statuses, said)
+    tree = BehaviourTree(one)
+    tree.add_visitor(StatusWatch(one, journal, {one.id: SAYING}, warnings.append))
+    for _ in statuses:
+        tree.tick()
+    journal._write()
+    return [entry.data["label"] for entry in journal._file.watched("status")]
+
+
+class Scripted(Behaviour):
+    def __init__(self, name, statuses, said):
+        super().__init__(name)
+        self._script = list(zip(statuses, said, strict=True))
+
+    def update(self):
+        status, label = self._script.pop(0)
+        if label is not None:
+            self.answer_label = label
+        return status
+
+
+def test_the_answer_that_a_leaf_has_given_is_written(journal):
+    warnings: list[str] = []
+    statuses = [Status.RUNNING, Status.SUCCESS, Status.SUCCESS, Status.FAILURE]
+    # Of a status with one answer nothing is to be said, and what was said before counts for nothing then.
+    assert labels_of(journal, statuses, [None, "found", "nothing", None], warnings) == [
+        "searching",
+        "found",
+        "nothing",
+        "no answer",
+    ]
+    assert warnings == []
+
+
+def test_which_of_several_answers_it_was_is_not_guessed(journal):
+    warnings: list[str] = []
+    assert labels_of(journal, [Status.SUCCESS], [None], warnings) == [""]
+    assert warnings == []
+
+
+def test_an_answer_that_is_not_declared_is_told_once(journal):
+    warnings: list[str] = []
+    statuses = [Status.SUCCESS, Status.SUCCESS, Status.FAILURE]
+    assert labels_of(journal, statuses, ["fuond", "fuond", None], warnings) == ["", "no answer"]
+    assert warnings == [
+        "'one' (Scripted): its answer_label is 'fuond' with SUCCESS, of which it has declared: found, nothing.",
+        "'one' (Scripted): its answer_label is 'fuond' with FAILURE, of which it has declared: no answer.",
+    ]
+
+
+def test_of_a_leaf_without_declared_answers_there_is_no_label(journal):
+    assert watched(journal, leaf("one", Status.SUCCESS), 1) == [(1, 0, "SUCCESS")]
+    (entry,) = journal._file.watched("status")
+    assert "label" not in entry.data
+
+
+def test_what_was_put_in_its_place_from_outside_is_no_answer(journal):
+    (label,) = labels_of(journal, [Status.FAILURE], [OVERRIDDEN], [])
+    assert label == ""
+
+
+def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal):
+    one = Scripted("one", [Status.FAILURE, Status.SUCCESS], [None, "nothing"])
+    live = LiveTree(one)
+    visits: list[Visit] = []
+    watch = StatusWatch(one, journal, {one.id: SAYING})
+    watch.initialise()
+    live.tick_and_visit(visits)
+    live.tick_and_visit(visits)
+    for behaviour in shown(visits):
+        watch.run(behaviour)
+    journal._write()
+    entries = [entry.data for entry in journal._file.watched("status")]
+    assert [entry["label"] for entry in entries] == ["no answer", "nothing"]
+    assert one.answer_label == "nothing"

@@ -20,8 +20,10 @@ from sar_interfaces.srv import DetectSurvivor as DetectService
 from sar_interfaces.srv import ReportSurvivor as ReportService
 from tf2_msgs.msg import TFMessage
 
+from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.runtime.answers import DeclaredAnswers
 from tests.waiting import SILENCE_SEC
 
 L = TypeVar("L", bound=Behaviour)
@@ -33,6 +35,25 @@ ZONES: list[dict[str, Any]] = [
 BASE: dict[str, Any] = {"x": 0.5, "y": -0.25, "yaw": 3.14}
 
 _numbers = itertools.count(1)
+
+
+# Of several reports some may be delivered, and then the base is gone: none of its answers says how many.
+_MAY_LEAVE_OPEN = {("DeliverReports", "FAILURE")}
+_DECLARED = {spec.tag: DeclaredAnswers(spec.answers) for spec in SPECS}
+
+
+def _checked(leaf: Behaviour) -> Callable[[], None]:
+    """Return the `tick_once` of a leaf, which raises where it is not known which of its declared answers it has given."""
+    tick_once, tag = leaf.tick_once, type(leaf).__name__
+
+    def checked() -> None:
+        tick_once()
+        status, declared = leaf.status.value, _DECLARED[tag]
+        said = getattr(leaf, "answer_label", "")
+        assert declared.objection(status, said) == ""
+        assert declared.label(status, said) or (tag, status) in _MAY_LEAVE_OPEN, (leaf.name, status)
+
+    return checked
 
 
 class Recorder:
@@ -381,8 +402,10 @@ class Stage:
         return ScriptedService(self.host(), ReportService, "report_survivor", answer)
 
     def take(self, leaf: L) -> L:
-        """Set a leaf up as a runner does."""
+        """Set a leaf up as a runner does; each answer of it must be one that it has declared, and it must say which."""
         self._leaves.append(leaf)
+        if type(leaf).__name__ in _DECLARED:
+            leaf.tick_once = _checked(leaf)  # type: ignore[method-assign]
         leaf.setup(node=self.node, wake=self.wake)
         return leaf
 

@@ -117,15 +117,15 @@ def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
 
 def test_what_a_node_came_to_is_shown_after_it_was_reset():
     told = [
-        ("status", {"node": 1, "tick": tick, "status": status, "message": message})
-        for tick, status, message in (
-            (3, "RUNNING", "a"),
-            (4, "RUNNING", "b"),
-            (5, "FAILURE", "c"),
-            (6, "IDLE", ""),
+        ("status", {"node": 1, "tick": tick, "status": status, "message": message, **said})
+        for tick, status, message, said in (
+            (3, "RUNNING", "a", {}),
+            (4, "RUNNING", "b", {}),
+            (5, "FAILURE", "c", {"label": "refused"}),
+            (6, "IDLE", "", {}),
         )
     ]
-    assert run_of(*told).whole()["states"]["1"] == ("FAILURE", 3.0, 3, 3.0, 5, "c", 3.0, "c")
+    assert run_of(*told).whole()["states"]["1"] == ("FAILURE", 3.0, 3, 3.0, 5, "c", 3.0, "c", "refused")
 
 
 def test_of_a_long_run_little_is_kept():

@@ -59,12 +59,13 @@ class NotHeld(RosLeaf):
     def update(self) -> Status:
         """Look at the orders."""
         if self._orders.replanned:
-            self._orders.replanned = False
+            label = "zone skipped" if self._orders.has_skipped else ""
+            self._orders.replanned = self._orders.has_skipped = False
             self._wake()
             self.feedback_message = "the plan has changed"
-            return Status.FAILURE
+            return self.answer(Status.FAILURE, label)
         self.feedback_message = "held by the operator" if self._orders.held else ""
-        return Status.FAILURE if self._orders.held else Status.SUCCESS
+        return self.answer(Status.FAILURE, "held") if self._orders.held else Status.SUCCESS
 
     def shutdown(self) -> None:
         """Withdraw the services."""
@@ -99,7 +100,7 @@ class NotHeld(RosLeaf):
         if not self._zones.has_remaining():
             return "no zone is left"
         self._zones.abandon("the operator has skipped it")
-        self._orders.replanned = True
+        self._orders.replanned = self._orders.has_skipped = True
         return ""
 
     def _add_zone(self, request: Any) -> str:

@@ -23,6 +23,7 @@ class OperatorOrders:
         recalled: Whether the robot is to come home.
         aborted: Whether the mission is to end where the robot stands.
         replanned: Whether the plan has changed, so that the mission must look at it anew.
+        has_skipped: Whether a zone was skipped in that.
         journal: Where the orders are written, `operator_ordered`; those on zones and survivors by who keeps these.
     """
 
@@ -31,7 +32,7 @@ class OperatorOrders:
         self.held = False
         self.recalled = False
         self.aborted = False
-        self.replanned = False
+        self.replanned = self.has_skipped = False
         self._services: dict[str, Any] = {}
 
     def hold(self) -> None:

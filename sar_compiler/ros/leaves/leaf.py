@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
+from py_trees.common import Status
 
 from sar_compiler.ros.leaves.errors import MissingNodeError
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
@@ -28,10 +29,14 @@ class RosLeaf(Behaviour):
 
     Args:
         name: The node's name.
+
+    Attributes:
+        answer_label: The label of the declared answer that it has given, where its status has several (`answer`).
     """
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        self.answer_label = ""
         self._node: Node | None = None
         self._wake: Wake = stay_asleep
 
@@ -63,6 +68,16 @@ class RosLeaf(Behaviour):
         if self._node is None:
             raise MissingNodeError(self.name, type(self).__name__)
         return self._node
+
+    def answer(self, status: Status, label: str) -> Status:
+        """Return a status, and say which of the answers it is that the leaf has declared for it.
+
+        Args:
+            status: The status.
+            label: The label of the answer; empty if it is none of them.
+        """
+        self.answer_label = label
+        return status
 
     def say(self, text: str) -> None:
         """Write a line to the mission's log; what is not of one line, or no text for a terminal, is escaped."""

@@ -194,10 +194,15 @@ def shown(visits: list[Visit]) -> Iterator[Any]:
     for visit in visits:
         behaviour, status = visit.behaviour, STATUSES[visit.status]
         now = behaviour.status, behaviour.feedback_message
+        label = getattr(behaviour, "answer_label", "")
         behaviour.status, behaviour.feedback_message = status, visit.message
+        if label != visit.label:
+            behaviour.answer_label = visit.label
         try:
             yield behaviour
         finally:
             # Whoever was shown it may have stopped it.
             if behaviour.status is status:
                 behaviour.status, behaviour.feedback_message = now
+            if label != visit.label:
+                behaviour.answer_label = label

@@ -160,6 +160,7 @@ class Visit:
         outcome: The outcome of its tick.
         status: Its status.
         message: Its feedback message.
+        label: What it has said that it answers (`answer_label`), where it is a leaf that says so.
     """
 
     def __init__(self, behaviour: Any, outcome: int, status: int) -> None:
@@ -167,6 +168,7 @@ class Visit:
         self.outcome = outcome
         self.status = status
         self.message: str = behaviour.feedback_message
+        self.label: str = getattr(behaviour, "answer_label", "")
 
 
 class Ticker:

@@ -17,6 +17,7 @@ export function showDetails(place, run, id) {
     ["node", node.name],
     ["what it is", node.path],
     ["status", state.status ? `${state.status}${former} for ${duration(run.time - state.since)}` : "not ticked yet"],
+    ["answer", state.label],
     ["says", state.message],
     ["last change", state.status ? `${ago(state.time)}, tick ${state.tick}` : ""],
     ["last failure", state.failed === null ? "" : `${state.failure || "without a reason"}, ${ago(state.failed)}`],

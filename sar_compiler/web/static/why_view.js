@@ -53,10 +53,11 @@ export class WhyView {
   }
 }
 
-function said({ status, message }) {
-  return message ? `${status}, ${message}` : status;
+function said({ message, ...answer }) {
+  return message ? `${meant(answer)}, ${message}` : meant(answer);
 }
 
+/** An answer in words; without a label, where the leaf has several answers, it has not said which. */
 function meant({ status, label }) {
-  return label ? `${status} (${label})` : status;
+  return typeof label === "string" ? `${status} (${label || "answer not said"})` : status;
 }

@@ -136,6 +136,13 @@ class NavigateTo(ActionLeaf):
         self._on_arrival()
         return Status.SUCCESS
 
+    def update(self) -> Status:
+        """Return the leaf's status, and say of RUNNING whether the robot drives or waits for somebody to judge the drive."""
+        status = super().update()
+        if status is Status.RUNNING:
+            self.answer_label = "waiting for Nav2" if self._record.navigation_lost else "driving"
+        return status
+
     def setup(self, **kwargs: Any) -> None:
         """Listen to Nav2's log from now on, too."""
         super().setup(**kwargs)
@@ -149,7 +156,7 @@ class NavigateTo(ActionLeaf):
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE, and log the target that was not reached."""
         self.complain(f"Navigation to {self._target} failed: {reason}")
-        return Status.FAILURE
+        return self.answer(Status.FAILURE, "aborted")
 
     def on_hold(self, obstacle: str) -> None:
         """Note that nobody judges the drive."""
@@ -163,7 +170,7 @@ class NavigateTo(ActionLeaf):
         """Return FAILURE: that says nothing of the target, which `NavigationAvailable` asks for."""
         self._record.navigation_is_lost(reason)
         self.complain(f"Navigation to {self._target} is unavailable: {reason}")
-        return Status.FAILURE
+        return self.answer(Status.FAILURE, "unavailable")
 
     def _on_arrival(self) -> None:
         """Handle the arrival."""
@@ -196,7 +203,7 @@ class NavigateToZone(NavigateTo):
         """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
         if not self._zones.has_remaining():
             self.complain(f"'{self.name}' has nowhere to drive to: every zone is visited.")
-            return Status.FAILURE
+            return self.answer(Status.FAILURE, "no zone")
         zone = self._zones.current_zone()
         if self._record.before.has_searched(zone["id"]):
             self.feedback_message = f"{zone['id']} was searched by an earlier run"

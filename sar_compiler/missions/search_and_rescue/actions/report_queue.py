@@ -107,18 +107,20 @@ class DeliverReports(ReportLeaf):
         self._kept = kept_reports
         self._untried: list[SurvivorReport] = []
         self._tried: set[str] = set()
+        self._kept_at_first = 0
         self._backoff = Backoff(clock or WallClock(), backoff_sec, _LONGEST_BACKOFF_SEC)
 
     def initialise(self) -> None:
         """Begin with the oldest report."""
         self._untried = list(self._kept)
+        self._kept_at_first = len(self._untried)
         super().initialise()
 
     def request(self) -> Any:
         """Return the request for the oldest report not tried yet; SUCCESS if none is kept, RUNNING in a back-off."""
         if not self._untried:
             self.feedback_message = "no report is kept"
-            return Status.SUCCESS
+            return self.answer(Status.SUCCESS, "nothing kept")
         if self._backoff.waits and {report.survivor_id for report in self._untried} <= self._tried:
             self.feedback_message = f"base is tried again in {self._backoff.left_sec:.0f} s"
             return Status.RUNNING
@@ -132,13 +134,18 @@ class DeliverReports(ReportLeaf):
         if self._untried:
             return Status.RUNNING
         if self._kept:
-            self._backoff.failed()
-            return Status.FAILURE
+            return self._failed()
         self._backoff.reset()
         self._tried.clear()
-        return Status.SUCCESS
+        return self.answer(Status.SUCCESS, "delivered")
 
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE, and begin a back-off."""
+        super().on_failure(reason)
+        return self._failed()
+
+    def _failed(self) -> Status:
         self._backoff.failed()
-        return super().on_failure(reason)
+        left = len(self._kept)
+        one_is_left = "all but one delivered" if left == 1 else ""
+        return self.answer(Status.FAILURE, "refused" if left == self._kept_at_first else one_is_left)

@@ -133,7 +133,7 @@ class DetectSurvivor(ServiceLeaf):
         self._survivor_id = None
         if not self._zones.has_remaining():
             self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
-            return Status.FAILURE
+            return self.answer(Status.FAILURE, "no zone")
         self._zone_id = self._zones.current_zone()["id"]
         if self._record.before.has_searched(self._zone_id):
             self.say(f"{self._zone_id} was searched by an earlier run.")
@@ -158,7 +158,11 @@ class DetectSurvivor(ServiceLeaf):
     def _answered(self, survivor: tuple[float, float] | None) -> Status:
         self._pose = survivor
         self.feedback_message = f"{'nobody' if survivor is None else 'survivor'} in {self._zone_id}"
-        return Status.SUCCESS
+        return self.answer(Status.SUCCESS, "nothing" if survivor is None else "found")
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE: there is no answer, or none that can be."""
+        return self.answer(super().on_failure(reason), "no answer")
 
     def is_good_news(self, response: Any) -> bool:
         """Return whether the answer can be true."""
@@ -341,11 +345,15 @@ class ReportLeaf(ServiceLeaf):
         """Return SUCCESS if the base station has acknowledged the report, else FAILURE."""
         if not response.acknowledged:
             self.complain(f"Base did not acknowledge {self._survivor_id}.")
-            return Status.FAILURE
+            return self.answer(Status.FAILURE, "refused")
         self._record.survivor_acknowledged(self._survivor_id)
         self.feedback_message = f"{self._survivor_id} acknowledged"
         self.say(f"Base acknowledged {self._survivor_id}.")
         return Status.SUCCESS
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE: without an answer a report is not acknowledged, either."""
+        return self.answer(super().on_failure(reason), "refused")
 
     def is_good_news(self, response: Any) -> bool:
         """Return whether the report was acknowledged."""
@@ -383,7 +391,9 @@ class NotifyBase(ReportLeaf):
     def request(self) -> Any:
         """Return the report of the survivor; FAILURE if none was found, or it has no name, SUCCESS if base knew it before."""
         report = report_of(self._detect_node, self, self._record, "nothing to report")
-        return report if isinstance(report, Status) else self._request_for(report)
+        if isinstance(report, Status):
+            return self.answer(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
+        return self._request_for(report)
 
 
 class LogNoDetection(RosLeaf):

@@ -25,10 +25,11 @@ class AdvanceZone(RosLeaf):
 
     def update(self) -> Status:
         """Advance to the next zone, which is started at once; past the last one nothing is done, and no tick requested."""
-        if self._zones.has_remaining():
-            self._zones.advance()
-            self._wake()
-        return Status.SUCCESS
+        if not self._zones.has_remaining():
+            return self.answer(Status.SUCCESS, "no zone")
+        self._zones.advance()
+        self._wake()
+        return self.answer(Status.SUCCESS, "advanced")
 
 
 class PostponeZone(RosLeaf):
@@ -74,11 +75,12 @@ class AbandonZone(RosLeaf):
 
     def update(self) -> Status:
         """Abandon the zone; past the last one there is nothing to do."""
-        if self._zones.has_remaining():
-            zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
-            self._zones.abandon()
-            self.complain(f"{zone_id} is abandoned after attempt {attempts}.")
-        return Status.SUCCESS
+        if not self._zones.has_remaining():
+            return self.answer(Status.SUCCESS, "no zone")
+        zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
+        self._zones.abandon()
+        self.complain(f"{zone_id} is abandoned after attempt {attempts}.")
+        return self.answer(Status.SUCCESS, "abandoned")
 
 
 class AbandonZones(RosLeaf):
