@@ -462,6 +462,7 @@ def recorded(stream: Iterable[JournalEntry], count: int) -> Iterator[RecordedTic
     start = 0.0
     for number, group in itertools.groupby(itertools.islice(_of_tree(stream), count), _tick()):
         came: dict[int, str] = {}
+        labels: dict[int, str] = {}
         gone: set[int] = set()
         for entry in group:
             start = entry.time if entry.kind == RUN_BEGAN else start
@@ -471,8 +472,10 @@ def recorded(stream: Iterable[JournalEntry], count: int) -> Iterator[RecordedTic
                     gone.add(entry.data["node"])
                 else:
                     came[entry.data["node"]] = entry.data["status"]
+                    if label := entry.data.get("label"):
+                        labels[entry.data["node"]] = label
         if number:
-            yield RecordedTick(number, now, came, frozenset(gone))
+            yield RecordedTick(number, now, came, frozenset(gone), labels)
 
 
 def counterfactual_text(change: Counterfactual, nodes: Sequence[NodeState]) -> str:

@@ -35,12 +35,14 @@ class RecordedTick(NamedTuple):
         statuses: The statuses of the nodes that were ticked, by their numbers, from 0 in pre-order; one that is the same as
             the last time may be left out.
         gone: The numbers of those that were stopped or reset by its end.
+        labels: Which of their answers leaves have given, where that is known.
     """
 
     number: int
     time_sec: float
     statuses: Mapping[int, str]
     gone: frozenset[int] = frozenset()
+    labels: Mapping[int, str] = {}
 
 
 class LeafAnswer(NamedTuple):
@@ -149,17 +151,19 @@ class _Way(NamedTuple):
     state: bytes
     unusual: tuple[bool, ...]
 
-    def fits(self, noted: Collection[int], told: Mapping[int, str]) -> bool:
+    def fits(self, noted: Collection[int], told: Mapping[int, str], labels: Mapping[int, str]) -> bool:
         """Return whether this tick matches a recorded one.
 
         Args:
             noted: The leaves that were noted in the tick.
             told: What each node has come to last, with this tick.
+            labels: Which answers that were, where it is known; else their status counts.
         """
         came = {each.node: each.status for each in self.answers}
         return (
             self.root == told.get(0)
             and all(told.get(node) == status for node, status in came.items())
+            and all(labels.get(each.node) in (None, each.label) for each in self.answers)
             and all(node in came for node in noted)
         )
 
@@ -328,6 +332,7 @@ def _replayed(runs: _Runs, record: Iterable[RecordedTick]) -> list[_FoundTick]:
         NotReplayedError: If the run is none of the tree's.
     """
     told: dict[int, str] = {}
+    labels: dict[int, str] = {}
     moments: list[_FoundTick] = []
     # A tick of a state is one object, which `runs` keeps.
     known: dict[tuple[int, ...], list[tuple[bytes, _Way]]] = {}
@@ -338,8 +343,14 @@ def _replayed(runs: _Runs, record: Iterable[RecordedTick]) -> list[_FoundTick]:
     now = {runs.start}
     for tick in _filled(record):
         told.update(tick.statuses)
+        labels = {
+            **{node: label for node, label in labels.items() if node not in tick.statuses},
+            **tick.labels,
+        }
         noted = runs.leaves.intersection(tick.statuses)
-        ways = [(state, way) for state in sorted(now) for way in runs.ways(state) if way.fits(noted, told)]
+        ways = [
+            (state, way) for state in sorted(now) for way in runs.ways(state) if way.fits(noted, told, labels)
+        ]
         if not ways and runs.is_spent:
             message = "the tree has too many runs to find this one again among them"
             raise UndecidableError(message)

@@ -11,6 +11,7 @@ from sar_compiler.checks.verify.counterfactual import (
     counterfactual,
 )
 from sar_compiler.errors import UndecidableError
+from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.views.why import Inquiry, recorded
 from tests.chance import rounds
@@ -123,6 +124,22 @@ def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
 
 
 RUNS = rounds(25)
+
+
+@pytest.mark.parametrize("label", ["aborted", "unavailable"])
+def test_a_run_is_found_by_the_answer_where_statuses_are_the_same(path, label):
+    path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
+    tick = RecordedTick(1, 0.0, {0: "FAILURE"}, labels={0: label})
+    change = counterfactual(simulated(path, default_registry()), [tick], ["NavigateToZone"])
+    assert change is not None
+    assert (change.was.label, change.instead.label) == (label, "arrived")
+
+
+def test_an_answer_that_cannot_have_been_is_not_found(path):
+    path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
+    tick = RecordedTick(1, 0.0, {0: "FAILURE"}, labels={0: "no zone"})
+    with pytest.raises(NotReplayedError):
+        counterfactual(simulated(path, default_registry()), [tick], ["NavigateToZone"])
 
 
 class Changed:
