@@ -62,7 +62,7 @@ class DeclaredAnswers:
         self._all = {label for labels in self._labels.values() for label in labels}
 
     def label(self, status: str, said: str) -> str:
-        """Return the label of the answer that a leaf has given; empty if that is not known.
+        """Return the label of the answer that a leaf has given; empty if that is not known, `OVERRIDDEN` if it has given none.
 
         The only answer of a status need not be said. What was said of another status counts for nothing then.
 
@@ -71,9 +71,9 @@ class DeclaredAnswers:
             said: Its `answer_label`.
         """
         labels = self._labels.get(status, [])
-        if said in labels:
+        if said == OVERRIDDEN or said in labels:
             return said
-        return labels[0] if len(labels) == 1 and said != OVERRIDDEN else ""
+        return labels[0] if len(labels) == 1 else ""
 
     def objection(self, status: str, said: str) -> str:
         """Return why what a leaf has said cannot be so, in words; empty if it can."""

@@ -1,4 +1,31 @@
-"""Ticks that go on in every possible way."""
+"""Ticks that go on in every possible way.
+
+A leaf that is ticked may answer several things, and a timer be up or not. A tick in which k nodes choose among n ways each is n^k ticks;
+played from their beginnings, each of them would tick the nodes before the last choice once more. So a tick is put aside just before a
+node that may go on in several ways (a `Fork`), and the next one begins there: nothing but what is different is played.
+
+Why before the node. It has done nothing yet, so there is nothing to undo: a fork is a copy of the lists that a tree consists of (cells, values,
+entries, the nodes that wait) and of what the tick has noted, and to go back is to copy them again. A node is never in the middle of its own
+`begin` or `resume`, because those return between two children; that is why nodes are no functions that call each other.
+
+Why ticks may meet. Two ticks of one state that come to the same node with the same cells, values and entries go on alike, whatever led there; so only
+the first is played on. These belong to what must be the same:
+
+- the node, and with it the nodes that wait, since a node has one parent;
+- what the children of these have come to, even where a *state* forgets it: between two ticks nobody looks at how a child has ended, but in the
+  middle of one its parent may be about to;
+- what the properties remember and whether one is broken, for the events before the meeting are behind it;
+- which leaves and timers go on being waited for: that belongs to the edge of the graph, and fairness is asked of edges (`liveness`).
+
+What has *happened* does not belong to it. Two ticks that meet may have had different events, and only those of the first are seen to the end. The graph
+keeps none, so the search loses nothing; whoever asks for events, as a counterfactual does, has `few` so high that ticks never meet.
+
+Why the first ticks of a state are not looked at. To write down where a tick is takes as long as some nodes do, and most states have few ticks.
+
+Why a choice that nobody foresaw is no mistake. `ways` may say 1, and the node asks `Choices` all the same. Then there is no fork at that choice, and the next
+combination is played from the last fork before it: slower, and as right, provided that the same choices lead to the same questions. `Choices.pick` sees
+to that, since a node that keeps a state of its own would break it.
+"""
 
 from typing import Any, Final
 
