@@ -5,6 +5,7 @@ checkout. Exit status 1 if there is a survivor that is not in `EQUIVALENT`.
 """
 
 import argparse
+import itertools
 import random
 import sys
 from contextlib import closing
@@ -26,6 +27,13 @@ def all_mutants(root: Path, paths: list[str]) -> list[Mutant]:
         for file in ([root / path] if path.endswith(".py") else (root / path).rglob("*.py"))
     ]
     return [m for file in sorted(found) for m in mutants_of(str(file.relative_to(root)), file.read_bytes())]
+
+
+def draw(root: Path, mutants: list[Mutant], seed: int, count: int) -> list[Mutant]:
+    """Return some mutants by chance, the same for everybody; all of them if that many are wanted or none."""
+    order = random.Random(seed).sample(mutants, len(mutants))  # noqa: S311 - the same for everybody
+    possible = (mutant for mutant in order if mutant.is_python((root / mutant.path).read_bytes()))
+    return list(itertools.islice(possible, count or None))
 
 
 def survivors_of(bench: Bench, mutants: list[Mutant]) -> list[Mutant]:
@@ -52,14 +60,14 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="what the choice depends on")
     parser.add_argument("--count", type=int, default=60, help="how many mutants; 0 for all")
     options = parser.parse_args()
-    mutants = all_mutants(Path(), list(options.path))
-    count = min(options.count or len(mutants), len(mutants))
-    drawn = random.Random(options.seed).sample(mutants, count)  # noqa: S311 - the same for everybody
+    drawn = draw(Path(), all_mutants(Path(), list(options.path)), options.seed, options.count)
     with closing(Bench(Path(), PACKAGES, Path("build/mutants"))) as bench:
         survivors = survivors_of(bench, drawn)
     known = {(path, text, change) for path, text, change, _why in EQUIVALENT}
     new = [mutant for mutant in survivors if (mutant.path, mutant.text, mutant.change) not in known]
-    _tell(f"{count - len(survivors)} killed, {len(survivors)} survived, {len(new)} of them without a reason")
+    _tell(
+        f"{len(drawn) - len(survivors)} killed, {len(survivors)} survived, {len(new)} of them without a reason"
+    )
     return 1 if new else 0
 
 

@@ -55,19 +55,18 @@ class Mutant:
         """Return the module with the change in it."""
         return source[: self.start] + self.after.encode() + source[self.end :]
 
+    def is_python(self, source: bytes) -> bool:
+        """Return whether the module can still be read, which takes longer than to find the mutant."""
+        try:
+            ast.parse(self.applied(source))
+        except SyntaxError:
+            return False
+        return True
+
 
 def mutants_of(path: str, source: bytes) -> list[Mutant]:
-    """Return all mutants of a module, in the order of their places."""
-    found = sorted(_Finder(path, source).found, key=lambda mutant: (mutant.start, mutant.end, mutant.after))
-    return [mutant for mutant in found if _is_python(mutant.applied(source))]
-
-
-def _is_python(source: bytes) -> bool:
-    try:
-        ast.parse(source)
-    except SyntaxError:
-        return False
-    return True
+    """Return all changes of a module, in the order of their places; a few of them leave no Python."""
+    return sorted(_Finder(path, source).found, key=lambda mutant: (mutant.start, mutant.end, mutant.after))
 
 
 class _Finder(ast.NodeVisitor):

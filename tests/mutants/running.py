@@ -77,7 +77,16 @@ class Bench:
         self._folder.cleanup()
 
     def killer_of(self, mutant: Mutant) -> str:
-        """Return which test fails with a mutant; empty if none does."""
+        """Return which test fails with a mutant, and not without it; empty if none does."""
+        while killer := self._failing_with(mutant):
+            if killer not in self._seconds or not self._failing([killer]):
+                self._killers[killer] += 1
+                return killer
+            # It fails now and then, or here.
+            del self._seconds[killer]
+        return ""
+
+    def _failing_with(self, mutant: Mutant) -> str:
         path = self._copy / mutant.path
         source = path.read_bytes()
         path.write_bytes(mutant.applied(source))
@@ -175,7 +184,6 @@ class Bench:
         limit = _START_SEC + _SLOWER * sum(self._seconds[test] for test in tests)
         noted, status = self._run(["-x", *_files_of(tests)], limit, self._ask(tests, list(self._known)))
         failed = [test for test, seconds in noted.items() if seconds is None]
-        self._killers.update(failed)
         nothing_failed = status in (0, _NO_TESTS)
         return "" if nothing_failed else failed[0] if failed else _NO_END if status is None else _NO_START
 

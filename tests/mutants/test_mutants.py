@@ -5,7 +5,7 @@ from contextlib import closing
 
 import pytest
 
-from tests.mutants.__main__ import all_mutants, survivors_of
+from tests.mutants.__main__ import all_mutants, draw, survivors_of
 from tests.mutants.mutating import mutants_of
 from tests.mutants.running import Bench
 
@@ -19,6 +19,7 @@ def is_late(ticks):
 '''
 
 TEST = """
+import pathlib
 import subprocess
 import sys
 
@@ -35,6 +36,12 @@ def test_the_fourth_tick_is_late():
     assert is_late(4)
     assert not is_late(3)
 
+def test_one_that_fails_from_the_second_time_on_kills_no_mutant():
+    assert not is_late(0)
+    first = pathlib.Path(__file__).with_name("ran")
+    assert not first.exists()
+    first.touch()
+
 def test_another_process_says_something(answer):
     assert answer
 
@@ -44,7 +51,9 @@ def test_another_process_answers(answer):
 
 
 def changes(source):
-    return [mutant.change for mutant in mutants_of("m.py", source.encode())]
+    return [
+        mutant.change for mutant in mutants_of("m.py", source.encode()) if mutant.is_python(source.encode())
+    ]
 
 
 def checkout_of(root, module, test):
@@ -87,11 +96,16 @@ def test_a_mutant_that_never_ends_is_killed(tmp_path, monkeypatch):
         assert bench.killer_of(endless)
 
 
-def test_every_mutant_of_a_module_is_python_and_another_text():
-    source = MODULE.encode()
-    for mutant in mutants_of("m.py", source):
+def test_every_mutant_that_is_drawn_is_python_and_another_text(tmp_path):
+    checkout = checkout_of(tmp_path, f"IS_SLOW = not(False)\n{MODULE}", TEST)
+    source = (checkout / "toy" / "__init__.py").read_bytes()
+    mutants = all_mutants(checkout, ["toy"])
+    drawn = draw(checkout, mutants, 1, 0)
+    assert len(drawn) < len(mutants)
+    for mutant in drawn:
         assert mutant.applied(source) != source
         ast.parse(mutant.applied(source))
+    assert draw(checkout, mutants, 1, 2) == drawn[:2]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from datetime import datetime, timezone
 import geojson
 import pytest
 import takproto
-from cap_tools.models import Alert, Certainty, Scope, Status
+from cap_tools.models import Alert, Category, Certainty, ResponseType, Scope, Severity, Status, Urgency
 from xsdata.formats.dataclass.parsers import XmlParser
 
 from sar_compiler.journal.georeference import Georeference
@@ -292,6 +292,12 @@ class TestCommonAlertingProtocol:
         assert alert.note == "The search is incomplete: zone_b was abandoned."
         (info,) = alert.infos
         assert info.headline == "survivor_1: candidate"
+        assert (info.language, info.categories, info.response_types) == (
+            "en-US",
+            [Category.RESCUE],
+            [ResponseType.EXECUTE],
+        )
+        assert (info.urgency, info.severity) == (Urgency.IMMEDIATE, Severity.SEVERE)
         assert info.areas[0].area_desc == "zone_a"
         place, radius = info.areas[0].circles[0].split()
         assert [float(each) for each in place.split(",")] == pytest.approx([48.2, 16.3713452], abs=1e-7)
