@@ -140,7 +140,7 @@ def test_the_end_of_a_mission_is_seen_after_its_command_has_ended(story):
 
 def test_the_replay_says_why_the_mission_has_failed(story):
     assert story["why"].startswith("Why: ")
-    assert "MissionComplete? FAILURE, zone_a was" in story["why"]
+    assert "MissionComplete? FAILURE (incomplete), zone_a was" in story["why"]
 
 
 def test_the_journal_shows_the_same_again(story):

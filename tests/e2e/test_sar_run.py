@@ -235,11 +235,11 @@ def test_each_change_is_shown_once_in_a_line_with_the_time(one_zone):
     ]
     expected = [
         "set out for zone_b",
-        "ZonesRemaining? SUCCESS, 0 of 1 zones visited",
-        "NavigateToZone RUNNING, navigating to zone_b",
-        "NavigateToZone SUCCESS, reached zone_b",
+        "ZonesRemaining? SUCCESS (some left), 0 of 1 zones visited",
+        "NavigateToZone RUNNING (driving), navigating to zone_b",
+        "NavigateToZone SUCCESS (arrived), reached zone_b",
         "zone_b was visited",
-        "NavigateToBase SUCCESS, reached base station",
+        "NavigateToBase SUCCESS (arrived), reached base station",
     ]
     assert [line for line in shown if line in expected] == expected, run.output
 
