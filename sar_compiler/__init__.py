@@ -18,39 +18,26 @@ from typing import TYPE_CHECKING, Any
 from sar_compiler.faces import lazy
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
-    from sar_compiler.compiler import CompiledTree
-    from sar_compiler.errors import SarError, UndecidableError
-    from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
-    from sar_compiler.nodes.registry import Registry, RegistryError
-    from sar_compiler.project import LoadedTree, load
-    from sar_compiler.project.simulated import Simulated
-    from sar_compiler.ros.parameter_file import ParameterFileError
-    from sar_compiler.ros.runner import TreeRunner
-    from sar_compiler.runtime.kernel.searching import Progress
-    from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
+    from sar_compiler.checks.verify.verdicts import ProofStatus as ProofStatus
+    from sar_compiler.checks.verify.verdicts import Verdict as Verdict
+    from sar_compiler.checks.verify.verdicts import Verification as Verification
+    from sar_compiler.compiler import CompiledTree as CompiledTree
+    from sar_compiler.errors import SarError as SarError
+    from sar_compiler.errors import UndecidableError as UndecidableError
+    from sar_compiler.monitoring.groot2_publisher import Groot2Publisher as Groot2Publisher
+    from sar_compiler.nodes.registry import Registry as Registry
+    from sar_compiler.nodes.registry import RegistryError as RegistryError
+    from sar_compiler.project import LoadedTree as LoadedTree
+    from sar_compiler.project import load as load
+    from sar_compiler.project.simulated import Simulated as Simulated
+    from sar_compiler.ros.parameter_file import ParameterFileError as ParameterFileError
+    from sar_compiler.ros.runner import TreeRunner as TreeRunner
+    from sar_compiler.runtime.kernel.searching import Progress as Progress
+    from sar_compiler.tree.diagnostic import Diagnostic as Diagnostic
+    from sar_compiler.tree.diagnostic import Severity as Severity
+    from sar_compiler.tree.diagnostic import TreeError as TreeError
+    from sar_compiler.tree.diagnostic import UnreadableFileError as UnreadableFileError
 
-__all__ = [
-    "CompiledTree",
-    "Diagnostic",
-    "Groot2Publisher",
-    "LoadedTree",
-    "ParameterFileError",
-    "Progress",
-    "ProofStatus",
-    "Registry",
-    "RegistryError",
-    "SarError",
-    "Severity",
-    "Simulated",
-    "TreeError",
-    "TreeRunner",
-    "UndecidableError",
-    "UnreadableFileError",
-    "Verdict",
-    "Verification",
-    "load",
-]
 
 _MODULES = {
     "checks.verify.verdicts": ("ProofStatus", "Verdict", "Verification"),
@@ -79,7 +66,7 @@ _MOVED = {
     ),
     "testing": ("ManualClock",),
 }
-_look_up, _names = lazy(__name__, _MODULES)
+_look_up, __dir__, __all__ = lazy(__name__, _MODULES)
 
 
 def __getattr__(name: str) -> Any:
@@ -90,7 +77,3 @@ def __getattr__(name: str) -> Any:
     message = f"{__name__}.{name} is {place}.{name} now, and in the next minor version there alone"
     warnings.warn(message, DeprecationWarning, stacklevel=2)
     return getattr(importlib.import_module(place), name)
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *_names]

@@ -1,12 +1,19 @@
-"""What a public group of names is made of: each name is looked up where it lives, when it is first used."""
+"""What a public group of names is made of: each name is looked up where it lives, when it is first used.
+
+A group says its names twice: `import X as X` for type checkers, and the modules in which they live for the look-up.
+"""
 
 import importlib
 import sys
 from collections.abc import Callable, Mapping
 
+_LookUp = Callable[[str], object]
 
-def lazy(group: str, modules: Mapping[str, tuple[str, ...]]) -> tuple[Callable[[str], object], list[str]]:
-    """Return the `__getattr__` of a group, and its names.
+
+def lazy(
+    group: str, modules: Mapping[str, tuple[str, ...]]
+) -> tuple[_LookUp, Callable[[], list[str]], list[str]]:
+    """Return the `__getattr__`, the `__dir__` and the `__all__` of a group.
 
     Args:
         group: The name of the module that is the group.
@@ -22,4 +29,4 @@ def lazy(group: str, modules: Mapping[str, tuple[str, ...]]) -> tuple[Callable[[
         setattr(sys.modules[group], name, value)
         return value
 
-    return look_up, [*homes]
+    return look_up, lambda: [*vars(sys.modules[group]), *homes], [*homes]

@@ -11,87 +11,51 @@ from typing import TYPE_CHECKING
 from sar_compiler.faces import lazy
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.constructors import RegistrationError
-    from sar_compiler.nodes.declaring import (
-        attribute,
-        handed_over,
-        inout_port,
-        input_port,
-        leaf_spec,
-        output_port,
-        reference,
-    )
-    from sar_compiler.nodes.register import register
-    from sar_compiler.nodes.semantics import Semantics
-    from sar_compiler.nodes.spec import Kind, Use
-    from sar_compiler.nodes.values import Milliseconds, Seconds, at_least
-    from sar_compiler.ros.leaves.action_leaf import ActionLeaf
-    from sar_compiler.ros.leaves.deadline import Deadline
-    from sar_compiler.ros.leaves.errors import LeafDefinitionError
-    from sar_compiler.ros.leaves.goal import describe_status
-    from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
-    from sar_compiler.ros.leaves.interfaces import find_interface, qos_profile
-    from sar_compiler.ros.leaves.leaf import RosLeaf, alive
-    from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
-    from sar_compiler.ros.leaves.standstill import Standstill
-    from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
-    from sar_compiler.ros.nav2_log import nav2_log
-    from sar_compiler.ros.of_node import of_node
-    from sar_compiler.ros.poses import turn_by, yaw_of
-    from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
-    from sar_compiler.runtime.answers import Answer
-    from sar_compiler.runtime.clock import Clock, WallClock
-    from sar_compiler.runtime.kernel.user_nodes import Tick
-    from sar_compiler.runtime.parents import Control, Decorator
-    from sar_compiler.runtime.ports import InOut, Input, Output
-    from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
+    from sar_compiler.nodes.constructors import RegistrationError as RegistrationError
+    from sar_compiler.nodes.declaring import attribute as attribute
+    from sar_compiler.nodes.declaring import handed_over as handed_over
+    from sar_compiler.nodes.declaring import inout_port as inout_port
+    from sar_compiler.nodes.declaring import input_port as input_port
+    from sar_compiler.nodes.declaring import leaf_spec as leaf_spec
+    from sar_compiler.nodes.declaring import output_port as output_port
+    from sar_compiler.nodes.declaring import reference as reference
+    from sar_compiler.nodes.register import register as register
+    from sar_compiler.nodes.semantics import Semantics as Semantics
+    from sar_compiler.nodes.spec import Kind as Kind
+    from sar_compiler.nodes.spec import Use as Use
+    from sar_compiler.nodes.values import Milliseconds as Milliseconds
+    from sar_compiler.nodes.values import Seconds as Seconds
+    from sar_compiler.nodes.values import at_least as at_least
+    from sar_compiler.ros.leaves.action_leaf import ActionLeaf as ActionLeaf
+    from sar_compiler.ros.leaves.deadline import Deadline as Deadline
+    from sar_compiler.ros.leaves.errors import LeafDefinitionError as LeafDefinitionError
+    from sar_compiler.ros.leaves.goal import describe_status as describe_status
+    from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED as SUCCEEDED
+    from sar_compiler.ros.leaves.interfaces import find_interface as find_interface
+    from sar_compiler.ros.leaves.interfaces import qos_profile as qos_profile
+    from sar_compiler.ros.leaves.leaf import RosLeaf as RosLeaf
+    from sar_compiler.ros.leaves.leaf import alive as alive
+    from sar_compiler.ros.leaves.service_leaf import ServiceLeaf as ServiceLeaf
+    from sar_compiler.ros.leaves.standstill import Standstill as Standstill
+    from sar_compiler.ros.leaves.topic_leaf import TopicLeaf as TopicLeaf
+    from sar_compiler.ros.nav2_log import nav2_log as nav2_log
+    from sar_compiler.ros.of_node import of_node as of_node
+    from sar_compiler.ros.poses import turn_by as turn_by
+    from sar_compiler.ros.poses import yaw_of as yaw_of
+    from sar_compiler.ros.robot_estimate import RobotEstimate as RobotEstimate
+    from sar_compiler.ros.robot_estimate import robot_estimate as robot_estimate
+    from sar_compiler.runtime.answers import Answer as Answer
+    from sar_compiler.runtime.clock import Clock as Clock
+    from sar_compiler.runtime.clock import WallClock as WallClock
+    from sar_compiler.runtime.kernel.user_nodes import Tick as Tick
+    from sar_compiler.runtime.parents import Control as Control
+    from sar_compiler.runtime.parents import Decorator as Decorator
+    from sar_compiler.runtime.ports import InOut as InOut
+    from sar_compiler.runtime.ports import Input as Input
+    from sar_compiler.runtime.ports import Output as Output
+    from sar_compiler.runtime.skipping import SKIPPED as SKIPPED
+    from sar_compiler.runtime.skipping import SkippableLeaf as SkippableLeaf
 
-__all__ = [
-    "SKIPPED",
-    "SUCCEEDED",
-    "ActionLeaf",
-    "Answer",
-    "Clock",
-    "Control",
-    "Deadline",
-    "Decorator",
-    "InOut",
-    "Input",
-    "Kind",
-    "LeafDefinitionError",
-    "Milliseconds",
-    "Output",
-    "RegistrationError",
-    "RobotEstimate",
-    "RosLeaf",
-    "Seconds",
-    "Semantics",
-    "ServiceLeaf",
-    "SkippableLeaf",
-    "Standstill",
-    "Tick",
-    "TopicLeaf",
-    "Use",
-    "WallClock",
-    "alive",
-    "at_least",
-    "attribute",
-    "describe_status",
-    "find_interface",
-    "handed_over",
-    "inout_port",
-    "input_port",
-    "leaf_spec",
-    "nav2_log",
-    "of_node",
-    "output_port",
-    "qos_profile",
-    "reference",
-    "register",
-    "robot_estimate",
-    "turn_by",
-    "yaw_of",
-]
 
 _MODULES = {
     "nodes.constructors": ("RegistrationError",),
@@ -129,10 +93,5 @@ _MODULES = {
     "runtime.ports": ("InOut", "Input", "Output"),
     "runtime.skipping": ("SKIPPED", "SkippableLeaf"),
 }
-_look_up, _names = lazy(__name__, _MODULES)
 if not TYPE_CHECKING:
-    __getattr__ = _look_up
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *_names]
+    __getattr__, __dir__, __all__ = lazy(__name__, _MODULES)

@@ -9,66 +9,40 @@ from typing import TYPE_CHECKING
 from sar_compiler.faces import lazy
 
 if TYPE_CHECKING:
-    from sar_compiler.journal.journal import Journal
-    from sar_compiler.journal.journal_entries import FACTS_LOST, RUN_BEGAN, RUN_ENDED, JournalEntry
-    from sar_compiler.journal.situation import (
-        Alarm,
-        Display,
-        FactTime,
-        Figure,
-        Gauge,
-        Landmark,
-        LandmarkKind,
-        Level,
-        MissionPhase,
-        position,
-    )
-    from sar_compiler.missions.choosing import MissionError
-    from sar_compiler.missions.mission import Mission, MissionRun, Verb, VerbField
-    from sar_compiler.resources import shipped
-    from sar_compiler.ros.arguments import readable_ros_errors
-    from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
-    from sar_compiler.ros.parameter_reader import ParameterError, ParameterReader, lookalikes
-    from sar_compiler.ros.parameters import DataNode, flat_parameters
-    from sar_compiler.ros.serving import serve
-    from sar_compiler.runtime.context import mission_context
-    from sar_compiler.tree.showing import short_line
+    from sar_compiler.journal.journal import Journal as Journal
+    from sar_compiler.journal.journal_entries import FACTS_LOST as FACTS_LOST
+    from sar_compiler.journal.journal_entries import RUN_BEGAN as RUN_BEGAN
+    from sar_compiler.journal.journal_entries import RUN_ENDED as RUN_ENDED
+    from sar_compiler.journal.journal_entries import JournalEntry as JournalEntry
+    from sar_compiler.journal.situation import Alarm as Alarm
+    from sar_compiler.journal.situation import Display as Display
+    from sar_compiler.journal.situation import FactTime as FactTime
+    from sar_compiler.journal.situation import Figure as Figure
+    from sar_compiler.journal.situation import Gauge as Gauge
+    from sar_compiler.journal.situation import Landmark as Landmark
+    from sar_compiler.journal.situation import LandmarkKind as LandmarkKind
+    from sar_compiler.journal.situation import Level as Level
+    from sar_compiler.journal.situation import MissionPhase as MissionPhase
+    from sar_compiler.journal.situation import position as position
+    from sar_compiler.missions.choosing import MissionError as MissionError
+    from sar_compiler.missions.mission import Mission as Mission
+    from sar_compiler.missions.mission import MissionRun as MissionRun
+    from sar_compiler.missions.mission import Verb as Verb
+    from sar_compiler.missions.mission import VerbField as VerbField
+    from sar_compiler.resources import shipped as shipped
+    from sar_compiler.ros.arguments import readable_ros_errors as readable_ros_errors
+    from sar_compiler.ros.faults import FaultPlan as FaultPlan
+    from sar_compiler.ros.faults import ServiceFaults as ServiceFaults
+    from sar_compiler.ros.faults import create_service as create_service
+    from sar_compiler.ros.parameter_reader import ParameterError as ParameterError
+    from sar_compiler.ros.parameter_reader import ParameterReader as ParameterReader
+    from sar_compiler.ros.parameter_reader import lookalikes as lookalikes
+    from sar_compiler.ros.parameters import DataNode as DataNode
+    from sar_compiler.ros.parameters import flat_parameters as flat_parameters
+    from sar_compiler.ros.serving import serve as serve
+    from sar_compiler.runtime.context import mission_context as mission_context
+    from sar_compiler.tree.showing import short_line as short_line
 
-__all__ = [
-    "FACTS_LOST",
-    "RUN_BEGAN",
-    "RUN_ENDED",
-    "Alarm",
-    "DataNode",
-    "Display",
-    "FactTime",
-    "FaultPlan",
-    "Figure",
-    "Gauge",
-    "Journal",
-    "JournalEntry",
-    "Landmark",
-    "LandmarkKind",
-    "Level",
-    "Mission",
-    "MissionError",
-    "MissionPhase",
-    "MissionRun",
-    "ParameterError",
-    "ParameterReader",
-    "ServiceFaults",
-    "Verb",
-    "VerbField",
-    "create_service",
-    "flat_parameters",
-    "lookalikes",
-    "mission_context",
-    "position",
-    "readable_ros_errors",
-    "serve",
-    "shipped",
-    "short_line",
-]
 
 ENTRY_POINTS = "sar_compiler.missions"
 """The group of entry points by which missions are found."""
@@ -98,10 +72,5 @@ _MODULES = {
     "runtime.context": ("mission_context",),
     "tree.showing": ("short_line",),
 }
-_look_up, _names = lazy(__name__, _MODULES)
 if not TYPE_CHECKING:
-    __getattr__ = _look_up
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *_names]
+    __getattr__, __dir__, __all__ = lazy(__name__, _MODULES)
