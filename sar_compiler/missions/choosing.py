@@ -44,8 +44,7 @@ class _GuardedMission:
         if method.__name__ != "begin":
             return result
         if not isinstance(result, MissionRun):
-            message = f"{failed}: it returned {result!r} in place of a MissionRun"
-            raise MissionError(message)
+            raise MissionError(f"{failed}: it returned {result!r} in place of a MissionRun")
         return _GuardedMission(result, self._name)
 
 
@@ -61,15 +60,12 @@ def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
         try:
             mission = getattr(import_installed(entry_point.module, checkout), entry_point.attr)
         except (Exception, SystemExit) as error:  # whatever a module does when it is imported
-            message = f"{source} cannot be imported: {type(error).__name__}: {error}"
-            raise MissionError(message) from error
+            raise MissionError(f"{source} cannot be imported: {type(error).__name__}: {error}") from error
         flaw = _flaw(mission)
         if flaw:
-            message = f"{source} {flaw}"
-            raise MissionError(message)
+            raise MissionError(f"{source} {flaw}")
         if missions.setdefault(mission.name, mission) is not mission:
-            message = f"two missions are installed as '{mission.name}'; {source} is the second"
-            raise MissionError(message)
+            raise MissionError(f"two missions are installed as '{mission.name}'; {source} is the second")
     return missions
 
 
@@ -98,8 +94,7 @@ def mission_named(name: str, checkout: Path | None = None) -> Mission:
     hint = did_you_mean(nearest(name, missions))
     for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
         hint += f"; the missions of {place} are passed over, which is part of what is looked at: install them"
-    message = f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}"
-    raise MissionError(message)
+    raise MissionError(f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}")
 
 
 def choose_mission(binding: Binding, name: str | None = None, checkout: Path | None = None) -> Mission | None:

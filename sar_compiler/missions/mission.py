@@ -77,8 +77,7 @@ class Verb(NamedTuple):
             VerbError: If one is missing or wrong, or there are others.
         """
         if unknown := set(values) - {field.name for field in self.fields}:
-            message = f"{self.name} takes no {min(unknown)!r:.60}"
-            raise VerbError(message)
+            raise VerbError(f"{self.name} takes no {min(unknown)!r:.60}")
         return {field.name: self._checked(field, values.get(field.name)) for field in self.fields}
 
     def _checked(self, field: VerbField, value: Any) -> Any:
@@ -95,8 +94,7 @@ class Verb(NamedTuple):
                 fits = fits and value in dict(field.choices)
                 wanted = f"one of {', '.join(dict(field.choices))}"
         if not fits:
-            message = f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}"
-            raise VerbError(message)
+            raise VerbError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
         return float(value) if field.kind == "number" else value
 
 

@@ -37,18 +37,16 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
     """
     there: Any = journal.about
     if there.get("mission") != about["mission"]:
-        message = (
+        raise JournalError(
             f"the journal {journal.place} is of {_called(there.get('mission'))}, and this is {_called(about['mission'])}: "
             f"name another file, {_ADVICE}"
         )
-        raise JournalError(message)
     if there.get("simulated") != about["simulated"]:
         which, other = ("simulation", "robot") if there.get("simulated") else ("robot", "simulation")
-        message = (
+        raise JournalError(
             f"the mission in the journal {journal.place} was begun with a {which}, and cannot go on with a {other}: name "
             f"another file, {_ADVICE}"
         )
-        raise JournalError(message)
     then = _mapping(there.get("identity"))
     problems = [
         Problem(

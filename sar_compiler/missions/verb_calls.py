@@ -47,13 +47,11 @@ class VerbCalls:
         """
         known = self._verbs.get(verb)
         if known is None:
-            message = f"there is no order {verb!r:.60}"
-            raise VerbError(message)
+            raise VerbError(f"there is no order {verb!r:.60}")
         checked = known.checked(values)
         client = self._clients[verb]
         if not client.service_is_ready():
-            message = f"no node of this tree heeds '{verb}'"
-            raise VerbError(message)
+            raise VerbError(f"no node of this tree heeds '{verb}'")
         request = client.srv_type.Request()
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()

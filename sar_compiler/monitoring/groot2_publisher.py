@@ -197,10 +197,9 @@ class Groot2Publisher:
 
         def answer(request: Request) -> None:
             if not self._may_hook:
-                message = (
+                raise RequestError(
                     "hooks are not allowed here: sar-run --groot2-hooks, or Groot2Publisher(..., hooks=True)"
                 )
-                raise RequestError(message)
             change(request.payload)
 
         return answer
@@ -245,8 +244,7 @@ class Groot2Publisher:
 
 
 def _not_asked(_: Request) -> None:
-    message = "Request not recognized"
-    raise RequestError(message)
+    raise RequestError("Request not recognized")
 
 
 def _plain(value: object) -> object:

@@ -68,13 +68,11 @@ class Request(NamedTuple):
             RequestError: If there is none, or it is no text.
         """
         if len(self.rest) != 1:
-            message = "must be 2 parts message"
-            raise RequestError(message)
+            raise RequestError("must be 2 parts message")
         try:
             return self.rest[0].decode()
         except UnicodeDecodeError as error:
-            message = f"the second part is no text in UTF-8: {error}"
-            raise RequestError(message) from error
+            raise RequestError(f"the second part is no text in UTF-8: {error}") from error
 
 
 def read_request(frames: list[bytes]) -> Request:
@@ -84,14 +82,12 @@ def read_request(frames: list[bytes]) -> Request:
         RequestError: If it is none.
     """
     if len(frames[0]) != _HEADER.size:
-        message = "wrong request header"
-        raise RequestError(message)
+        raise RequestError("wrong request header")
     _, kind, number = _HEADER.unpack(frames[0])
     try:
         return Request(RequestKind(kind), number, frames[1:])
     except ValueError:
-        message = "Request not recognized"
-        raise RequestError(message) from None
+        raise RequestError("Request not recognized") from None
 
 
 def header(kind: RequestKind, number: int) -> bytes:
@@ -356,8 +352,7 @@ def _parse_json(text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        message = f"not JSON: {error}"
-        raise RequestError(message) from error
+        raise RequestError(f"not JSON: {error}") from error
 
 
 def _hook(read: Any) -> Hook:
@@ -375,22 +370,19 @@ def _key(read: Any) -> tuple[HookPosition, int]:
 def _outcome(read: Any) -> int:
     word = _entry(read, "desired_status", str)
     if word not in _OUTCOMES:
-        message = f"desired_status: '{word}' is none of {', '.join(_OUTCOMES)}"
-        raise RequestError(message)
+        raise RequestError(f"desired_status: '{word}' is none of {', '.join(_OUTCOMES)}")
     return _OUTCOMES[word]
 
 
 def _member(read: Any, name: str, kind: Any) -> Any:
     number = _entry(read, name, int)
     if number not in {*kind}:
-        message = f"{name}: {number} is none of {', '.join(str(int(each)) for each in kind)}"
-        raise RequestError(message)
+        raise RequestError(f"{name}: {number} is none of {', '.join(str(int(each)) for each in kind)}")
     return kind(number)
 
 
 def _entry(read: Any, name: str, kind: type[T]) -> T:
     value = read.get(name) if isinstance(read, dict) else None
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        message = f"a hook is an object with '{name}', {_KINDS[kind]}"
-        raise RequestError(message)
+        raise RequestError(f"a hook is an object with '{name}', {_KINDS[kind]}")
     return value

@@ -60,11 +60,10 @@ class NumberedTree:
         self.scopes = {each.scope.path: each.scope for each in tree.instance.iterate()}
         self.nodes = list(_number(tree.root, tree.origins))
         if len(self.nodes) > MOST_NODES:
-            message = (
+            raise TooManyNodesError(
                 f"the tree '{self.name}' has {len(self.nodes)} nodes; numbers of nodes have 16 bits in BehaviorTree.CPP's "
                 f"protocols, which is enough for {MOST_NODES}"
             )
-            raise TooManyNodesError(message)
         self._uids = {id(each.behaviour): each.uid for each in self.nodes}
         self._inner = {id(each.inner): each.uid for each in self.nodes}
 

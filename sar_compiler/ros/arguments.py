@@ -122,11 +122,10 @@ def readable_ros_errors() -> Iterator[None]:
         yield
     except rcl.UnknownROSArgsError as error:
         unknown = ", ".join(re.findall(r"'([^']*)'", str(error))) or str(error)
-        message = (
+        raise RosArgumentError(
             f"not a ROS argument: {unknown} (what follows --ros-args is ROS's, up to a --; "
             "a parameter is given with -p name:=value)"
-        )
-        raise RosArgumentError(message) from error
+        ) from error
     except (rcl.RCLError, rcl.RCUtilsError, NameValidationException) as error:
         raise RosArgumentError(_in_words(str(error))) from error
 

@@ -46,11 +46,10 @@ def require_middleware() -> None:
     wanted, installed = os.environ.get(_VARIABLE, ""), sorted(set(_installed_middlewares()))
     if not wanted or not installed or wanted in installed:
         return
-    message = (
+    raise MiddlewareError(
         f"{_VARIABLE} is '{wanted}', which is not installed; there is {', '.join(installed)}: "
         f"unset {_VARIABLE}, or install it (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
     )
-    raise MiddlewareError(message)
 
 
 @contextmanager

@@ -186,8 +186,7 @@ class McapRecorder:
             message = f"{path} is there already, and is not written over: name another one"
             raise RecordingError(message) from error
         except OSError as error:
-            message = f"{path} cannot be made: {error.strerror}"
-            raise RecordingError(message) from error
+            raise RecordingError(f"{path} cannot be made: {error.strerror}") from error
         return cls(path, file, complain)
 
     def listen(self, node: Node) -> None:

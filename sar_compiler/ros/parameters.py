@@ -41,10 +41,9 @@ class DataNode(Node):
                 if "PARAMETER_NOT_SET" not in str(error):
                     raise
                 names = _names_without_type(name, context, cli_args)
-                message = (
+                raise RosArgumentError(
                     f"{names}: an empty list, of which ROS cannot tell the type; leave it out or fill it"
-                )
-                raise RosArgumentError(message) from error
+                ) from error
         _require_sim_time_switch(self)
 
 
@@ -53,8 +52,7 @@ def _require_sim_time_switch(node: Node) -> None:
     value = node.get_parameter("use_sim_time").value
     if not isinstance(value, bool):
         node.destroy_node()
-        message = f"parameter use_sim_time: must be true or false, is {value!r}"
-        raise RosArgumentError(message)
+        raise RosArgumentError(f"parameter use_sim_time: must be true or false, is {value!r}")
 
 
 def _names_without_type(name: str, context: Context | None, cli_args: list[str] | None) -> str:

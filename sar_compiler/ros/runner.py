@@ -194,8 +194,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
                 before it are shut down, as with a `SetupTimeoutError`.
         """
         if node is not None and not isinstance(node, Node):
-            message = f"a tree is set up with an rclpy node, not with {node!r}"
-            raise TypeError(message)
+            raise TypeError(f"a tree is set up with an rclpy node, not with {node!r}")
         require_tickable_depth(self.root)
         self._owns_node = node is None
         self.node = node if node is not None else rclpy.create_node(node_name)
@@ -250,11 +249,9 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         """
         self._require_not_stopped()
         if self.node is None:
-            message = "call setup() before tick_tock()"
-            raise RuntimeError(message)
+            raise RuntimeError("call setup() before tick_tock()")
         if not period_ms > 0:
-            message = f"the period between ticks must be above 0 ms, is {period_ms}"
-            raise ValueError(message)
+            raise ValueError(f"the period between ticks must be above 0 ms, is {period_ms}")
         self._pause()
         self._handlers = (pre_tick_handler, post_tick_handler)
         self._ticks_left = number_of_iterations
@@ -399,8 +396,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
     def _require_not_stopped(self) -> None:
         if self._stopped:
-            message = "a stopped tree is not ticked again"
-            raise RuntimeError(message)
+            raise RuntimeError("a stopped tree is not ticked again")
 
     def _trigger(self) -> None:
         guard = self._guard

@@ -79,8 +79,7 @@ class Flights:
                 return Played(seed, reason, said["duration"], said["figures"], size)
             if status == USAGE and _COMPANY not in problem:
                 break
-        message = f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}"
-        raise FlightError(message)
+        raise FlightError(f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}")
 
 
 def _fly(arguments: Sequence[str]) -> tuple[int, str, str]:
@@ -118,8 +117,7 @@ def _free_domain() -> Iterator[tuple[int, IO[str]]]:
                 return
         except OSError:  # taken, or somebody else's file
             continue
-    message = "all ROS domains of this machine are taken by other sweeps"
-    raise FlightError(message)
+    raise FlightError("all ROS domains of this machine are taken by other sweeps")
 
 
 def fewest_faults(flights: Flights, seed: int) -> Flights:

@@ -129,8 +129,7 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
     """
     data = read_bytes(path, _MAX_IMAGE_BYTES)
     if len(data) > _MAX_IMAGE_BYTES:
-        message = f"the image has more than {_MAX_IMAGE_BYTES // 2**20} MiB"
-        raise _ImageError(message)
+        raise _ImageError(f"the image has more than {_MAX_IMAGE_BYTES // 2**20} MiB")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # judged below
@@ -142,8 +141,7 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
         raise
     except Exception as error:
         # A decoder of damaged data may raise anything: ValueError, SyntaxError, struct.error, ...
-        message = f"it is not an image that can be read ({error})"
-        raise _ImageError(message) from error
+        raise _ImageError(f"it is not an image that can be read ({error})") from error
     return bands.sum(axis=2, dtype=np.uint16), 255 * bands.shape[2]
 
 

@@ -266,8 +266,7 @@ class Simulation:
         extra_nodes: Sequence[Node] = (),
     ) -> None:
         if not speed > 0.0:
-            message = f"the speed must be a number above 0, not {speed:g}"
-            raise SimulationError(message)
+            raise SimulationError(f"the speed must be a number above 0, not {speed:g}")
         self.failure: BaseException | None = None
         self._period = STEP_SEC / speed
         self._kept: KeptPlaces | None = None

@@ -128,8 +128,7 @@ def survey(
         SurveyError: If the world has no survey route, or the robot gets stuck on it.
     """
     if not world.survey:
-        message = f"world '{world.name}' has no 'survey' way to drive for a map"
-        raise SurveyError(message)
+        raise SurveyError(f"world '{world.name}' has no 'survey' way to drive for a map")
     lidar = Lidar()
     random = np.random.default_rng([seed, 2])
     robot, mapper = Robot(world, seed=seed), Mapper(lidar, world.start)
@@ -146,5 +145,4 @@ def survey(
             return mapper.result()
         robot.step(STEP_SEC)
     pose = robot.state.pose
-    message = f"the survey of world '{world.name}' got stuck at ({pose.x:.2f}, {pose.y:.2f})"
-    raise SurveyError(message)
+    raise SurveyError(f"the survey of world '{world.name}' got stuck at ({pose.x:.2f}, {pose.y:.2f})")

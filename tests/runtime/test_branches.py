@@ -194,7 +194,7 @@ def test_a_variable_that_does_not_fit_is_an_error():
     stage = Stage(v=2)
 
     def text(value):
-        raise ValueError(f"{value} is not a text")  # noqa: EM102, TRY003 - what a conversion does
+        raise ValueError(f"{value} is not a text")
 
     variable: Input[str] = Input(stage.entry("v"), text, "variable")
     root = Switch("s", stage.leaves(a="S", b="S", c="S"), variable, stage.enums, Input("1"), Input("2"))

@@ -61,8 +61,7 @@ class OperatorOrders:
             return
         order = fact.data["order"]
         if order not in ("hold", "release", "recall", "abort"):
-            message = f"{order!r} is no order"
-            raise ValueError(message)
+            raise ValueError(f"{order!r} is no order")
         # Who is called home, or has ended, is held no more.
         self.held = order == "hold"
         self.recalled = self.recalled or order == "recall"

@@ -74,8 +74,7 @@ class ZoneManager:
             IndexError: If every zone is visited.
         """
         if not self.has_remaining():
-            message = f"there is no current zone: all {self.total_zones()} zones are visited"
-            raise IndexError(message)
+            raise IndexError(f"there is no current zone: all {self.total_zones()} zones are visited")
         return deepcopy(self._zones[self._index])
 
     def has_remaining(self) -> bool:
@@ -161,8 +160,7 @@ class ZoneManager:
         elif fact.kind in _LEAVING:
             zone = self.current_zone()
             if data["zone"] != zone["id"]:
-                message = f"the zone is then {zone['id']}"
-                raise ValueError(message)
+                raise ValueError(f"the zone is then {zone['id']}")
             self._leave(fact.kind, zone)
         elif fact.kind == "survivor_named":
             number = data["survivor"].rpartition("_")[2]

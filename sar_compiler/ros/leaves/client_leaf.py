@@ -239,8 +239,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         wanted = "Goal" if kind == "action" else "Request"
         if not isinstance(message, getattr(self.interface, wanted)):
             said = f"{type(self).__name__}.{wanted.lower()}() returned {message!r}"
-            text = f"{said}; return an interface.{wanted}, or a Status to send none"
-            raise LeafDefinitionError(text)
+            raise LeafDefinitionError(f"{said}; return an interface.{wanted}, or a Status to send none")
         self._exchange = self._open(message)
         self._exchange.advance()
         if not self._exchange.sent and not self._exchange.trouble:

@@ -36,14 +36,12 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     word = _WORDS[kind]
     if not name or not written:
         missing = f"{word}_type" if name else f"{word}_name"
-        message = f"{owner} has no {missing}; set it on the class, or in the constructor"
-        raise LeafDefinitionError(message)
+        raise LeafDefinitionError(f"{owner} has no {missing}; set it on the class, or in the constructor")
     if not isinstance(written, str):
         return written
     package, _, cls = written.partition(f"/{kind}/")
     if not (package.isidentifier() and cls.isidentifier()):
-        message = f"{owner}: {word}_type is '{written}'; write it as 'package/{kind}/Name'"
-        raise LeafDefinitionError(message)
+        raise LeafDefinitionError(f"{owner}: {word}_type is '{written}'; write it as 'package/{kind}/Name'")
     return _imported(owner, written, package, kind, cls)
 
 

@@ -43,8 +43,7 @@ class PostponeZone(RosLeaf):
     def __init__(self, name: str, zone_manager: ZoneManager, *, attempts: Attempts = 3) -> None:
         super().__init__(name)
         if attempts < 1:
-            message = f"attempts is {attempts}; a zone is tried at least once: write 1 or more"
-            raise ValueError(message)
+            raise ValueError(f"attempts is {attempts}; a zone is tried at least once: write 1 or more")
         self._zones = zone_manager
         self._attempts = attempts
 
