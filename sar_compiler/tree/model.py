@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xml.parsers import expat
 
 from sar_compiler.tree.diagnostic import Advice, Diagnostic
-from sar_compiler.tree.source import Form, Source, Span
+from sar_compiler.tree.source import Source, Span, Spans
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -100,21 +100,33 @@ class Element:
         """Where it is, for people."""
         return f"{self.source.path}:{self.line}"
 
+    @property
+    def follows_blank_line(self) -> bool:
+        """Whether a blank line is directly before it."""
+        return self.line > 0 and self.source.blank_before(self.offset, passing="- \t\r\n")
+
     def tag_span(self) -> Span:
         """Return where it begins, up to the end of its tag's name."""
-        return self.source.spans.tag(self.source, self)
+        return self.source.inside(*self.source.spans.tag(self))
 
     def name_span(self, attribute: str) -> Span:
         """Return where the name of one of its attributes is."""
-        return self.source.spans.attribute_name(self.source, self, attribute)
+        places = self.source.attribute(self, attribute)
+        return self.source.inside(*places[:2]) if places else self.tag_span()
 
     def value_span(self, attribute: str) -> Span:
         """Return where the value of one of its attributes is, without quotes."""
-        return self.source.spans.attribute_value(self.source, self, attribute)
+        places = self.source.attribute(self, attribute)
+        return self.source.inside(*places[2:]) if places else self.tag_span()
 
     def within_value(self, attribute: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value are."""
-        return self.source.spans.within_value(self.source, self, attribute, start, end)
+        """Return where the characters from *start* to *end* of an attribute's value as it was read are."""
+        source = self.source
+        places = source.attribute(self, attribute)
+        if places is None:
+            return self.tag_span()
+        offsets = source.spans.characters(source.text, *places[2:], self.attributes[attribute])
+        return source.span(*(offsets[min(index, len(offsets) - 1)] for index in (start, end)))
 
     def finding(
         self,
@@ -272,31 +284,7 @@ def is_name(text: str) -> bool:
     return True
 
 
-_NOWHERE = Span(1, 1, 1, 1)
-
-
-class _NoSpans:
-    """Finds nothing, because there is no text."""
-
-    form = Form.XML
-
-    def tag(self, _source: Source, _element: Element) -> Span:
-        return _NOWHERE
-
-    def attribute_name(self, _source: Source, _element: Element, _name: str) -> Span:
-        return _NOWHERE
-
-    def attribute_value(self, _source: Source, _element: Element, _name: str) -> Span:
-        return _NOWHERE
-
-    def within_value(self, _source: Source, _element: Element, _name: str, _start: int, _end: int) -> Span:
-        return _NOWHERE
-
-    def follows_blank_line(self, _source: Source, _element: Element) -> bool:
-        return False
-
-
-NO_SPANS = _NoSpans()
+NO_SPANS = Spans()
 """For a text without elements."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)

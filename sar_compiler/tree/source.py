@@ -3,10 +3,10 @@
 import bisect
 import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from sar_compiler.tree.model import Element
@@ -38,47 +38,33 @@ class Form(str, Enum):
     YAML = "yaml"
 
 
-class Spans(Protocol):
-    """Finds the parts of an element in the text; each form of tree file has its own."""
-
-    @property
-    def form(self) -> Form:
-        """The form of the text."""
-        ...
-
-    def tag(self, source: "Source", element: "Element") -> Span:
-        """Return where the element begins, up to the end of its tag's name."""
-        ...
-
-    def attribute_name(self, source: "Source", element: "Element", name: str) -> Span:
-        """Return where an attribute's name is."""
-        ...
-
-    def attribute_value(self, source: "Source", element: "Element", name: str) -> Span:
-        """Return where an attribute's value is, without its quotes."""
-        ...
-
-    def within_value(self, source: "Source", element: "Element", name: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value are.
-
-        Args:
-            source: The file.
-            element: The element.
-            name: The attribute.
-            start: The first character, counted in the value as it was read, from 0.
-            end: The character behind the last one.
-        """
-        ...
-
-    def follows_blank_line(self, source: "Source", element: "Element") -> bool:
-        """Return whether a blank line is directly before the element."""
-        ...
-
-
 AttributePlaces = tuple[int, int, int, int]
 """The offsets at which an attribute's name and its value begin and end."""
 
-_FEW, SHORT = 16, 1000
+
+class Spans:
+    """Finds the parts of elements in a text; each form of tree file has its own, and a text without elements this one."""
+
+    form = Form.XML
+
+    def tag(self, _element: "Element") -> tuple[int, int]:
+        """Return the offsets at which an element begins and its tag's name ends."""
+        return 0, 0
+
+    def attributes(self, _element: "Element") -> Iterator[tuple[str, AttributePlaces]]:
+        """Yield the names and the places of an element's attributes, in the order of the text."""
+        return iter(())
+
+    def inside(self, _text: str, start: int, end: int) -> tuple[int, int]:
+        """Return the place of a name or a value without its quotes."""
+        return start, end
+
+    def characters(self, _text: str, start: int, end: int, _value: str) -> Sequence[int]:
+        """Return the place of each character of a value as it was read, and of its end."""
+        return range(start, end + 1)
+
+
+_FEW, _SHORT = 16, 1000
 """Up to this number of attributes, and of characters in them, places are looked up again each time they are asked for."""
 
 
@@ -121,17 +107,10 @@ class Source:
         """The places of the attributes of those elements that have many, or long ones."""
         return {}
 
-    @functools.cached_property
-    def long_values(self) -> dict[tuple[int, int], list[int]]:
-        """The offsets of the characters of long values, some of which are written as several, by where a value begins and ends."""
-        return {}
-
-    def attribute(
-        self, element: "Element", name: str, attributes: Iterator[tuple[str, AttributePlaces]]
-    ) -> AttributePlaces | None:
+    def attribute(self, element: "Element", name: str) -> AttributePlaces | None:
         """Return the places of an attribute; None if the text of the element has none of this name."""
-        values = element.attributes.values()
-        if len(values) <= _FEW and sum(map(len, values)) <= SHORT:
+        values, attributes = element.attributes.values(), self.spans.attributes(element)
+        if len(values) <= _FEW and sum(map(len, values)) <= _SHORT:
             return next((places for each, places in attributes if each == name), None)
         if element.place not in self._wide:
             self._wide[element.place] = dict(attributes)
@@ -155,6 +134,10 @@ class Source:
     def span(self, start: int, end: int) -> Span:
         """Return the stretch between two offsets."""
         return Span(*self.place(start), *self.place(end))
+
+    def inside(self, start: int, end: int) -> Span:
+        """Return the stretch of a name or a value, without its quotes."""
+        return self.span(*self.spans.inside(self.text, start, end))
 
     def place(self, offset: int) -> tuple[int, int]:
         """Return the line and the column of an offset."""

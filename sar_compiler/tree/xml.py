@@ -5,15 +5,16 @@ in the text only when somebody asks, which is when there is something to say abo
 """
 
 import dataclasses
+import functools
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from xml.parsers import expat
 
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile, text_of_xml
-from sar_compiler.tree.source import SHORT, AttributePlaces, Form, Source, Span
+from sar_compiler.tree.source import AttributePlaces, Source, Spans
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
@@ -33,51 +34,29 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
     return _XmlReader(source_of(data, path, _SPANS, encoding, _EMPTY_HINT)).read()
 
 
-class _XmlSpans:
+class _XmlSpans(Spans):
     """Finds the parts of a start tag in the text."""
 
-    form = Form.XML
-
-    def tag(self, source: Source, element: Element) -> Span:
+    def tag(self, element: Element) -> tuple[int, int]:
         start = element.offset
-        name = NAME.match(source.text, start)
-        return source.span(start, name.end() if name else start + 1)
+        name = NAME.match(element.source.text, start)
+        return start, name.end() if name else start + 1
 
-    def attribute_name(self, source: Source, element: Element, name: str) -> Span:
-        places = self._attribute(source, element, name)
-        return source.span(*places[:2]) if places else self.tag(source, element)
-
-    def attribute_value(self, source: Source, element: Element, name: str) -> Span:
-        places = self._attribute(source, element, name)
-        return source.span(*places[2:]) if places else self.tag(source, element)
-
-    def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
-        attribute = self._attribute(source, element, name)
-        if attribute is None:
-            return self.tag(source, element)
-        first, last = attribute[2:]
-        value = element.attributes[name]
-        if last - first == len(value) and source.text.startswith(value, first):  # nearly every value
-            return source.span(min(first + start, last), min(first + end, last))
-        places = source.long_values.get((first, last))
-        if places is None:
-            places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
-            if len(places) > SHORT:
-                source.long_values[first, last] = places
-        return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
-
-    def follows_blank_line(self, source: Source, element: Element) -> bool:
-        return source.blank_before(element.offset)
-
-    def _attribute(self, source: Source, element: Element, name: str) -> AttributePlaces | None:
-        return source.attribute(element, name, self._attributes(source, element))
-
-    def _attributes(self, source: Source, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
-        tag = NAME.match(source.text, element.offset)
-        offset = tag.end() if tag else 0
-        while match := ATTRIBUTE.match(source.text, offset):
+    def attributes(self, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
+        text, offset = element.source.text, self.tag(element)[1]
+        while match := ATTRIBUTE.match(text, offset):
             yield match[1], (*match.span(1), *match.span(3))
             offset = match.end()
+
+    def characters(self, text: str, start: int, end: int, value: str) -> Sequence[int]:
+        if end - start == len(value) and text.startswith(value, start):  # nearly every value
+            return range(start, end + 1)
+        return _offsets(text, start, end)
+
+
+@functools.lru_cache(maxsize=4)  # a long value with many mistakes in it is asked for with each
+def _offsets(text: str, start: int, end: int) -> list[int]:
+    return [found.start() for found in _CHARACTER.finditer(text, start, end)] + [end]
 
 
 _SPANS = _XmlSpans()

@@ -26,7 +26,7 @@ def write_xml(tree_file: TreeFile) -> str:
         if comment.index == 0:
             lines += _comment(comment, "", after_blank_line=comment.after_blank_line and len(lines) > 1)
     lines += _element(
-        tree_file.root, "", after_blank_line=len(lines) > 1 and _follows_blank_line(tree_file.root)
+        tree_file.root, "", after_blank_line=len(lines) > 1 and tree_file.root.follows_blank_line
     )
     for comment in tree_file.comments:
         if comment.index > 0:
@@ -65,7 +65,7 @@ def _content(content: list[Comment | Element], indent: str) -> Iterator[str]:
         if isinstance(each, Comment):
             yield from _comment(each, indent, after_blank_line=each.after_blank_line and number > 0)
         else:
-            yield from _element(each, indent, after_blank_line=number > 0 and _follows_blank_line(each))
+            yield from _element(each, indent, after_blank_line=number > 0 and each.follows_blank_line)
 
 
 def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterator[str]:
@@ -112,10 +112,6 @@ def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterat
 
 def _is_trailing(comment: Comment) -> bool:
     return comment.trailing and comment.attribute is None
-
-
-def _follows_blank_line(element: Element) -> bool:
-    return element.source.spans.follows_blank_line(element.source, element)
 
 
 def _escape(text: str, escapes: dict[str, str]) -> str:

@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Sequence
 
 from sar_compiler.tree.model import Element
-from sar_compiler.tree.source import AttributePlaces, Form, Source, Span
+from sar_compiler.tree.source import AttributePlaces, Form, Spans
 
 _HEADER = re.compile(r"[|>][^\r\n]*(?:\r\n|\r|\n|$)")
 # What stands for the characters of a value: a fold, an escape, or a character for itself.
@@ -19,7 +19,7 @@ _DOUBLE = re.compile(
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
-class YamlSpans:
+class YamlSpans(Spans):
     """The places of a file's tags, attribute names and values.
 
     They are noted while the file is read, as plain numbers in the order of the file, because nothing less than
@@ -48,50 +48,28 @@ class YamlSpans:
         self._first[number] = len(self._places)
         self._places.extend(places)
 
-    def tag(self, source: Source, element: Element) -> Span:
+    def tag(self, element: Element) -> tuple[int, int]:
         """Return where the element's tag is."""
         number = self._number(element)
-        return source.span(*unquoted(source.text, self._tags[number], self._tag_ends[number]))
+        return self._tags[number], self._tag_ends[number]
 
-    def attribute_name(self, source: Source, element: Element, name: str) -> Span:
-        """Return where an attribute's name is."""
-        places = self._attribute(source, element, name)
-        return (
-            source.span(*unquoted(source.text, places[0], places[1])) if places else self.tag(source, element)
-        )
-
-    def attribute_value(self, source: Source, element: Element, name: str) -> Span:
-        """Return the place of an attribute's value, without quotes and without the header of a block."""
-        places = self._attribute(source, element, name)
-        return (
-            source.span(*unquoted(source.text, places[2], places[3])) if places else self.tag(source, element)
-        )
-
-    def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value are."""
-        places = self._attribute(source, element, name)
-        if not places:
-            return self.tag(source, element)
-        offsets = offsets_in_scalar(source.text, places[2], places[3], element.attributes[name])
-        return source.span(*(offsets[min(index, len(offsets) - 1)] for index in (start, end)))
-
-    def follows_blank_line(self, source: Source, element: Element) -> bool:
-        """Return whether a blank line is directly before the element."""
-        return source.blank_before(element.offset, passing="- \t\r\n")
-
-    def _number(self, element: Element) -> int:
-        return bisect.bisect_left(self._tags, element.offset)
-
-    def _attribute(self, source: Source, element: Element, name: str) -> AttributePlaces | None:
-        if name not in element.attributes:
-            return None
-        return source.attribute(element, name, self._attributes(element))
-
-    def _attributes(self, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
+    def attributes(self, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
+        """Yield the names and the places of an element's attributes, which have quotes or the header of a block."""
         first = self._first[self._number(element)]
         for index, name in enumerate(element.attributes, first // 4):
             start, end, begin, behind = self._places[4 * index : 4 * index + 4]
             yield name, (start, end, begin, behind)
+
+    def inside(self, text: str, start: int, end: int) -> tuple[int, int]:
+        """Return the place of a name or a value, without quotes and without the header of a block."""
+        return unquoted(text, start, end)
+
+    def characters(self, text: str, start: int, end: int, value: str) -> Sequence[int]:
+        """Return the place of each character of a value as it was read, and of its end."""
+        return offsets_in_scalar(text, start, end, value)
+
+    def _number(self, element: Element) -> int:
+        return bisect.bisect_left(self._tags, element.offset)
 
 
 def unquoted(text: str, start: int, end: int) -> tuple[int, int]:

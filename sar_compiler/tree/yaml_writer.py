@@ -32,7 +32,7 @@ def write_yaml(tree_file: TreeFile) -> str:
     for index, comment in enumerate(before):
         lines += _comment(comment, "", after_blank_line=index > 0)
     root = tree_file.root
-    if before and root.source.spans.follows_blank_line(root.source, root):
+    if before and root.follows_blank_line:
         lines.append("")
     lines += _node(root, "", "")
     after = [comment for comment in tree_file.comments if comment.index > 0]
@@ -91,7 +91,7 @@ def _children(element: Element, indent: str) -> Iterator[str]:
             after_blank_line = isinstance(last, Comment) or (last is not None and each.after_blank_line)
             yield from _comment(each, indent, after_blank_line=after_blank_line)
         else:
-            if last is not None and each.source.spans.follows_blank_line(each.source, each):
+            if last is not None and each.follows_blank_line:
                 yield ""
             yield from _node(each, indent, "- ")
         last = each
