@@ -96,7 +96,7 @@ def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
 
         return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
     # libxml2 does not count a lone carriage return as the end of a line, expat does.
-    text = readable(tree_file.source) if tree_file.findings else tree_file.source.text
+    text = readable(tree_file)
     if "\r" in text:
         text = re.sub(r"\r\n?", "\n", text)
     # A declaration of another version of XML is refused by libxml2 alone.

@@ -6,9 +6,9 @@ the file anew must not.
 
 import codecs
 import dataclasses
+import re
 from collections.abc import Iterator
 from typing import NamedTuple
-from xml.parsers import expat
 
 from sar_compiler.tree.content import bytes_of
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
@@ -47,7 +47,7 @@ def convert(tree_file: TreeFile, form: Form) -> Converted:
             in XML), or an attribute that the form cannot have.
     """
     rest = [each for each in tree_file.findings if each.code == "stray-text"]
-    rest += rest_of(tree_file) if tree_file.source.form is Form.XML else []
+    rest += rest_of(tree_file) if tree_file.source.form is Form.XML else ()
     if rest:
         # BehaviorTree.CPP passes over stray text; here it would be lost.
         raise TreeError(dataclasses.replace(each, severity=Severity.ERROR) for each in rest)
@@ -138,56 +138,36 @@ def _first_words(text: str) -> str:
     return first if first == text and len(first) <= 40 else f"{first[:40]}..."  # noqa: PLR2004
 
 
-def rest_of(tree_file: TreeFile) -> list[Diagnostic]:
-    """Return a finding for each piece of text and each processing instruction that no element has."""
-    with_text = {element.place for element in tree_file.root.iterate() if element.text}
-    text = readable(tree_file.source) if tree_file.findings else tree_file.source.text
-    return _Looker(tree_file.source, with_text).look(text)
+_PIECE = re.compile(
+    r"<(?P<comment>!--).*?-->|<\?(?P<target>[^\s?]+).*?\?>|<!\[CDATA\[(?P<data>.*?)\]\]>|(?P<end></)[^>]*>"
+    r"""|(?P<start><)(?:"[^"]*"|'[^']*'|[^"'>])*>|(?P<text>[^<]+)""",
+    re.DOTALL,
+)
+"""The pieces of a text that is well-formed."""
 
 
-class _Looker:
-    def __init__(self, source: Source, with_text: set[tuple[int, int]]) -> None:
-        self._source = source
-        self._with_text = with_text
-        self._open: list[tuple[int, int]] = []
-        self._findings: list[Diagnostic] = []
-        # Text of one line in one element may come in pieces.
-        self._last: tuple[int, int] | None = None
-        self._parser = parser = expat.ParserCreate(encoding="utf-8")
-        parser.buffer_text = True
-        parser.StartElementHandler = self._start
-        parser.EndElementHandler = self._end
-        parser.CharacterDataHandler = self._text
-        parser.ProcessingInstructionHandler = self._instruction
+def rest_of(tree_file: TreeFile) -> Iterator[Diagnostic]:
+    """Yield a finding for each piece of text and each processing instruction that no element has."""
+    with_text = {element.offset for element in tree_file.root.iterate() if element.text}
+    opened: list[int] = []
+    last = -1
+    for piece in _PIECE.finditer(readable(tree_file)):
+        kind = piece.lastgroup or ""
+        start, written = piece.start(kind), piece[kind].strip()
+        if kind == "end":
+            opened.pop()
+        elif kind == "start" and not piece[0].endswith("/>"):
+            opened.append(piece.start())
+        elif kind == "target" and written != "xml":
+            message = f"the processing instruction <?{written}?> is no part of the tree, and would be lost"
+            yield _report("processing-instruction", message, tree_file.source, f"<?{written}", piece.start())
+        elif kind in ("data", "text") and written and opened[-1] != last and opened[-1] not in with_text:
+            last = opened[-1]  # once for each element
+            start += piece[kind].index(written)
+            message = "this text is no part of the tree, and writing the file anew would lose it"
+            yield _report("stray-text", message, tree_file.source, written.splitlines()[0], start)
 
-    def look(self, text: str) -> list[Diagnostic]:
-        self._parser.Parse(text.encode(), True)  # noqa: FBT003
-        return self._findings
 
-    def _place(self) -> tuple[int, int]:
-        return self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1
-
-    def _start(self, _tag: str, _attributes: object) -> None:
-        self._open.append(self._place())
-
-    def _end(self, _tag: str) -> None:
-        self._open.pop()
-
-    def _text(self, data: str) -> None:
-        element = self._open[-1]
-        written = data.strip()
-        if not written or element in self._with_text or element == self._last:
-            return
-        self._last = element
-        line, start = written.split("\n", maxsplit=1)[0], self._source.offset(*element)
-        message = "this text is no part of the tree, and writing the file anew would lose it"
-        self._report("stray-text", message, max(self._source.text.find(line, start), start), len(line))
-
-    def _instruction(self, target: str, _data: str) -> None:
-        message = f"the processing instruction <?{target}?> is no part of the tree, and would be lost"
-        self._report("processing-instruction", message, self._source.offset(*self._place()), len(target) + 2)
-
-    def _report(self, code: str, message: str, start: int, length: int) -> None:
-        span = self._source.span(start, start + length)
-        hint = "put it in a comment, or delete it"
-        self._findings.append(Diagnostic(code, message, self._source, span, hint=hint))
+def _report(code: str, message: str, source: Source, written: str, start: int) -> Diagnostic:
+    span, hint = source.span(start, start + len(written)), "put it in a comment, or delete it"
+    return Diagnostic(code, message, source, span, hint=hint)

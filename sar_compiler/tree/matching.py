@@ -84,8 +84,8 @@ def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
     Returns:
         The roots of both files; `partner` says of every node in them which one it is in the other file.
     """
-    reader = _NodeReader()
-    first, second = (reader.node(tree_file.root, None, ordered=True) for tree_file in (old, new))
+    marks: dict[Hashable, int] = {}
+    first, second = (_node(tree_file.root, None, marks, ordered=True) for tree_file in (old, new))
     _pair(first, second)
     _align(first, second)
     _find_moved(first, second)
@@ -103,35 +103,29 @@ def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
     return [pairs[j] for _, j in kept]
 
 
-class _NodeReader:
-    """Makes nodes of elements, and gives equal marks to those that say the same."""
-
-    def __init__(self) -> None:
-        self._marks: dict[Hashable, int] = {}
-
-    def node(self, element: Element, parent: Node | None, *, ordered: bool) -> Node:
-        described = not ordered
-        kind, attributes = element.tag, dict(element.attributes)
-        if kind in _EXPLICIT_TAGS and "ID" in attributes and not described:
-            kind = attributes.pop("ID")
-        if parent is None:
-            attributes = {k: v for k, v in attributes.items() if not k.startswith(_EDITOR_ATTRIBUTES)}
-        # Trees and descriptions are found by their names, wherever they stand.
-        inside = ordered and element.tag != MODEL_TAG
-        node = Node(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)
-        node.children = [self.node(child, node, ordered=inside) for child in element.children]
-        node.size += sum(child.size for child in node.children)
-        node.label = node.name or node.type
-        _number(node.children)
-        marks = [child.mark for child in node.children]
-        said = (
-            kind,
-            frozenset(attributes.items()),
-            element.text,
-            tuple(marks if node.ordered else sorted(marks)),
-        )
-        node.mark = self._marks.setdefault(said, len(self._marks))
-        return node
+def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, ordered: bool) -> Node:
+    """Make a node of an element; those that say the same get equal marks."""
+    kind, attributes = element.tag, dict(element.attributes)
+    if kind in _EXPLICIT_TAGS and "ID" in attributes and ordered:
+        kind = attributes.pop("ID")
+    if parent is None:
+        attributes = {k: v for k, v in attributes.items() if not k.startswith(_EDITOR_ATTRIBUTES)}
+    # Trees and descriptions are found by their names, wherever they stand.
+    inside = ordered and element.tag != MODEL_TAG
+    node = Node(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)
+    node.children = [_node(child, node, marks, ordered=inside) for child in element.children]
+    node.size += sum(child.size for child in node.children)
+    node.label = node.name or node.type
+    _number(node.children)
+    below = [child.mark for child in node.children]
+    said = (
+        kind,
+        frozenset(attributes.items()),
+        element.text,
+        tuple(below if node.ordered else sorted(below)),
+    )
+    node.mark = marks.setdefault(said, len(marks))
+    return node
 
 
 def _number(nodes: list[Node]) -> None:
@@ -185,16 +179,21 @@ def _align_gap(
     old: list[Node], new: list[Node], key: Key, accept: Callable[[Node, Node], bool] = lambda _old, _new: True
 ) -> list[tuple[list[Node], list[Node]]]:
     """Pair the nodes that two ranges have in the same order, and return the ranges in between."""
-    gaps = []
+    keys = [[key(node) for node in nodes] for nodes in (old, new)]
+    pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
+    for i, j in pairs:
+        _join(old[i], new[j])
+    return [gap for gap in _between(old, new, pairs) if gap[0] and gap[1]]
+
+
+def _between(
+    old: list[Node], new: list[Node], pairs: Sequence[tuple[int, int]]
+) -> Iterator[tuple[list[Node], list[Node]]]:
+    """Yield the ranges of two lists before, between and after pairs."""
     i = j = 0
-    for next_i, next_j in common_subsequence([key(node) for node in old], [key(node) for node in new]):
-        if not accept(old[next_i], new[next_j]):
-            continue
-        _join(old[next_i], new[next_j])
-        gaps.append((old[i:next_i], new[j:next_j]))
+    for next_i, next_j in [*pairs, (len(old), len(new))]:
+        yield old[i:next_i], new[j:next_j]
         i, j = next_i + 1, next_j + 1
-    gaps.append((old[i:], new[j:]))
-    return [gap for gap in gaps if gap[0] and gap[1]]
 
 
 def _join(old: Node, new: Node) -> None:
@@ -243,22 +242,14 @@ def _find_renamed(old: Node) -> None:
     for node in old.iterate():
         if node.partner is None or node.mark == node.partner.mark:
             continue
-        gaps = (
-            _gaps(node, node.partner)
-            if node.ordered
-            else [(_free(node.children), _free(node.partner.children))]
-        )
+        stayed = in_place(node, node.partner) if node.ordered else []
+        numbers = [(one.number, other.number) for one, other in stayed]
+        gaps = [
+            (_free(one), _free(other))
+            for one, other in _between(node.children, node.partner.children, numbers)
+        ]
         for key in (lambda one: one.type, lambda one: one.name or None, _shape):
             gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key, _alike)]
-
-
-def _gaps(old: Node, new: Node) -> list[tuple[list[Node], list[Node]]]:
-    gaps = []
-    i = j = 0
-    for one, other in in_place(old, new):
-        gaps.append((_free(old.children[i : one.number]), _free(new.children[j : other.number])))
-        i, j = one.number + 1, other.number + 1
-    return [*gaps, (_free(old.children[i:]), _free(new.children[j:]))]
 
 
 def _shape(node: Node) -> Hashable | None:

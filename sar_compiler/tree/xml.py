@@ -123,9 +123,9 @@ class _XmlReader:
             nonlocal count
             count += 1
             if count > MAX_ELEMENTS:
-                self._too_many(tag, f"the file has more than {MAX_ELEMENTS:,} elements")
+                self._refuse("too-many-nodes", f"the file has more than {MAX_ELEMENTS:,} elements", tag)
             if len(attributes) > MAX_ATTRIBUTES:
-                self._too_many(tag, f"<{tag}> has more than {MAX_ATTRIBUTES:,} attributes")
+                self._refuse("too-many-nodes", f"<{tag}> has more than {MAX_ATTRIBUTES:,} attributes", tag)
             if recovered is not None:
                 attributes = {name: recovered.original(value) for name, value in attributes.items()}
             opened.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
@@ -134,7 +134,7 @@ class _XmlReader:
                 # Only there does text mean something: it describes a port.
                 parser.CharacterDataHandler = self._data
             if len(opened) > MAX_DEPTH:
-                self._too_deep(tag)
+                self._refuse("too-deep", f"elements are nested more than {MAX_DEPTH} deep", tag)
 
         def end(tag: str) -> None:
             text, notes = self._extras() if comments or texts else _NOTHING
@@ -145,13 +145,6 @@ class _XmlReader:
                 parser.CharacterDataHandler = None
 
         return start, end
-
-    def _too_deep(self, tag: str) -> None:
-        message = f"elements are nested more than {MAX_DEPTH} deep"
-        self._refuse("too-deep", message, self._here(), self._here() + len(tag) + 1)
-
-    def _too_many(self, tag: str, message: str) -> None:
-        self._refuse("too-many-nodes", message, self._here(), self._here() + len(tag) + 1)
 
     def _extras(self) -> tuple[str, tuple[Comment, ...]]:
         """Take the text and the comments of the element that ends."""
@@ -190,13 +183,18 @@ class _XmlReader:
         message = "a DOCTYPE is not allowed in a tree file (entities could hide what the file says)"
         # expat speaks up behind the declaration's name.
         start = self._source.text.rfind("<!DOCTYPE", 0, self._here())
-        self._refuse("doctype", message, start, start + len("<!DOCTYPE"), hint="delete the declaration")
+        self._refuse("doctype", message, "!DOCTYPE", start, hint="delete the declaration")
 
     def _here(self) -> int:
         return self._source.offset(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
 
-    def _refuse(self, code: str, message: str, start: int, end: int, hint: str | None = None) -> None:
-        raise TreeError([Diagnostic(code, message, self._source, self._source.span(start, end), hint=hint)])
+    def _refuse(
+        self, code: str, message: str, name: str, start: int | None = None, hint: str | None = None
+    ) -> None:
+        """Raise the finding about a `<` and the name behind it: where the parser is, unless a start is given."""
+        start = self._here() if start is None else start
+        span = self._source.span(start, start + len(name) + 1)
+        raise TreeError([Diagnostic(code, message, self._source, span, hint=hint)])
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
         """Return a finding in the reader's words for an error that expat's own words do not explain."""

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from xml.parsers import expat
 
 from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.model import TreeFile
 from sar_compiler.tree.source import Source
 
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
@@ -75,7 +76,9 @@ def recover(source: Source) -> Recovered | None:
     findings: list[Diagnostic] = []
     if declaration := _LATE_DECLARATION.match(text):
         parts, done = [_NOT_BLANK.sub(" ", declaration[0])], declaration.end()
-        findings.append(_late_declaration(source, *declaration.span(1)))
+        message = f"an XML declaration must be at the very beginning of a file: {_TOLD}"
+        span, hint = source.span(*declaration.span(1)), "delete the blanks and lines before it"
+        findings.append(Diagnostic("loose-xml", message, source, span, hint=hint))
     for start, end, part in _TagWalk(text).stretches():
         raw = part.value
         if raw.search(text, start, end) is None:
@@ -83,18 +86,17 @@ def recover(source: Source) -> Recovered | None:
         parts += [text[done:start], _replace(text[start:end], stand_ins, part)]
         done = end
         runs = itertools.islice(raw.finditer(text, start, end), _MOST - len(findings))
-        tell = _TELLING.get(part, _finding)
-        findings += [tell(source, *run.span()) for run in runs]
+        findings += [_recovery(source, *run.span(), part) for run in runs]
     if not parts:
         return None
     originals = {ord(stand_in): chr(character) for character, stand_in in stand_ins.items()}
     return Recovered("".join([*parts, text[done:]]), originals, tuple(findings))
 
 
-def readable(source: Source) -> str:
+def readable(tree_file: TreeFile) -> str:
     """Return the text of a file that was read, with stand-ins where it was recovered."""
-    recovered = recover(source)
-    return recovered.text if recovered is not None else source.text
+    recovered = recover(tree_file.source) if tree_file.findings else None
+    return recovered.text if recovered is not None else tree_file.source.text
 
 
 def escaped(written: str) -> str:
@@ -122,7 +124,7 @@ def _stand_ins(text: str) -> dict[int, str] | None:
 
 
 def _replace(stretch: str, stand_ins: dict[int, str], part: _Stretch) -> str:
-    if part in _TELLING:
+    if part in _PASSED:
         return _NOT_BLANK.sub(" ", stretch)
     if part is _Stretch.COMMENT:
         return stretch.replace("-", stand_ins[ord("-")])
@@ -210,29 +212,27 @@ def _values(text: str, tag: int, values: list[tuple[int, int, _Stretch]]) -> int
     return end.end()
 
 
-def _late_declaration(source: Source, start: int, end: int) -> Diagnostic:
-    message = f"an XML declaration must be at the very beginning of a file: {_TOLD}"
-    hint, span = "delete the blanks and lines before it", source.span(start, end)
-    return Diagnostic("loose-xml", message, source, span, hint=hint)
+_PASSED = {
+    _Stretch.BEFORE_ROOT: ("text is not allowed before the root", "put it in a comment, or delete it"),
+    _Stretch.BESIDE_ROOT: (
+        "a file is one <root>, and this is none of it",
+        "delete it, or put it into the <root>",
+    ),
+}
+"""What is wrong with what BehaviorTree.CPP passes over, and what to do."""
 
 
-def _stray_text(source: Source, start: int, end: int) -> Diagnostic:
-    message = f"text is not allowed before the root: {_TOLD_PASSED}"
-    hint, span = "put it in a comment, or delete it", source.span(start, end)
-    return Diagnostic("stray-text", message, source, span, hint=hint)
-
-
-def _beside_root(source: Source, start: int, end: int) -> Diagnostic:
+def _recovery(source: Source, start: int, end: int, part: _Stretch) -> Diagnostic:
+    """Return the finding about something that is not XML."""
+    if part not in _PASSED:
+        return _loose(source, start, end)
+    what, hint = _PASSED[part]
     line = _LINE.match(source.text, start, end)
-    message = f"a file is one <root>, and this is none of it: {_TOLD_PASSED}"
-    hint, span = "delete it, or put it into the <root>", source.span(start, line.end() if line else end)
+    message, span = f"{what}: {_TOLD_PASSED}", source.span(start, line.end() if line else end)
     return Diagnostic("stray-text", message, source, span, hint=hint)
 
 
-_TELLING = {_Stretch.BEFORE_ROOT: _stray_text, _Stretch.BESIDE_ROOT: _beside_root}
-
-
-def _finding(source: Source, start: int, end: int) -> Diagnostic:
+def _loose(source: Source, start: int, end: int) -> Diagnostic:
     raw, named = source.text[start:end], _NAMED.match(source.text, start)
     suggestion, hint = None, None
     if "-" in raw:
