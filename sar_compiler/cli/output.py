@@ -11,10 +11,12 @@ class RunOutput:
 
     Attributes:
         lost: Whether standard output is closed.
+        leave: To be called before anything that must stand below what is drawn in place.
     """
 
     def __init__(self) -> None:
         self.lost = False
+        self.leave: Callable[[], object] = lambda: None
 
     def show(self, text: str) -> None:
         """Print a text of momentary interest; nothing once standard output is closed."""

@@ -17,11 +17,11 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from sar_compiler.cli.companions import Companions, RunSetup, companions_asked_for
 from sar_compiler.cli.loading import additions, tell_note
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
-from sar_compiler.cli.run_watchers import RunWatchers, open_watchers
 from sar_compiler.cli.supervision import PERIOD_SEC
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
@@ -43,7 +43,6 @@ from sar_compiler.ros.arguments import (
 from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.engine import (
     Engine,
-    EngineFactory,
     SetupFailedError,
     error_text,
     failure_text,
@@ -71,7 +70,6 @@ from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
-    from sar_compiler.cli.run_view import RunView
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
@@ -98,8 +96,7 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
         SarError: If the mission, the parameters, the world or the ROS arguments are wrong; the robot has not moved.
     """
     make_engine = find_engine(options.engine)
-    if options.view == "web":  # what it lacks is said before anything starts
-        import sar_compiler.cli.run_page  # noqa: F401
+    asked_for = list(companions_asked_for(options))  # what they lack is said before anything starts
     loaded = _loaded(options)
     binding = loaded.binding(options.tree_id)
     require_classes(binding)
@@ -108,7 +105,6 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
     faults = [parse_fault(text, targets) for text in options.fault]
     world = _world(options)
     output = RunOutput()
-    view = _view(options, output)
     with ExitStack() as stack:
         context = ros.enter_context(_ros(options, signals, mission))
         if signals.came:
@@ -128,9 +124,8 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
         journal = stack.enter_context(open_run_journal(options, mission, node))
         if options.supervision is not None:
             options.supervision.tell_journal(journal.journal.place)
-        watchers = stack.enter_context(
-            open_watchers(options, node, journal.journal, begun, view, parameters.georeference)
-        )
+        setup = RunSetup(options, node, journal.journal, begun, parameters, output)
+        companions = Companions(setup, asked_for, stack)
         journal.keep_facts(begun, reader.parameters)
         if _wants_guardian(options, journal):
             guardian = stack.enter_context(closing(_guardian(options, node)))
@@ -141,16 +136,16 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
             node,
             parameters,
             begun,
-            make_engine,
             fixed,
             journal,
-            watchers,
+            companions,
             output,
             world,
         )
         tree = compile_tree(binding, run.context, reader.parameters)
         journal.describe(tree, loaded.path)
-        watchers.show(tree)
+        engine = make_engine(tree.root)
+        companions.begin(tree, engine)
         for note in notes:
             node.get_logger().warning(in_one_line(note))
         try:
@@ -159,23 +154,10 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
                 run.simulation = ros.enter_context(_simulation(options, world, node, begun, faults))
             executor = SingleThreadedExecutor(context=context)
             ros.callback(executor.shutdown)
-            return run.run(tree, executor)
+            return run.run(tree, engine, executor)
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
-
-
-def _view(options: "Options", output: RunOutput) -> "RunView | None":
-    """Return what shows the run; None if nothing does.
-
-    Raises:
-        ImportError: If what it takes is not installed.
-    """
-    if options.view != "text":
-        return None
-    from sar_compiler.cli.run_view import run_view
-
-    return run_view(output)
 
 
 def _wants_guardian(options: "Options", journal: RunJournal) -> bool:
@@ -283,7 +265,7 @@ class _TreeRun:
         context: The objects passed to the leaves, by type.
         fixed_parameters: The names of parameters that are not set while it runs.
         journal: The journal, which may be none.
-        watchers: Those outside who watch it.
+        companions: Those who go along with it.
         output: What is printed.
         world: The world that is simulated, if one is.
         simulation: The simulation, if there is one.
@@ -294,10 +276,9 @@ class _TreeRun:
     node: Node
     parameters: RunParameters
     mission: MissionRun | None
-    make_engine: EngineFactory
     fixed_parameters: Collection[str]
     journal: RunJournal
-    watchers: RunWatchers
+    companions: Companions
     output: RunOutput
     world: "World | None" = None
     simulation: "Simulation | None" = None
@@ -333,11 +314,12 @@ class _TreeRun:
             limit = _SIMULATED_TIME_LIMIT_SEC
         return EndCondition(until, self.mission, limit, self.node.get_logger().info)
 
-    def run(self, tree: CompiledTree, executor: SingleThreadedExecutor) -> int:
+    def run(self, tree: CompiledTree, engine: Engine, executor: SingleThreadedExecutor) -> int:
         """Wait, tick, stop and sum up; returns the exit status.
 
         Args:
             tree: The tree.
+            engine: What ticks it.
             executor: Gets the node.
 
         Raises:
@@ -357,7 +339,7 @@ class _TreeRun:
                 return self._interrupted()
             if self.options.check:
                 return self._checked(executor, route)
-            return self._tick(executor, tree)
+            return self._tick(executor, tree, engine)
         except NotReadyError:
             if route is not None:
                 route.tell(executor, self.output.say)
@@ -413,11 +395,10 @@ class _TreeRun:
         self.output.say("Everything that the tree needs is there.")
         return OK
 
-    def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> int:
-        engine = self.make_engine(tree.root)
+    def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree, engine: Engine) -> int:
         engine.add_post_tick_handler(self._look_for_end)
         self.journal.begin(engine, tree)
-        self.watchers.begin(engine)
+        self.companions.has_begun = True
         try:
             engine.setup(node=self.node)
             self.signals.last_words = lambda: self._leave_at_once(tree)
@@ -428,7 +409,6 @@ class _TreeRun:
                 while self._result is None and engine.failure is None and not self._over:
                     AWAKE.now()
                     self._turn(executor)
-                    self.watchers.refresh(self._clock.now())
                     self._give_way_where_deaf()
             elapsed = self._clock.now() - self._started
             self._come_to_rest(engine, executor)
@@ -438,7 +418,6 @@ class _TreeRun:
                 "the tree was not started, because one of its leaves failed in setup (see above)", str(error)
             )
             self.journal.end(status, self._reason)
-            self.watchers.end()
             return status
         finally:
             self.signals.last_words = None
@@ -447,7 +426,7 @@ class _TreeRun:
             if self._watch is not None:
                 self._watch.close()
             engine.shutdown()
-            self.watchers.leave_terminal()
+            self.output.leave()
         try:
             status = self._conclude(engine, elapsed)
         except MissionError as error:
@@ -455,7 +434,6 @@ class _TreeRun:
         over = engine.failure is None and (self._result is not None or self._end.complete)
         reason = self._result.reason if self._result is not None else self._reason
         self.journal.end(status, reason, is_over=over, is_stopped=self.signals.came)
-        self.watchers.end()
         return status
 
     def _give_way_where_deaf(self) -> None:
@@ -494,7 +472,7 @@ class _TreeRun:
         active = len(goals_under_way(self.node)) or (self._robot is not None and self._robot.moves)
         # Before anything that may take its time, which there is little of.
         send_cancels(tree.root, self.node)
-        self.watchers.leave_terminal()
+        self.output.leave()
         if not active:
             print_error("sar-run: ended at once, as asked twice")
             return None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.commands import print_error
 from sar_compiler.journal.journal_entries import RUN_ENDED, JournalEntry
+from sar_compiler.ros.companion import Companion
 from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import PageServer
@@ -23,49 +24,50 @@ if TYPE_CHECKING:
 _LOOK_SEC = 0.5
 
 
-@contextmanager
-def serve_run(
-    port: int | None, journal: "Journal", node: "Node", mission: "MissionRun | None"
-) -> Iterator[None]:
-    """Serve the page of a run.
+class RunPage(Companion):
+    """The page of a run.
 
     Args:
         port: The port; None for the usual one.
-        journal: The run's journal, before it is asked for anything.
+        journal: The run's journal.
         node: The run's node.
         mission: The mission, which says what the operator can order.
 
     Raises:
         PageError: If the port cannot be had.
     """
-    from sar_compiler.missions.verb_calls import VerbCalls
-    from sar_compiler.ros.clock import NodeTime
 
-    verbs = mission.verbs() if mission is not None else ()
-    calls = VerbCalls(node, verbs)
-    clock = NodeTime(
-        node
-    )  # its own, for it is read in the server's thread; the mission's says what becomes of it
-    hello: dict[str, object] = {
-        "robots": [node.get_fully_qualified_name()],
-        "verbs": [_form(verb) for verb in verbs],
-    }
+    def __init__(
+        self, port: int | None, journal: "Journal", node: "Node", mission: "MissionRun | None"
+    ) -> None:
+        from sar_compiler.missions.verb_calls import VerbCalls
+        from sar_compiler.ros.clock import NodeTime
 
-    def beat() -> dict[str, object]:
-        try:
-            return {"time": clock.now(), "verbs": calls.available()}
-        except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
-            return {}
+        verbs = mission.verbs() if mission is not None else ()
+        calls = VerbCalls(node, verbs)
+        # Its own, for it is read in the server's thread; the mission's says what becomes of it.
+        clock = NodeTime(node)
 
-    feed = LiveFeed(hello, beat)
-    for entry in journal.earlier():
-        feed.take(entry)
-    journal.listen(feed.take)
-    journal.listen(_TellsWhy(feed).take)
-    with closing(PageServer(feed, port, calls)) as server:
-        server.start()
-        print_error(f"The page of this run: {server.url}")
-        yield
+        def beat() -> dict[str, object]:
+            try:
+                return {"time": clock.now(), "verbs": calls.available()}
+            except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
+                return {}
+
+        robots, forms = [node.get_fully_qualified_name()], [_form(verb) for verb in verbs]
+        feed = LiveFeed({"robots": robots, "verbs": forms}, beat)
+        for entry in journal.earlier():
+            feed.take(entry)
+        # Apart: a page on which nobody says why goes on.
+        for listener in (feed.take, _TellsWhy(feed).take):
+            journal.listen(listener)
+        self._server = PageServer(feed, port, calls)
+        self._server.start()
+        print_error(f"The page of this run: {self._server.url}")
+
+    def end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is served from before that on
+        """Serve it no more."""
+        self._server.close()
 
 
 def replay_journals(paths: Sequence[Path], port: int | None) -> None:

@@ -10,10 +10,11 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.displaying import displayed
+from sar_compiler.ros.companion import Companion
 from sar_compiler.views.mission_report import report_text, require_form
 
 
-class RunReport:
+class RunReport(Companion):
     """The reports of a run, which are written when it has ended.
 
     Args:
@@ -33,12 +34,18 @@ class RunReport:
             require_form(file, place)
         self._files = files
         self._state = MissionState.of(displayed(earlier))
-        self.take = self._state.take
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry of the run's journal."""
+        self._state.take(entry)
+
+    def end(self, *, has_begun: bool) -> None:
+        """Write them, if the run has begun."""
+        if has_begun:
+            self.write()
 
     def write(self) -> None:
-        """Write them, if the run has begun; what cannot be written is said, because the mission is over."""
-        if not self._state.runs:
-            return
+        """Write them; what cannot be written is said, because the mission is over."""
         for file in self._files:
             try:
                 write_text(file, report_text(self._state, file))

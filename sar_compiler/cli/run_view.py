@@ -7,18 +7,18 @@ write to the terminal themselves. A terminal has margins for that, inside which 
 import os
 import signal
 import sys
-import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 
-from sar_compiler.cli.output import RunOutput
+from sar_compiler.cli.companions import RunSetup
 from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.displaying import displayed
+from sar_compiler.ros.clock import mission_clock, steady_timer
+from sar_compiler.ros.companion import Companion
 from sar_compiler.views.mission_view import Line, change_text, full_height, screen
 
-# How often the screen is drawn, at most, in seconds of the steady clock.
+# How often the screen is drawn, in seconds of the steady clock.
 _PERIOD_SEC = 0.2
 # The lines that are left to the log, and the fewest that a view is worth.
 _LOG_LINES, _LEAST = 4, 3
@@ -38,41 +38,28 @@ _SAVE, _RESTORE, _HIDE, _SHOW = "\x1b7", "\x1b8", "\x1b[?25l", "\x1b[?25h"
 _NO_MARGINS, _TO_THE_END, _CLEAR = "\x1b[r", "\x1b[K", "\x1b[2J"
 
 
-class RunView(ABC):
+class RunView(Companion):
     """What `--view` shows of a run.
 
     Args:
-        output: Where it is shown.
+        run: The run.
     """
 
-    def __init__(self, output: RunOutput) -> None:
-        self._output = output
-        self._state = MissionState()
-
-    def begin(self, earlier: Iterable[JournalEntry]) -> None:
-        """Take what earlier runs of the mission have done, before anything else."""
-        self._state = MissionState.of(displayed(earlier))
-
-    @abstractmethod
-    def take(self, entry: JournalEntry) -> None:
-        """Take an entry of the run's journal."""
-
-    def refresh(self, now: float) -> None:  # noqa: B027 - a log has nothing to do then
-        """Show what is due; called all the time. *now* is the time of the mission's clock, in seconds."""
-
-    def close(self) -> None:  # noqa: B027 - nor then
-        """Leave everything in order; called again it does nothing."""
+    def __init__(self, run: RunSetup) -> None:
+        self._output = run.output
+        self._state = MissionState.of(displayed(run.journal.earlier()))
 
 
-def run_view(output: RunOutput) -> RunView:
-    """Return what shows a run on its output: in place on a terminal, else as a log.
+def run_view() -> Callable[[RunSetup], RunView]:
+    """Return what makes the view of a run: in place on a terminal, else a log.
 
     Raises:
         ImportError: If rich is not installed.
     """
     if not draws_in_place(sys.stdout):
-        return ChangeLog(output)
-    return RunScreen(output, _painter())
+        return ChangeLog
+    paint = _painter()
+    return lambda run: RunScreen(run, paint)
 
 
 class ChangeLog(RunView):
@@ -89,21 +76,22 @@ class ChangeLog(RunView):
 
 
 class RunScreen(RunView):
-    """The mission on the lower lines of a terminal.
+    """The mission on the lower lines of a terminal, until the output is left to others.
 
     Args:
-        output: Where it is shown.
+        run: The run.
         paint: Returns lines as texts for a terminal of a width.
     """
 
-    def __init__(self, output: RunOutput, paint: "Paint") -> None:
-        super().__init__(output)
+    def __init__(self, run: RunSetup, paint: "Paint") -> None:
+        super().__init__(run)
+        self._node = run.node
         self._paint = paint
         self._size = (0, 0)
         self._height = 0
-        self._drawn_at = -_PERIOD_SEC
         self._start = self._now = 0.0
         self._has_begun = self._is_closed = self._is_to_stop = False
+        self._output.leave = self.close
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry, which is shown when the next drawing is due."""
@@ -111,26 +99,37 @@ class RunScreen(RunView):
         if entry.kind == RUN_BEGAN:
             self._start, self._has_begun = entry.time, True
             self._listen()
+            steady_timer(self._node, _PERIOD_SEC, self.refresh)
         self._now = max(self._now, entry.time)
 
-    def refresh(self, now: float) -> None:
-        """Draw, if that is due, and something has begun; stop first, if the terminal has asked for that (Ctrl-Z)."""
-        if self._is_to_stop and not self._is_closed:
-            self._stop()
-        steady = time.monotonic()
-        if self._has_begun and not self._is_closed and steady - self._drawn_at >= _PERIOD_SEC:
-            self._drawn_at, self._now = steady, now
-            self._draw()
+    def refresh(self) -> None:
+        """Draw; stop first, if the terminal has asked for that (Ctrl-Z)."""
+        if not self._is_closed:
+            self._now = mission_clock(self._node).now()
+            if not self._try(self._redraw):
+                self._is_closed = True
+                self._leave()
 
     def close(self) -> None:
         """Draw a last time, and give the terminal back: the view stays where it is, and what follows comes below."""
-        if self._is_closed or not self._has_begun:
-            return
-        self._is_closed = True
-        try:
-            self._draw()
-        finally:
+        if self._has_begun and not self._is_closed:
+            self._is_closed = True
+            self._try(self._draw)
             self._leave()
+
+    def _try(self, draw: Callable[[], None]) -> bool:
+        """Draw, and return whether it could be done."""
+        try:
+            draw()
+        except Exception as error:  # noqa: BLE001 - who only watches must not end a mission
+            self._node.get_logger().error(f"The view has failed, and shows no more: {error!r}.")
+            return False
+        return True
+
+    def _redraw(self) -> None:
+        if self._is_to_stop:
+            self._stop()
+        self._draw()
 
     def _leave(self) -> None:
         if self._height:
@@ -153,7 +152,7 @@ class RunScreen(RunView):
         self._leave()
         _stop_process()
         self._listen()
-        self._size, self._drawn_at = (0, 0), -_PERIOD_SEC
+        self._size = (0, 0)
 
     def _draw(self) -> None:
         try:

@@ -14,6 +14,7 @@ from sar_compiler.ros.of_node import of_node
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from rclpy.timer import Timer
 
 # An executor that is turned again and again has not been for so long: nothing of this process has gone on, seconds.
 _STANDSTILL_SEC = 2.0
@@ -199,3 +200,10 @@ def mission_clock(node: "Node") -> NodeTime:
     What becomes of the clock is said in the node's log, once.
     """
     return of_node(node, NodeTime, lambda: NodeTime(node, say=lambda text: node.get_logger().warning(text)))
+
+
+def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
+    """Return a timer of a node by the machine's steady clock, which no simulator stops."""
+    from rclpy.clock import Clock, ClockType
+
+    return node.create_timer(period_sec, call, clock=Clock(clock_type=ClockType.STEADY_TIME))

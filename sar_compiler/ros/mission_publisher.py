@@ -17,10 +17,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.situation import CHANGED, Landmark, Situation
 from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
+from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
 
@@ -96,7 +98,7 @@ _FORMS = {
 }
 
 
-class MissionPublisher:
+class MissionPublisher(Companion):
     """Publishes the progress of a mission, in the thread that ticks it.
 
     - `behavior_tree_log` (`nav2_msgs/msg/BehaviorTreeLog`): the changes of each tick, with the numbers that Groot2 has
@@ -107,26 +109,26 @@ class MissionPublisher:
 
     Args:
         node: The mission's node.
-        tree: The tree.
     """
 
-    def __init__(self, node: Node, tree: NumberedTree) -> None:
-        self._node, self._tree = node, tree
+    def __init__(self, node: Node) -> None:
+        self._node = node
         self._situation = Situation()
         self._is_broken = False
         self._is_state_known = self._are_markers_known = False
         self._plan: Mapping[str, Any] = {}
         self._due = 0.0
         self._changes = node.create_publisher(BehaviorTreeLog, TOPIC, 10)
-        self._log = TreeLog(node, tree, self._publish_changes)
         self._state = node.create_publisher(BehaviorTreeLog, "~/tree_state", _LATCHED)
         self._markers = node.create_publisher(MarkerArray, "~/markers", _LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._xml = node.create_publisher(String, "~/tree", _LATCHED)
-        self._xml.publish(String(data=tree_xml(tree)))
 
-    def watch(self, engine: Engine) -> None:
-        """Watch what ticks the tree."""
+    def begin(self, tree: CompiledTree, engine: Engine) -> None:
+        """Publish a tree, and watch what ticks it."""
+        self._tree = NumberedTree(tree)
+        self._log = TreeLog(self._node, self._tree, self._publish_changes)
+        self._xml.publish(String(data=tree_xml(self._tree)))
         self._log.watch(engine)
         engine.add_post_tick_handler(self._after_tick)
 
@@ -140,12 +142,13 @@ class MissionPublisher:
             return
         self._are_markers_known = False
 
-    def end(self) -> None:
-        """Publish how it has ended; nothing is ticked any more."""
-        self._log.end()
-        self._try(self._publish_state)
-        self._try(self._publish_markers)
-        self._try(self._wait_for_readers)
+    def end(self, *, has_begun: bool) -> None:
+        """Publish how it has ended, if it has begun; nothing is ticked any more."""
+        if has_begun:
+            self._log.end()
+            self._try(self._publish_state)
+            self._try(self._publish_markers)
+            self._try(self._wait_for_readers)
 
     def _publish_changes(self, message: BehaviorTreeLog) -> None:
         self._is_state_known = False

@@ -21,8 +21,6 @@ from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.msg import Path as Plan
 from rcl_interfaces.msg import Log
-from rclpy.clock import Clock as SteadyClock
-from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
@@ -32,11 +30,14 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
+from sar_compiler.ros.clock import steady_timer
+from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.ros.leaves.interfaces import interface_name
 from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
@@ -164,7 +165,7 @@ class McapRecorder:
         self._path, self._file, self._complain = path, file, complain
         self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
         # In bytes; each is counted by one thread alone.
-        self._put_in = self._field_type = 0
+        self._put_in = self._written = 0
         self._is_broken = False
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -205,7 +206,7 @@ class McapRecorder:
             if not left:
                 timer.cancel()
 
-        timer = node.create_timer(_LOOK_SEC, look, clock=SteadyClock(clock_type=ClockType.STEADY_TIME))
+        timer = steady_timer(node, _LOOK_SEC, look)
 
     def _listen_to(self, node: Node, topic: str, name: str, kind: Any) -> None:
         latched = DurabilityPolicy.TRANSIENT_LOCAL if name in _LATCHED else DurabilityPolicy.VOLATILE
@@ -244,7 +245,7 @@ class McapRecorder:
     def _put(self, recorded: _Recorded) -> None:
         if self._is_broken:
             return
-        if self._put_in - self._field_type > _MOST_WAITING:
+        if self._put_in - self._written > _MOST_WAITING:
             self._give_up(f"{_MOST_WAITING >> 20} MiB wait for a disk that is too slow")
             return
         self._put_in += len(recorded.data)
@@ -258,8 +259,8 @@ class McapRecorder:
         """
         self._waiting.put(None)
         written = -1
-        while self._thread.is_alive() and written != self._field_type:
-            written = self._field_type
+        while self._thread.is_alive() and written != self._written:
+            written = self._written
             self._thread.join(_PATIENCE_SEC)
         if self._thread.is_alive():
             self._complain(f"{self._path} is left without its end: the disk takes nothing.")
@@ -304,14 +305,14 @@ class McapRecorder:
             metadata = {"offered_qos_profiles": self._offers.get(topic, _as_yaml([]))}
             self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name], metadata)
         writer.add_message(self._channels[topic], time_ns, data, time_ns)
-        self._field_type += len(data)
+        self._written += len(data)
 
 
 # What is in other topics of the recording.
 _ELSEWHERE = ("status", *OF_ROBOT)
 
 
-class MissionRecording:
+class MissionRecording(Companion):
     """Records a mission in an MCAP file, whether or not anything of it is published.
 
     Beside the topics of `ros.mission_recording.RECORDED`: `behavior_tree_log`, `~/tree` as `ros.mission_publisher` has them, and
@@ -329,19 +330,14 @@ class MissionRecording:
         self._node = node
         self._recorder = McapRecorder.create(path, node.get_logger().error)
         self._tree_log: TreeLog | None = None
-        self._has_begun = False
 
-    def show(self, tree: NumberedTree) -> None:
-        """Take the tree, and begin to record."""
-        self._write("~/tree", String(data=tree_xml(tree)), latched=True)
-        self._tree_log = TreeLog(self._node, tree, lambda message: self._write(TOPIC, message))
+    def begin(self, tree: CompiledTree, engine: Engine) -> None:
+        """Begin to record a tree, and what ticks it."""
+        numbered = NumberedTree(tree)
+        self._write("~/tree", String(data=tree_xml(numbered)), latched=True)
+        self._tree_log = TreeLog(self._node, numbered, lambda message: self._write(TOPIC, message))
+        self._tree_log.watch(engine)
         self._recorder.listen(self._node)
-
-    def watch(self, engine: Engine) -> None:
-        """Watch what ticks the tree."""
-        self._has_begun = True
-        if self._tree_log is not None:
-            self._tree_log.watch(engine)
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
@@ -356,14 +352,13 @@ class MissionRecording:
         message.stamp.sec, message.stamp.nanosec = divmod(int(entry.wall * 1e9), 10**9)
         self._write("mission_log", message)
 
-    def end(self) -> None:
-        """Record how it has ended; nothing is ticked any more."""
-        if self._tree_log is not None:
-            self._tree_log.end()
-
-    def close(self) -> None:
-        """Close the file; that of a run that never began is removed, so that the next try finds none."""
-        self._recorder.close(keep=self._has_begun)
+    def end(self, *, has_begun: bool) -> None:
+        """Record how it has ended, and close the file; that of a run that never began is removed, so that the next try finds none."""
+        try:
+            if has_begun and self._tree_log is not None:
+                self._tree_log.end()
+        finally:
+            self._recorder.close(keep=has_begun)
 
     def _write(self, name: str, message: object, *, latched: bool = False) -> None:
         try:

@@ -15,7 +15,6 @@ import rclpy
 from py_trees.behaviour import Behaviour
 from py_trees.common import Duration, Status
 from py_trees.visitors import DisplaySnapshotVisitor, VisitorBase
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.node import Node
@@ -23,6 +22,7 @@ from rclpy.timer import Timer
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
+from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import (
     error_text,
     give_up,
@@ -59,7 +59,7 @@ class Beat:
         self._silent = 0
         self._timers: list[Timer] = [
             node.create_timer(period_sec, tick),
-            node.create_timer(period_sec, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME)),
+            steady_timer(node, period_sec, self._watch),
         ]
         # A stopped clock is noticed at the first check, one period from now.
         self._look()

@@ -7,13 +7,12 @@ from typing import Any
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.clock import AWAKE
+from sar_compiler.ros.clock import AWAKE, steady_timer
 from sar_compiler.ros.leaves.deadline import deadline_clock
 from sar_compiler.ros.leaves.goal_statuses import goal_statuses_of
 from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
@@ -67,8 +66,7 @@ class UnaskedMotion:
         self._cancelled_at = -math.inf
         self._goals.listen(self._on_goal)
         # Steady: what has stopped may be the node's clock.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(_MOTION_PERIOD_SEC, self.look, clock=steady)
+        self._timer = steady_timer(node, _MOTION_PERIOD_SEC, self.look)
 
     def close(self) -> None:
         """Destroy what was created on the node."""
@@ -208,7 +206,7 @@ class Watch:
         self._localisation = _Localisation(node) if any(use.kind == "nav2" for use in uses) else None
         self._motion = UnaskedMotion(node, drives) if drives else None
         # Steady: what has stopped may be the node's clock.
-        self._timer = node.create_timer(_PERIOD_SEC, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = steady_timer(node, _PERIOD_SEC, self.look)
 
     def look(self) -> None:
         """Look once, and say what has changed."""

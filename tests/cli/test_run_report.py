@@ -32,7 +32,7 @@ def files(tmp_path):
 def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breaking, files, capsys):
     report = RunReport(files, None, [])
     report.take(BEGAN)
-    report.write()
+    report.end(has_begun=True)
     assert capsys.readouterr().err == (
         f"sar-run: the report {files[0]} could not be made: ZeroDivisionError('no way')\n"
     )
@@ -43,13 +43,13 @@ def test_a_file_that_cannot_be_written_any_more_is_told_and_the_others_are_writt
     report = RunReport(files, None, [])
     report.take(BEGAN)
     files[0].mkdir()
-    report.write()
+    report.end(has_begun=True)
     assert f"sar-run: cannot write {files[0]}: Is a directory" in capsys.readouterr().err
     assert files[1].exists()
 
 
 def test_a_run_that_has_not_begun_has_no_report(files):
-    RunReport(files, None, []).write()
+    RunReport(files, None, [BEGAN]).end(has_begun=False)
     assert not any(file.exists() for file in files)
 
 

@@ -10,7 +10,6 @@ import sar_compiler
 from sar_compiler import TreeRunner
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.leaves import Clock
-from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.testing import ManualClock
 from tests.monitoring.test_groot2 import Queue, main
 from tests.trees import write
@@ -60,8 +59,8 @@ def publish(ros, tmp_path):
         write(path, *main(body), main="Main")
         tree = sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
         node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
-        publisher = MissionPublisher(node, NumberedTree(tree))
-        publisher.watch(runner)
+        publisher = MissionPublisher(node)
+        publisher.begin(tree, runner)
         runner.setup(node=node)
         runners.append(runner)
         return runner, publisher
@@ -99,7 +98,7 @@ def test_the_log_has_the_changes_of_each_tick_as_nav2_writes_them(publish, witne
     assert log[0].timestamp.sec > 0
     runner.tick()
     runner.shutdown()
-    publisher.end()
+    publisher.end(has_begun=True)
     ros.spin_until(lambda: len(log) == 2, "the end")
     assert changes(log[1]) == [
         (1, "both", "RUNNING", "IDLE"),
@@ -223,7 +222,7 @@ def test_the_end_waits_for_the_readers_of_the_last_messages_no_longer_than_a_sec
     runner, publisher = publish("<Success/>")
     runner.tick()
     monkeypatch.setattr(Publisher, "wait_for_all_acked", hanging)
-    publisher.end()
+    publisher.end(has_begun=True)
     topics = {name.rpartition("/")[2] for name in waited}
     assert topics == {"behavior_tree_log", "tree_state", "markers"}
     assert all(0.0 <= seconds <= 1.0 for seconds in waited.values())

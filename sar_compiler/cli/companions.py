@@ -1,0 +1,131 @@
+"""The companions of a run of `sar-run`: they keep, show, record or tell it; what they take is imported only where they are asked for."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, NamedTuple
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.companion import Companion
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.cli.output import RunOutput
+    from sar_compiler.cli.run import Options
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.journal.journal import Journal
+    from sar_compiler.missions.mission import MissionRun
+    from sar_compiler.ros.engine import Engine
+    from sar_compiler.ros.parameter_reader import RunParameters
+
+
+class RunSetup(NamedTuple):
+    """What there is of a run before its tree is compiled.
+
+    Attributes:
+        options: The options of the command line.
+        node: The run's node.
+        journal: Its journal, which may be none.
+        mission: The mission; None for a tree that belongs to none.
+        parameters: The parameters that any run has.
+        output: Standard output.
+    """
+
+    options: "Options"
+    node: "Node"
+    journal: "Journal"
+    mission: "MissionRun | None"
+    parameters: "RunParameters"
+    output: "RunOutput"
+
+
+Make = Callable[[RunSetup], Companion]
+
+
+def companions_asked_for(options: "Options") -> Iterator[Make]:
+    """Yield for each companion that the command line asks for what makes it; what that takes is imported.
+
+    Raises:
+        ImportError: If a library is not installed.
+    """
+    if options.view == "web":
+        from sar_compiler.cli.run_page import RunPage
+
+        yield lambda run: RunPage(options.web_port, run.journal, run.node, run.mission)
+    if options.view == "text":
+        from sar_compiler.cli.run_view import run_view
+
+        yield run_view()
+    if options.report:
+        from sar_compiler.cli.run_report import RunReport
+
+        yield lambda run: RunReport(options.report, run.parameters.georeference, run.journal.earlier())
+    if (file := options.record) is not None:
+        from sar_compiler.ros.mission_recording import MissionRecording
+
+        yield errors_of("--record")(lambda run: MissionRecording(run.node, file))
+    if options.publish:
+        from sar_compiler.ros.mission_publisher import MissionPublisher
+
+        yield lambda run: MissionPublisher(run.node)
+    if (port := options.groot2) is not None:
+        from sar_compiler.cli.run_groot2 import RunGroot2
+
+        yield lambda run: RunGroot2(port, run)
+
+
+@contextmanager
+def errors_of(option: str) -> Iterator[None]:
+    """Say of errors within it by which option they come.
+
+    Raises:
+        SarError: In place of another one.
+    """
+    try:
+        yield
+    except SarError as error:
+        message = f"{option}: {error}"
+        raise SarError(message) from error
+
+
+class Companions:
+    """Those who go along with one run.
+
+    Args:
+        run: The run.
+        makes: What makes each of them.
+        stack: Ends them, the last one first, whatever becomes of the run.
+
+    Attributes:
+        has_begun: Whether the tree was ticked.
+
+    Raises:
+        SarError: If one of them cannot be.
+        ImportError: If a library is not installed.
+    """
+
+    def __init__(self, run: RunSetup, makes: Iterable[Make], stack: ExitStack) -> None:
+        self.has_begun = False
+        self._complain = run.node.get_logger().error
+        self._companions: list[Companion] = []
+        for make in makes:
+            companion = make(run)
+            self._companions.append(companion)
+            stack.callback(self._end, companion)
+            if type(companion).take is not Companion.take:
+                run.journal.listen(companion.take)
+
+    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
+        """Let each of them begin.
+
+        Raises:
+            SarError: If one cannot.
+        """
+        for companion in self._companions:
+            companion.begin(tree, engine)
+
+    def _end(self, companion: Companion) -> None:
+        try:
+            companion.end(has_begun=self.has_begun)
+        except Exception as error:  # noqa: BLE001 - nobody who only watches keeps others from their end
+            self._complain(f"{type(companion).__name__} could not come to its end: {error!r}.")

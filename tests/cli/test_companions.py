@@ -1,0 +1,148 @@
+"""Who goes along with a run of `sar-run` cannot end it."""
+
+from contextlib import ExitStack
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from py_trees.behaviours import Running
+from py_trees.common import Status
+
+from sar_compiler.cli.companions import Companions, RunSetup
+from sar_compiler.cli.output import RunOutput
+from sar_compiler.errors import SarError
+from sar_compiler.journal.journal import Journal
+from sar_compiler.ros.companion import Companion
+
+
+class Stage:
+    """A run, what its companions have done, and what was logged."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.said: list[str] = []
+        logger = SimpleNamespace(error=self.said.append)
+        self.node: Any = SimpleNamespace(
+            get_logger=lambda: logger,
+            create_timer=lambda *_, **__: None,
+            get_clock=lambda: SimpleNamespace(
+                now=lambda: SimpleNamespace(nanoseconds=0), ros_time_is_active=False
+            ),
+        )
+        self.journal, self.output = Journal(), RunOutput()
+        nothing: Any = None
+        self.run = RunSetup(nothing, self.node, self.journal, None, nothing, self.output)
+
+    def make(self, name: str, *, fails: bool = False) -> "Noting":
+        """Return a companion that notes what it does under its name; it may fail."""
+        return Noting(self, name, fails=fails)
+
+
+class Noting(Companion):
+    """Notes what it does, and may then fail."""
+
+    def __init__(self, stage: Stage, name: str, *, fails: bool) -> None:
+        self._stage, self._name, self._fails = stage, name, fails
+
+    def _do(self, what: str) -> None:
+        self._stage.done.append(f"{self._name} {what}")
+        if self._fails:
+            raise ValueError(what)
+
+    def take(self, entry: Any) -> None:
+        self._do(entry.kind)
+
+    def end(self, *, has_begun: bool) -> None:
+        self._do("ended" if has_begun else "given up")
+
+
+@pytest.fixture
+def stage() -> Stage:
+    return Stage()
+
+
+def test_one_whose_end_fails_keeps_no_other_from_its_end(stage: Stage) -> None:
+    with ExitStack() as stack:
+        makes = [lambda _, name=name: stage.make(name, fails=name != "b") for name in "abc"]
+        Companions(stage.run, makes, stack).has_begun = True
+    assert stage.done == ["c ended", "b ended", "a ended"]
+    assert stage.said == ["Noting could not come to its end: ValueError('ended')."] * 2
+
+
+def test_one_that_fails_while_it_listens_takes_nothing_from_the_others(stage: Stage) -> None:
+    with ExitStack() as stack:
+        makes = [lambda _, name=name: stage.make(name, fails=name == "a") for name in "ab"]
+        Companions(stage.run, makes, stack)
+        assert stage.journal.is_wanted
+        stage.journal.note("zone_visited")
+        stage.journal.note("base_reached")
+    assert stage.done[:3] == ["a zone_visited", "b zone_visited", "b base_reached"]
+
+
+def test_where_one_cannot_be_those_before_it_are_given_up(stage: Stage) -> None:
+    def refuse(_: RunSetup) -> Companion:
+        message = "no"
+        raise SarError(message)
+
+    with pytest.raises(SarError), ExitStack() as stack:
+        Companions(stage.run, [lambda _: stage.make("a"), refuse], stack)
+    assert stage.done == ["a given up"]
+
+
+def test_one_without_a_use_for_the_journal_does_not_make_it_wanted(stage: Stage) -> None:
+    class Silent(Companion):
+        pass
+
+    with ExitStack() as stack:
+        Companions(stage.run, [lambda _: Silent()], stack)
+        assert not stage.journal.is_wanted
+
+
+@pytest.fixture
+def screen(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A screen that cannot draw, of a run that has begun."""
+    from sar_compiler.cli.run_view import RunScreen
+
+    def fail(*_: object) -> Any:
+        stage.done.append("drawn")
+        raise ValueError
+
+    monkeypatch.setattr(RunScreen, "_draw", fail)
+    made = RunScreen(stage.run, lambda *_: [])
+    stage.journal.listen(made.take)
+    stage.journal.begin({"tree": []}, {})
+    return made
+
+
+@pytest.mark.ros
+def test_a_view_that_fails_is_told_of_and_not_drawn_again(stage: Stage, screen: Any) -> None:
+    screen.refresh()
+    screen.refresh()
+    stage.output.leave()
+    assert stage.done == ["drawn"]
+    assert stage.said == ["The view has failed, and shows no more: ValueError()."]
+
+
+@pytest.mark.ros
+def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> None:
+    stage.output.leave()
+    assert stage.said == ["The view has failed, and shows no more: ValueError()."]
+
+
+@pytest.mark.ros
+def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
+    stage: Stage, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from sar_compiler.cli.run_mission import ADRIFT, _TreeRun
+    from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+
+    goals_under_way(stage.node).sending(SimpleNamespace(uuid=[1] * 16), "/drive/_action/cancel_goal")
+    leaf: Any = Running("drive")
+    leaf.status = Status.RUNNING
+    leaf.terminate = lambda _: stage.done.append("cancelled")
+    stage.output.leave = lambda: stage.done.append("closed")
+    run: Any = SimpleNamespace(node=stage.node, output=stage.output)
+    tree: Any = SimpleNamespace(root=leaf)
+    assert _TreeRun._leave_at_once(run, tree) == ADRIFT
+    assert stage.done == ["cancelled", "closed"]
+    assert "what is under way was told to stop" in capsys.readouterr().err
