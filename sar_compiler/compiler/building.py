@@ -17,22 +17,10 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis
 from sar_compiler.nodes.registry import is_own_word
-from sar_compiler.nodes.spec import Kind, load
-from sar_compiler.runtime.script_nodes import Conditions, ConditionScripts
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.model import SUBTREE_TAG
-
-_CONDITIONS = {
-    "_failureIf": "failure_if",
-    "_successIf": "success_if",
-    "_skipIf": "skip_if",
-    "_while": "while_",
-    "_onSuccess": "on_success",
-    "_onFailure": "on_failure",
-    "_onHalted": "on_halted",
-    "_post": "post",
-}
-
 
 _NodeInInstance = tuple[Instance, BoundNode]
 """A node of an instance."""
@@ -132,9 +120,8 @@ class Builder:
         return behaviour
 
     def _conditions(self, instance: Instance, bound: BoundNode, child: Behaviour) -> Behaviour:
-        scripts = ConditionScripts(**{_CONDITIONS[name]: script for name, script in bound.conditions.items()})
         name = f"{bound.name}Conditions"
-        wrapper = Conditions(name, child, scripts, instance.scope, self._source.enums)
+        wrapper = Conditions(name, child, bound.conditions, instance.scope, self._source.enums)
         shown = {name: script.text for name, script in bound.conditions.items()}
         self.constructions.append(Construction(wrapper.id, instance, bound, shown))
         return wrapper
@@ -192,8 +179,9 @@ class Builder:
         A node that is only described becomes a stock behaviour of its kind (where there is no finding about it).
         """
         spec = bound.spec
-        if spec.skipping.replacement_path and self._skipping.among_children(bound):
-            return load(spec.skipping.replacement_path)
+        replacement = spec.skipping.replacement
+        if replacement is not None and self._skipping.among_children(bound):
+            return replacement.maker
         return spec.maker or functools.partial(_stand_in, spec.kind)
 
 

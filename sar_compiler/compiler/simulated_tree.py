@@ -29,12 +29,13 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis, report_misread
 from sar_compiler.nodes.language import leaves as language
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, load
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
 from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.leaf_protocol import NoStatusError
+from sar_compiler.runtime.parents import Parent
 from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UnknownVariableError
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -297,7 +298,7 @@ class SimulationBuilder(Builder):
         """Return the constructor of a node, or that of its stand-in."""
         if bound in self._stand_ins:
             return self._stand_ins[bound]
-        return load(bound.spec.stand_in) if bound.spec.stand_in else super()._maker(bound)
+        return bound.spec.stand_in.maker if bound.spec.stand_in else super()._maker(bound)
 
     def start_facts(self) -> None:
         """Write the facts that the leaves have named, and those that are assumed, once all leaves are made."""
@@ -312,9 +313,9 @@ class SimulationBuilder(Builder):
             return self._stub(instance, bound)
         if not bound.spec.asks:
             return super()._make(instance, bound, children)
-        below = children if bound.spec.kind is Kind.CONTROL else children[0]
-        made: Behaviour = self._maker(bound)(bound.name, below, self._stub(instance, bound))
-        self.constructions.append(Construction(made.id, instance, bound))
+        made = super()._make(instance, bound, children)
+        assert isinstance(made, Parent)  # noqa: S101 - a stand-in is one of ours
+        made.ask(self._stub(instance, bound))
         return made
 
     def _stub(self, instance: Instance, bound: BoundNode) -> StubLeaf:

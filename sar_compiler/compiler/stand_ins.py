@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from py_trees import decorators as stock
+from py_trees import decorators
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.errors import UndecidableError
@@ -14,10 +14,12 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, BITS, F, R, S
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.semantics import Order, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.runtime import controls, decorators, timers
+from sar_compiler.runtime import stock
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.runtime.kernel.cells import SKIPPED, WORDS
 from sar_compiler.runtime.kernel.table import is_known_class
+from sar_compiler.runtime.kernel.timing import TimeoutNode
+from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
+from sar_compiler.runtime.parents import OwnDecorator, behaviour_class
 from sar_compiler.runtime.ports import Input
 from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -84,7 +86,7 @@ def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
         return _in_order(bound, means)
     if means.limit_sec is not None:
         limit = means.limit_sec(bound)
-        return None if limit is None else partial(_limited, clock, limit)
+        return None if limit is None else _limited(clock, limit)
     if means.repeats:
         rounds = means.rounds and means.rounds(bound)
         return partial(_repeated, means.repeats, rounds) if rounds else None
@@ -97,10 +99,10 @@ def _in_order(bound: BoundNode, means: Semantics) -> Substitute | None:
         return None
     pauses = means.possible(bound, [means.goes_on] * len(bound.children), ALLOWED) & R
     if means.resumes:
-        return controls.SequenceWithMemory if means.is_sequence else None
+        return stock.SequenceWithMemory if means.is_sequence else None
     if pauses:
-        return controls.AsyncSequence if means.is_sequence else controls.AsyncFallback
-    cls = controls.Sequence if means.is_sequence else controls.Fallback
+        return stock.AsyncSequence if means.is_sequence else stock.AsyncFallback
+    cls = stock.Sequence if means.is_sequence else stock.Fallback
     return partial(cls, memory=not bound.is_reactive)
 
 
@@ -110,24 +112,19 @@ def _turning(bound: BoundNode, means: Semantics) -> Substitute | None:
     turned = [words.get(means.possible(bound, [answer], ALLOWED)) for answer in (S, F, R)]
     if not means.steady or turned[2] != "RUNNING" or None in turned:
         return None
-    return partial(_turned, (WORDS.index(turned[0]), WORDS.index(turned[1]), SKIPPED))
+    return partial(behaviour_class(OwnDecorator, TurningNode), turned=(*turned[:2], "SKIPPED"))
 
 
-def _turned(turned: tuple[int, int, int], name: str, child: Behaviour) -> Behaviour:
-    made = decorators.Inverter(name, child)
-    made.turned = turned
-    return made
-
-
-def _limited(clock: Clock, seconds: float, name: str, child: Behaviour) -> Behaviour:
+def _limited(clock: Clock, seconds: float) -> Substitute:
     if seconds == math.inf:
-        return decorators.SubTree(name, child)
-    return timers.Timeout(name, child, Input(source=int(1000 * seconds)), clock)
+        return behaviour_class(OwnDecorator, SubTreeNode)
+    msec = Input(source=int(1000 * seconds))
+    return partial(behaviour_class(OwnDecorator, TimeoutNode), msec=msec, clock=clock)
 
 
 def _repeated(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour:
     count = -1 if rounds == math.inf else int(rounds)
-    return stock.Retry(name, child, count) if again == F else stock.Repeat(name, child, count)
+    return decorators.Retry(name, child, count) if again == F else decorators.Repeat(name, child, count)
 
 
 def put_in_place(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:

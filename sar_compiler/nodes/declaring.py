@@ -3,22 +3,20 @@
 A spec names its class and describes all parameters of the constructor that a tree file or a mission provides, but for the
 name and the children, so that nothing is imported for a tree to be checked::
 
-    NodeSpec(
-        "Delay",
-        "sar_compiler.runtime.timers:Delay",
+    node_spec(
         Kind.DECORATOR,
-        signature=signature(
-            Kind.DECORATOR,
-            "Waits before it ticks its child for the first time.",
-            input_port("delay_msec", MILLISECONDS, "How long to wait, in milliseconds."),
-            CLOCK,
-        ),
+        "Delay",
+        "sar_compiler.runtime.kernel.timing:DelayNode",
+        "Waits before it ticks its child for the first time.",
+        input_port("delay_msec", MILLISECONDS, "How long to wait, in milliseconds."),
+        CLOCK,
     )
 
-`tests/nodes/test_declared_nodes.py` compares each with the constructor.
+`tests/nodes/test_declared_nodes.py` compares each with the constructor, or with what the node in the kernel reads.
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, Use
 from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, type_of
@@ -50,6 +48,32 @@ def signature(
     """
     described = {each.name: each for each in (NAME, *_STRUCTURE.get(kind, ()), *parameters)}
     return Signature(described, doc, fixed or {}, factory)
+
+
+def node_spec(
+    kind: Kind,
+    tag: str,
+    path: str,
+    doc: str,
+    *parameters: Parameter,
+    fixed: Mapping[str, object] | None = None,
+    factory: str = "",
+    **more: Any,
+) -> NodeSpec:
+    """Return the spec of a node.
+
+    Args:
+        kind: The kind of node.
+        tag: Its tag.
+        path: The import path of its class (`module:name`), or of its node in the kernel.
+        doc: Its description, in a sentence or two.
+        *parameters: The parameters but for the name and the children, in their order.
+        fixed: What the tag implies.
+        factory: The import path of a function that creates the node instead of the class.
+        **more: Further fields of the spec.
+    """
+    signed = signature(kind, doc, *parameters, fixed=fixed, factory=factory)
+    return NodeSpec(tag, path, kind, signature=signed, **more)
 
 
 def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf

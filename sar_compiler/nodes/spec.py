@@ -13,6 +13,7 @@ from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import ANYTHING, ValueType
 from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.ports import Input
 from sar_compiler.tree.diagnostic import Severity
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ def load(path: str) -> Any:
 
 
 _PARENT = "sar_compiler.runtime.parents:Parent"
+_KERNEL = "sar_compiler.runtime.kernel."
 MARK = "__node_spec__"
 """The attribute of a registered class that holds its record."""
 Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
@@ -226,6 +228,10 @@ def _path(class_or_path: type | str | None) -> str:
     return path_of(class_or_path)
 
 
+def _unwritten(port: Parameter) -> Input[Any] | None:
+    return None if port.direction is Direction.OUTPUT else Input(port.default)
+
+
 def any_port(name: str, doc: str = "") -> Parameter:
     """Return a port of which only the name is known: anything may be read from it, and written to it."""
     anything, inout = ANYTHING, Direction.INOUT
@@ -246,7 +252,7 @@ class Skipping(NamedTuple):
 
     Attributes:
         possible: Whether a tick of the node can be skipped.
-        replacement_path: The import path of the class that replaces the node's own if a child can be skipped.
+        replacement: The record of what replaces the node if a child can be skipped.
         only_if: The attribute and value required for the node itself to skip a tick; None if there is no such
             requirement.
         advice: An equivalent node that supports skipped children, if there is one.
@@ -254,7 +260,7 @@ class Skipping(NamedTuple):
     """
 
     possible: Skips = Skips.NEVER
-    replacement_path: str = ""
+    replacement: "NodeSpec | None" = None
     only_if: tuple[str, object] | None = None
     advice: str = ""
     is_handled: bool = False
@@ -267,8 +273,8 @@ class Signature:
     Attributes:
         described: All parameters by name, in their order (`nodes.declaring`); None for those of the constructor.
         doc: The node's description; empty for that of the class.
-        fixed: Parameters whose value the tag implies (`ReactiveSequence`: `memory` is false).
-        factory: The import path of the function that creates the node instead of the class; empty for none.
+        fixed: What the tag implies: values of parameters (`ReactiveSequence`: `memory` is false), or what only the class asks for.
+        factory: The import path of the function that creates the node of its record and the arguments; empty for none.
         from_use: Whether it was made from the node's use.
     """
 
@@ -289,8 +295,8 @@ class NodeSpec:
 
     Attributes:
         tag: The tag in a tree file.
-        class_or_path: The class that the compiler instantiates, or its import path (`module:name`); None if only a model
-            describes the node.
+        class_or_path: The class that the compiler instantiates, or its import path (`module:name`), or that of a node of the
+            kernel; None if only a model describes the node.
         kind: The kind of node.
         outcomes: The names of the statuses that a tick can return.
         effects: Its effect on the world, in a few words; empty if it has none.
@@ -310,8 +316,8 @@ class NodeSpec:
         former_tags: Its names in earlier versions of BehaviorTree.CPP and py_trees.
         former_attributes: The attributes that it had in BehaviorTree.CPP 3, with those of today.
         rule: Reports attributes that do not fit each other or the children.
-        stand_in: For a control or decorator without a class: the import path of what is made of it where there is no
-            robot. It is given the leaf that answers for the world as `asked`, if there are answers.
+        stand_in: For a control or decorator without a class: the record of what is made of it where there is no robot. It asks
+            the leaf that answers for the world, if there are answers.
     """
 
     tag: str
@@ -332,7 +338,7 @@ class NodeSpec:
     former_tags: tuple[str, ...] = ()
     former_attributes: Mapping[str, str] = field(default_factory=dict)
     rule: "Rule | None" = None
-    stand_in: str = ""
+    stand_in: "NodeSpec | None" = None
 
     def __post_init__(self) -> None:
         if self.child_count[0] < 0:
@@ -374,17 +380,36 @@ class NodeSpec:
         Raises:
             AttributeError: If the installed py_trees does not have it.
         """
-        return load(self.class_or_path) if isinstance(self.class_or_path, str) else self.class_or_path
+        if not isinstance(self.class_or_path, str):
+            return self.class_or_path
+        found: type[Any] = load(self.class_or_path)
+        if not self._is_of_kernel:
+            return found
+        from sar_compiler.runtime import parents
+
+        bases = {Kind.CONTROL: parents.OwnControl, Kind.DECORATOR: parents.OwnDecorator}
+        return parents.behaviour_class(bases.get(self.kind, parents.OwnLeaf), found)
+
+    @property
+    def _is_of_kernel(self) -> bool:
+        return self.class_path.startswith(_KERNEL)
 
     @functools.cached_property
     def class_path(self) -> str:
         """The import path of its class; empty if there is none."""
         return _path(self.class_or_path)
 
-    @property
+    @functools.cached_property
     def maker(self) -> Callable[..., Any] | None:
         """The factory of its instances, imported if necessary: a function of its own, or the class."""
-        return load(self.signature.factory) if self.signature.factory else self.cls
+        if self.signature.factory:
+            return functools.partial(load(self.signature.factory), self)
+        if not self._is_of_kernel:
+            return self.cls
+        unwritten = {p.keyword or p.name: _unwritten(p) for p in self.ports if not p.required}
+        made: Callable[..., Any] | None = self.cls
+        assert made is not None  # noqa: S101 - it is named
+        return functools.partial(made, **{**unwritten, **self.fixed})
 
     @property
     def maker_path(self) -> str:
@@ -407,7 +432,7 @@ class NodeSpec:
             return False
         if self.is_by_path:
             skipping = self.skipping
-            return skipping.possible is Skips.NEVER and not (skipping.replacement_path or skipping.is_handled)
+            return skipping.possible is Skips.NEVER and not (skipping.replacement or skipping.is_handled)
         return _PARENT not in self._ancestry
 
     @functools.cached_property

@@ -4,13 +4,12 @@ Stock py_trees classes know no SKIPPED, and keep the statuses of children that h
 again. The classes on top of these ask what the outcome of a child's tick was, and reset children when BehaviorTree.CPP
 does: one that is running is halted, one that has ended only forgets how it did.
 
-A class has the constructor, and what its node in the kernel asks of it. What it does in a tick, and when it is halted,
-is said by that node (`node_class`), whether it is ticked by itself or in a tree.
+What a node does in a tick, and when it is halted, is said by its class in the kernel (`node_class`), whether it is ticked by
+itself or in a tree. py_trees sees a behaviour that is made for it (`behaviour_class`): a name, children, and what the tag says.
 """
 
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import InitVar, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -146,6 +145,11 @@ class Parent(Built):
         self.cells = (*self.cells, added)
         return added
 
+    def ask(self, leaf: Behaviour) -> None:
+        """Take a leaf that answers for the world around the node, before the children."""
+        self.children.insert(0, leaf)
+        leaf.parent = self
+
     def begin(self, tick: "Tick") -> Behaviour | Status:
         """Begin a tick.
 
@@ -213,32 +217,57 @@ class Decorator(Parent, StockDecorator):
         return outcome
 
 
-@dataclass(eq=False, repr=False)
-class OwnControl(Control):
-    """A control of ours: a record of what its tag says, which its node in the kernel reads.
+class OwnLeaf(Built):
+    """A leaf of ours.
 
-    Attributes:
+    Args:
         name: The node's name.
+        **attributes: What its tag says, which its node in the kernel reads.
+    """
+
+    def __init__(self, name: str, **attributes: object) -> None:
+        super().__init__(name)
+        vars(self).update(attributes)
+
+
+class OwnControl(Control):
+    """A control of ours, as `OwnLeaf`.
+
+    Args:
         children: The children, in order.
     """
 
-    name: str
-    children: list[Behaviour]
-
-    def __post_init__(self) -> None:
-        super().__init__(self.name, self.children)
+    def __init__(self, name: str, children: Sequence[Behaviour], **attributes: object) -> None:
+        super().__init__(name, children)
+        vars(self).update(attributes)
 
 
-@dataclass(eq=False, repr=False)
 class OwnDecorator(Decorator):
-    """A decorator of ours, as `OwnControl`.
+    """A decorator of ours, as `OwnLeaf`.
 
-    Attributes:
-        name: The node's name.
+    Args:
+        child: The child.
     """
 
-    name: str
-    child: InitVar[Behaviour]
+    def __init__(self, name: str, child: Behaviour, **attributes: object) -> None:
+        super().__init__(name, child)
+        vars(self).update(attributes)
 
-    def __post_init__(self, child: Behaviour) -> None:
-        super().__init__(self.name, child)
+
+B = TypeVar("B", bound=Built)
+
+
+_CLASSES: dict[type, type[Any]] = {}
+
+
+def behaviour_class(base: type[B], node_class: "type[TreeNode]") -> type[B]:
+    """Return the class of the behaviours of a node.
+
+    Args:
+        base: What it derives from.
+        node_class: The class of the node in the kernel, after which it is called.
+    """
+    if node_class not in _CLASSES:
+        said = {"node_class": node_class, "__module__": node_class.__module__, "__doc__": node_class.__doc__}
+        _CLASSES[node_class] = type(node_class.__name__, (base,), said)
+    return _CLASSES[node_class]

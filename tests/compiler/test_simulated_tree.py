@@ -12,8 +12,8 @@ from sar_compiler.compiler.stand_ins import OnlyDescribedError, put_in_place
 from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
+from sar_compiler.runtime.kernel.timing import SleepNode
 from sar_compiler.runtime.stub_leaf import StubLeaf
-from sar_compiler.runtime.timers import Sleep
 from sar_compiler.tree.diagnostic import TreeError
 from tests.nodes.leaves import Radio
 from tests.trees import document, forest, forest_of
@@ -58,7 +58,7 @@ def test_leaves_of_the_language_are_the_real_ones():
     simulated = simulated_tree('<Sequence><Script code="a := 1"/><Success/><Sleep msec="500"/></Sequence>')
     assert simulated.leaves == ()
     assert isinstance(simulated.root.children[1], behaviours.Success)
-    assert isinstance(simulated.root.children[2], Sleep)
+    assert simulated.root.children[2].node_class is SleepNode
 
 
 def test_a_leaf_that_answers_by_chance_answers_what_is_chosen():

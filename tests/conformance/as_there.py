@@ -17,21 +17,20 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from sar_compiler.runtime import (
-    entries,
     entry_types,
+    language_nodes,
     operators,
     queues,
+    stock,
     variables,
 )
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
-from sar_compiler.runtime.entries import SetBlackboard
-from sar_compiler.runtime.kernel import ordering
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING
 from sar_compiler.runtime.kernel.ordering import ResumingNode
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.turning import PreconditionNode
-from sar_compiler.runtime.parents import Built
-from sar_compiler.runtime.script_nodes import Conditions, Precondition
+from sar_compiler.runtime.language_nodes import Conditions, SetBlackboard
+from sar_compiler.runtime.parents import Built, OwnDecorator, behaviour_class
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
 Case = Mapping[str, Any]
@@ -151,7 +150,7 @@ def _skips_counted_on() -> Iterator[None]:
             ticker.cells[self.skips] = skips
             return answer
 
-    with _replaced(ordering, "ResumingNode", CountedOn):
+    with _replaced(stock._InOrder, "node_class", CountedOn):
         yield
 
 
@@ -177,7 +176,7 @@ def _precondition_asked_once() -> Iterator[None]:
         def forget(self, ticker: Ticker) -> None:
             pass
 
-    with _replaced(Precondition, "node_class", AskedOnce):
+    with _replaced(behaviour_class(OwnDecorator, PreconditionNode), "node_class", AskedOnce):
         yield
 
 
@@ -235,7 +234,7 @@ def _front_read() -> Iterator[None]:
     with ExitStack() as stack:
         for module in (variables, operators, entry_types):
             stack.enter_context(_replaced(module, "number_of", _front_of))
-        for module in (entries, entry_types):
+        for module in (language_nodes, entry_types):
             stack.enter_context(_replaced(module, "read_as", read))
         stack.enter_context(_replaced(queues, "fit", item))
         yield

@@ -433,7 +433,7 @@ def plainly(node):
     cls = (
         node["class"]
         .rsplit(".", maxsplit=1)[-1]
-        .replace("RunOnce", "OneShot")
+        .replace("RunOnceNode", "OneShot")
         .replace("Selector", "Fallback")
     )
     attributes = {k: v for k, v in node["attributes"].items() if k != "then_skip"}

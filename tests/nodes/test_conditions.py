@@ -5,7 +5,7 @@ import pytest
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.script_nodes import Conditions
+from sar_compiler.runtime.language_nodes import Conditions
 from tests.trees import errors, forest, forest_of
 
 REGISTRY = default_registry()

@@ -7,6 +7,7 @@ import typing
 from pathlib import Path
 
 import pytest
+from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue import SPECS as LEAVES
 from sar_compiler.nodes.answers import SELF, mistake_in
@@ -16,14 +17,24 @@ from sar_compiler.nodes.nav2 import VERSIONS, specs
 from sar_compiler.nodes.registry import Registry, RegistryError, load_registry
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Role, load
 from sar_compiler.nodes.values import without_none
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input, Output
+from tests.runtime.stage import Stage
 from tests.trees import class_of
 
 MISSION = "sar_compiler.missions.search_and_rescue"
 LANGUAGE = [*SPECS, *(spec for version in VERSIONS for spec in specs(version) if spec.is_by_path)]
 DECLARED = {f"{spec.tag} of {spec.maker_path}": spec for spec in (*LANGUAGE, *LEAVES)}
 VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+GIVEN = (Role.ATTRIBUTE, Role.CONTEXT)
 PORTS = {Direction.INPUT: Input, Direction.OUTPUT: Output, Direction.INOUT: InOut}
+KERNEL = "sar_compiler.runtime.kernel."
+OF_KERNEL = {name: spec for name, spec in DECLARED.items() if spec.class_path.startswith(KERNEL)}
+OTHERS = {name: spec for name, spec in DECLARED.items() if name not in OF_KERNEL}
+every_other_node = pytest.mark.parametrize("spec", OTHERS.values(), ids=OTHERS)
 every_declared_node = pytest.mark.parametrize("spec", DECLARED.values(), ids=DECLARED)
 every_leaf = pytest.mark.parametrize("spec", LEAVES, ids=[spec.tag for spec in LEAVES])
 
@@ -39,31 +50,80 @@ def imported_by(*arguments, folder=Path()):
     return done.stdout, set(done.stderr.split())
 
 
+def is_stock(spec):
+    """Return whether a node is made by py_trees' constructor, of values that are made of what is written."""
+    return spec.signature.factory.endswith(":stock")
+
+
 def taken_by(spec):
     """Return what makes a node takes, by its parameters' names, with their annotations."""
-    maker = load(spec.maker_path)
+    maker = spec.cls if is_stock(spec) else load(spec.maker_path)
     hints = typing.get_type_hints(maker.__init__ if isinstance(maker, type) else maker)  # type: ignore[misc]
-    plain = [each for each in inspect.signature(maker).parameters.values() if each.kind not in VARIADIC]
+    plain = [
+        each
+        for each in inspect.signature(maker).parameters.values()
+        if each.kind not in VARIADIC and each.annotation is not NodeSpec
+    ]
     return {each.name: each for each in plain}, {
         each.name: without_none(hints.get(each.name)) for each in plain
     }
 
 
-@every_declared_node
+@every_other_node
 def test_a_declared_node_takes_what_its_constructor_takes(spec):
     taken, hints = taken_by(spec)
-    declared = {parameter.keyword or name: parameter for name, parameter in spec.parameters.items()}
+    declared = {
+        parameter.keyword or name: parameter
+        for name, parameter in spec.parameters.items()
+        if not (is_stock(spec) and parameter.role is Role.CONTEXT)
+    }
     assert declared.keys() <= taken.keys()
     for name, parameter in taken.items():
         assert name in declared or parameter.default is not inspect.Parameter.empty, name
     for name, parameter in declared.items():
-        if parameter.direction is not None:
+        if parameter.direction is not None and not is_stock(spec):
             assert (typing.get_origin(hints[name]) or hints[name]) is PORTS[parameter.direction]
         if parameter.role in (Role.CONTEXT, Role.REFERENCE):
             assert parameter.target is hints[name]
 
 
-@every_declared_node
+def sample_of(parameter, stage):
+    """Return what a parameter of a node of the kernel may be given."""
+    if parameter.role is Role.CONTEXT:
+        return {Scope: stage.scope, Enums: stage.enums, Clock: ManualClock()}[parameter.target]
+    if parameter.direction is Direction.OUTPUT:
+        return Output(stage.entry("written"))
+    if parameter.direction is Direction.INOUT:
+        return InOut(stage.entry("place"))
+    samples = {int: 1, float: 10.0, bool: True, str: "1", Script: stage.code("place > 0").get()}
+    return Input(parameter.default or samples.get(parameter.value_type.python, "1"))
+
+
+@pytest.mark.parametrize("spec", OF_KERNEL.values(), ids=OF_KERNEL)
+def test_a_node_of_the_kernel_reads_what_is_declared_of_it_and_nothing_else(spec):
+    read = set()
+    for outcomes in ("S", "F", "R", "R,S", "S,R"):
+        stage = Stage(place=0)
+        leaves = [stage.leaf(name, outcomes) for name in "abcdefg"[: max(1, spec.child_count[0])]]
+        below = [] if spec.kind.is_leaf else [leaves if spec.kind is Kind.CONTROL else leaves[0]]
+        given = {
+            p.keyword or p.name: sample_of(p, stage) for p in spec.parameters.values() if p.role in GIVEN
+        }
+        made = spec.maker("node", *below, **given)
+
+        class Watched(type(made)):  # type: ignore[misc]
+            def __getattribute__(self, name):
+                read.add(name)
+                return super().__getattribute__(name)
+
+        made.__class__ = Watched
+        for _ in range(4):
+            made.tick_once()
+        made.stop(Status.INVALID)
+    assert {p.keyword or p.name for p in spec.parameters.values() if p.role in GIVEN} <= read
+
+
+@every_other_node
 def test_what_need_not_be_written_has_the_default_of_the_constructor(spec):
     taken, _ = taken_by(spec)
     for parameter in spec.attributes:
@@ -110,14 +170,14 @@ def test_the_scripts_of_a_leaf_of_the_mission_can_be_read(spec):
 
 @every_declared_node
 def test_a_class_that_stands_in_where_a_child_may_be_skipped_can_be_imported(spec):
-    if spec.skipping.replacement_path:
-        assert isinstance(load(spec.skipping.replacement_path), type)
+    if spec.skipping.replacement:
+        assert isinstance(spec.skipping.replacement.cls, type)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_what_stands_in_for_a_node_of_nav2_can_be_imported(version):
     for spec in specs(version):
-        assert not spec.stand_in or isinstance(load(spec.stand_in), type)
+        assert not spec.stand_in or isinstance(spec.stand_in.cls, type)
 
 
 def test_no_declared_class_that_a_leaf_refers_to_has_another_declared_one_derived_from_it():

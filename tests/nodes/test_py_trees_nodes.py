@@ -18,7 +18,7 @@ from sar_compiler.nodes.language import leaves
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.runtime.clock import Clock, ManualClock
-from sar_compiler.runtime.timers import StockTimeout, Timer
+from sar_compiler.runtime.stock import Timeout, Timer
 from sar_compiler.tree.diagnostic import TreeError
 from tests.trees import document, errors, forest_of
 
@@ -77,7 +77,7 @@ WRITTEN: dict[str, tuple[str, Any, dict[str, Any]]] = {
         decorators.OneShot,
         {"policy": OneShotPolicy.ON_COMPLETION},
     ),
-    "Timeout": ('<Timeout duration="2.5"><Success/></Timeout>', StockTimeout, {"duration": 2.5}),
+    "Timeout": ('<Timeout duration="2.5"><Success/></Timeout>', Timeout, {"duration": 2.5}),
     "Retry": ('<Retry num_failures="3"><Success/></Retry>', decorators.Retry, {"num_failures": 3}),
     "Repeat": ('<Repeat num_success="-1"><Success/></Repeat>', decorators.Repeat, {"num_success": -1}),
     "Condition": (

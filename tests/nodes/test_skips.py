@@ -7,23 +7,26 @@ from py_trees import composites, decorators
 from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime import controls
-from sar_compiler.runtime import decorators as own
+from sar_compiler.runtime import stock
+from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
+from sar_compiler.runtime.parents import OwnDecorator, behaviour_class
 from tests.trees import forest, forest_of
 
 REGISTRY = default_registry()
+TURNING = behaviour_class(OwnDecorator, TurningNode)
+SUBTREE = behaviour_class(OwnDecorator, SubTreeNode)
 SKIPPED = '<Success _skipIf="true"/>'
 
 PAIRS = [
-    ("Sequence", composites.Sequence, controls.Sequence),
-    ("ReactiveSequence", composites.Sequence, controls.Sequence),
-    ("Fallback", composites.Selector, controls.Fallback),
-    ("Selector", composites.Selector, controls.Fallback),
-    ("ReactiveFallback", composites.Selector, controls.Fallback),
-    ("Inverter", decorators.Inverter, own.Inverter),
-    ("ForceSuccess", decorators.FailureIsSuccess, own.ForceSuccess),
-    ("ForceFailure", decorators.SuccessIsFailure, own.ForceFailure),
-    ("KeepRunningUntilFailure", decorators.SuccessIsRunning, own.KeepRunningUntilFailure),
+    ("Sequence", composites.Sequence, stock.Sequence),
+    ("ReactiveSequence", composites.Sequence, stock.Sequence),
+    ("Fallback", composites.Selector, stock.Fallback),
+    ("Selector", composites.Selector, stock.Fallback),
+    ("ReactiveFallback", composites.Selector, stock.Fallback),
+    ("Inverter", decorators.Inverter, TURNING),
+    ("ForceSuccess", decorators.FailureIsSuccess, TURNING),
+    ("ForceFailure", decorators.SuccessIsFailure, TURNING),
+    ("KeepRunningUntilFailure", decorators.SuccessIsRunning, TURNING),
 ]
 
 
@@ -35,13 +38,13 @@ def all_of(body):
     return {type(node) for node in root(body).iterate()}
 
 
-@pytest.mark.parametrize(("tag", "stock", "skipping"), PAIRS)
-def test_a_node_is_stock_where_no_child_can_be_skipped(tag, stock, skipping):
-    assert type(root(f"<{tag}><Success/></{tag}>")) is stock
+@pytest.mark.parametrize(("tag", "plain", "skipping"), PAIRS)
+def test_a_node_is_stock_where_no_child_can_be_skipped(tag, plain, skipping):
+    assert type(root(f"<{tag}><Success/></{tag}>")) is plain
 
 
-@pytest.mark.parametrize(("tag", "stock", "skipping"), PAIRS)
-def test_a_node_is_the_projects_own_where_a_child_can_be_skipped(tag, stock, skipping):
+@pytest.mark.parametrize(("tag", "plain", "skipping"), PAIRS)
+def test_a_node_is_the_projects_own_where_a_child_can_be_skipped(tag, plain, skipping):
     assert type(root(f"<{tag}>{SKIPPED}</{tag}>")) is skipping
 
 
@@ -58,7 +61,7 @@ def test_a_node_is_the_projects_own_where_a_child_can_be_skipped(tag, stock, ski
     ],
 )
 def test_what_can_be_skipped_is_known_through_the_nodes_between(child):
-    assert type(root(f"<Fallback><Failure/>{child}</Fallback>")) is controls.Fallback
+    assert type(root(f"<Fallback><Failure/>{child}</Fallback>")) is stock.Fallback
 
 
 @pytest.mark.parametrize(
@@ -75,9 +78,9 @@ def test_what_can_be_skipped_is_known_through_the_nodes_between(child):
 )
 def test_what_skips_by_the_value_of_an_attribute_alone_does_not_where_it_has_another(opening, closing, skips):
     around = "<Fallback><Failure/>{}</Fallback>"
-    wanted = controls.Fallback if skips else composites.Selector
+    wanted = stock.Fallback if skips else composites.Selector
     assert type(root(around.format(f"{opening}<Success/>{closing}"))) is wanted
-    assert type(root(around.format(f"{opening}{SKIPPED}{closing}"))) is controls.Fallback
+    assert type(root(around.format(f"{opening}{SKIPPED}{closing}"))) is stock.Fallback
 
 
 def test_conditions_that_cannot_skip_leave_the_nodes_around_stock():
@@ -101,9 +104,9 @@ def with_subtree(inner):
 
 
 def test_a_subtree_is_a_stock_decorator_unless_its_tree_can_be_skipped():
-    stock, skipping = with_subtree("<Success/>"), with_subtree(SKIPPED)
-    assert [type(stock), type(stock.children[0])] == [composites.Sequence, py_trees.decorators.PassThrough]
-    assert [type(skipping), type(skipping.children[0])] == [controls.Sequence, own.SubTree]
+    plain, skipping = with_subtree("<Success/>"), with_subtree(SKIPPED)
+    assert [type(plain), type(plain.children[0])] == [composites.Sequence, py_trees.decorators.PassThrough]
+    assert [type(skipping), type(skipping.children[0])] == [stock.Sequence, SUBTREE]
 
 
 def test_oneshot_around_a_node_that_can_be_skipped_is_a_finding():

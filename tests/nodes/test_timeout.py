@@ -5,13 +5,13 @@ from py_trees.behaviours import Running, StatusQueue
 from py_trees.common import Status
 
 from sar_compiler.runtime.clock import ManualClock, WallClock
-from sar_compiler.runtime.timers import StockTimeout
+from sar_compiler.runtime.stock import Timeout
 
 
 def test_a_child_that_takes_too_long_is_stopped_and_the_timeout_fails():
     clock = ManualClock()
     child = Running("child")
-    timeout = StockTimeout("t", child, duration=2.0, clock=clock)
+    timeout = Timeout("t", child, duration=2.0, clock=clock)
     timeout.tick_once()
     clock.advance(2.1)
     timeout.tick_once()
@@ -22,7 +22,7 @@ def test_a_child_that_takes_too_long_is_stopped_and_the_timeout_fails():
 
 def test_the_time_left_is_shown():
     clock = ManualClock()
-    timeout = StockTimeout("t", Running("child"), duration=2.0, clock=clock)
+    timeout = Timeout("t", Running("child"), duration=2.0, clock=clock)
     timeout.tick_once()
     clock.advance(0.5)
     timeout.tick_once()
@@ -33,7 +33,7 @@ def test_the_time_left_is_shown():
 def test_a_child_that_finishes_gives_its_status_even_after_the_time(status):
     clock = ManualClock()
     child = StatusQueue("child", queue=[Status.RUNNING, status], eventually=None)
-    timeout = StockTimeout("t", child, duration=2.0, clock=clock)
+    timeout = Timeout("t", child, duration=2.0, clock=clock)
     timeout.tick_once()
     clock.advance(5.0)
     timeout.tick_once()
@@ -42,7 +42,7 @@ def test_a_child_that_finishes_gives_its_status_even_after_the_time(status):
 
 def test_the_time_starts_again_with_every_entry():
     clock = ManualClock()
-    timeout = StockTimeout("t", Running("child"), duration=2.0, clock=clock)
+    timeout = Timeout("t", Running("child"), duration=2.0, clock=clock)
     statuses = []
     for _ in range(2):
         timeout.tick_once()

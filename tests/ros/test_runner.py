@@ -502,13 +502,13 @@ class TestFailing:
 
     def test_a_leaf_that_forgets_its_status_later_on_ends_its_time_out_too(self, ros: Ros) -> None:
         from sar_compiler.runtime.clock import ManualClock
-        from sar_compiler.runtime.timers import StockTimeout
+        from sar_compiler.runtime.stock import Timeout
 
         def forget(probe: Probe) -> Any:
             return Status.RUNNING if probe.updates < 3 else None
 
         probe = Probe("Out", on_update=forget)
-        runner = runner_of(StockTimeout("Within", probe, 30.0, ManualClock()), ros.node())
+        runner = runner_of(Timeout("Within", probe, 30.0, ManualClock()), ros.node())
         runner.tick_tock(5.0)
         ros.spin_until(lambda: not runner.running, "the end of the tree")
         assert (runner.failed_behaviour, probe.updates) == (probe, 3)

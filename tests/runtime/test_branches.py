@@ -5,16 +5,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from sar_compiler.runtime.controls import (
-    IfThenElse,
-    Switch,
-    TryCatch,
-    WhileDoElse,
-)
 from sar_compiler.runtime.operators import equal_texts
 from sar_compiler.runtime.ports import Input, PortError
 from tests.conformance.leaves import ScriptedError
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+IfThenElse = own("IfThenElse")
+TryCatch = own("TryCatch")
+WhileDoElse = own("WhileDoElse")
+
+
+def Switch(name, children, variable, enums, *cases, **named):  # noqa: N802
+    return own(f"Switch{len(children) - 1}")(name, children, variable, enums, *cases, **named)
 
 
 def test_if_then_else_asks_once_and_says_which_way_it_went():

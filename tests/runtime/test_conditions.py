@@ -5,21 +5,31 @@ from py_trees import composites
 from py_trees.common import Status
 from py_trees.decorators import SuccessIsFailure
 
-from sar_compiler.runtime.controls import Sequence, WhileDoElse
-from sar_compiler.runtime.decorators import LoopInt
+from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.script_nodes import Conditions, ConditionScripts
 from sar_compiler.runtime.scripting import NodeScriptError
+from sar_compiler.runtime.stock import Sequence
 from tests.conformance.leaves import ScriptedError
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+WhileDoElse = own("WhileDoElse")
+LoopInt = own("LoopInt")
+
 
 COUNTERS = {"on_success": "s+=1", "on_failure": "f+=1", "on_halted": "h+=1", "post": "p+=1"}
 
 
 def on(stage, node, **scripts):
-    parsed = {name: parse(text) for name, text in scripts.items()}
-    return Conditions("conditions", node, ConditionScripts(**parsed), stage.scope, stage.enums)
+    parsed = {attribute(name): parse(text) for name, text in scripts.items()}
+    return Conditions("conditions", node, parsed, stage.scope, stage.enums)
+
+
+def attribute(name):
+    """Return the attribute of a condition: `_failureIf` for `failure_if`."""
+    first, *others = name.strip("_").split("_")
+    return f"_{first}{''.join(map(str.capitalize, others))}"
 
 
 def counted(**entries):

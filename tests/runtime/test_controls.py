@@ -11,8 +11,8 @@ from py_trees import decorators as stock
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.runtime import decorators
-from sar_compiler.runtime.controls import AsyncFallback, AsyncSequence, Fallback, Sequence, SequenceWithMemory
+from sar_compiler.runtime.stock import AsyncFallback, AsyncSequence, Fallback, Sequence, SequenceWithMemory
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
 
 
@@ -142,11 +142,11 @@ OURS: dict[str, Callable[..., Behaviour]] = {
     "ReactiveSequence": lambda name, children: Sequence(name, memory=False, children=children),
     "Fallback": lambda name, children: Fallback(name, memory=True, children=children),
     "ReactiveFallback": lambda name, children: Fallback(name, memory=False, children=children),
-    "Inverter": lambda name, children: decorators.Inverter(name, children[0]),
-    "ForceSuccess": lambda name, children: decorators.ForceSuccess(name, children[0]),
-    "ForceFailure": lambda name, children: decorators.ForceFailure(name, children[0]),
-    "KeepRunningUntilFailure": lambda name, children: decorators.KeepRunningUntilFailure(name, children[0]),
-    "SubTree": lambda name, children: decorators.SubTree(name, children[0]),
+    "Inverter": lambda name, children: own("Inverter")(name, children[0]),
+    "ForceSuccess": lambda name, children: own("ForceSuccess")(name, children[0]),
+    "ForceFailure": lambda name, children: own("ForceFailure")(name, children[0]),
+    "KeepRunningUntilFailure": lambda name, children: own("KeepRunningUntilFailure")(name, children[0]),
+    "SubTree": lambda name, children: own("SubTree")(name, children[0]),
 }
 CONTROLS = ["Sequence", "ReactiveSequence", "Fallback", "ReactiveFallback"]
 DECORATORS = ["Inverter", "ForceSuccess", "ForceFailure", "KeepRunningUntilFailure", "SubTree"]

@@ -3,16 +3,16 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.runtime.decorators import (
-    ForceFailure,
-    ForceSuccess,
-    Inverter,
-    KeepRunningUntilFailure,
-    RunOnce,
-    SubTree,
-)
 from sar_compiler.runtime.ports import Input
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+ForceFailure = own("ForceFailure")
+ForceSuccess = own("ForceSuccess")
+Inverter = own("Inverter")
+KeepRunningUntilFailure = own("KeepRunningUntilFailure")
+RunOnce = own("RunOnce")
+SubTree = own("SubTree")
 
 
 @pytest.mark.parametrize(

@@ -8,18 +8,16 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.entries import (
-    EntryTypeError,
-    SetBlackboard,
-    SkipUnlessUpdated,
-    UnsetBlackboard,
-    WaitValueUpdate,
-    WasEntryUpdated,
-)
 from sar_compiler.runtime.entry_types import kept, read_as, value_of
+from sar_compiler.runtime.language_nodes import EntryTypeError, SetBlackboard, UnsetBlackboard
 from sar_compiler.runtime.ports import Input, PortError
 from sar_compiler.runtime.variables import RefusedValueError
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+SkipUnlessUpdated = own("SkipUnlessUpdated")
+WaitValueUpdate = own("WaitValueUpdate")
+WasEntryUpdated = own("WasEntryUpdated")
 
 
 class Colour(enum.Enum):

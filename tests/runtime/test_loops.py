@@ -9,10 +9,15 @@ from py_trees.behaviours import Success
 from py_trees.common import Status
 
 from sar_compiler.runtime.chosen_outcome import Outcome
-from sar_compiler.runtime.decorators import LoopBool, LoopDouble, LoopInt, LoopString
 from sar_compiler.runtime.ports import Input, Output, PortError
 from sar_compiler.runtime.queues import QueueError
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+LoopBool = own("LoopBool")
+LoopDouble = own("LoopDouble")
+LoopInt = own("LoopInt")
+LoopString = own("LoopString")
 
 
 def loop(stage, queue, cls=LoopInt, outcomes="S", if_empty=Outcome.SUCCESS):
@@ -56,10 +61,11 @@ def test_a_literal_queue_gives_items_of_the_loops_type(cls, text, items):
         (LoopInt, ";"),
     ],
 )
-def test_an_item_of_a_literal_queue_that_does_not_fit_is_refused_when_the_loop_is_made(cls, text):
+def test_an_item_of_a_literal_queue_that_does_not_fit_is_refused_before_the_child_is_ticked(cls, text):
     stage = Stage()
     with pytest.raises(QueueError, match=r"'l': queue: '.*' is not "):
-        loop(stage, Input(text), cls)
+        loop(stage, Input(text), cls).tick_once()
+    assert stage.told() == ""
 
 
 def test_a_literal_queue_starts_again_with_every_activation():

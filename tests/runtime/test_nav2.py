@@ -4,15 +4,28 @@ import pytest
 from py_trees import composites
 from py_trees.common import Status
 
-from sar_compiler.runtime import nav2
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.kernel.nav2_controls import Nav2ControlError
 from sar_compiler.runtime.ports import InOut, Input
+from tests.runtime.own import asking, of_nav2
 from tests.runtime.stage import Stage
+
+RecoveryNode = of_nav2("RecoveryNode")
+PipelineSequence = of_nav2("PipelineSequence")
+WrappingRoundRobin = of_nav2("RoundRobin")
+RoundRobin = of_nav2("RoundRobin", "main")
+NonblockingSequence = of_nav2("NonblockingSequence", "main")
+PersistentSequence = of_nav2("PersistentSequence", "main")
+RateController = of_nav2("RateController")
+SingleTrigger = of_nav2("SingleTrigger")
+WhenDue = asking("SpeedController")
+WhenDriven = asking("DistanceController")
+WhenPathIsLonger = asking("PathLongerOnApproach")
+PausedOnRequest = asking("PauseResumeController")
 
 
 def recovery(stage, retries=1, **children):
-    return nav2.RecoveryNode("r", stage.leaves(**children), Input(retries))
+    return RecoveryNode("r", stage.leaves(**children), Input(retries))
 
 
 class TestRecoveryNode:
@@ -65,37 +78,37 @@ class TestRecoveryNode:
 class TestPipelineSequence:
     def test_it_goes_on_to_the_next_child_only_after_a_success(self):
         stage = Stage()
-        root = nav2.PipelineSequence("p", stage.leaves(a="R,S", b="S"))
+        root = PipelineSequence("p", stage.leaves(a="R,S", b="S"))
         assert stage.ticks(root, 2) == ["R: a=R", "S: a=S b=S"]
 
     def test_it_ticks_the_children_before_the_one_that_runs_again_in_each_tick(self):
         stage = Stage()
-        root = nav2.PipelineSequence("p", stage.leaves(a="S", b="R"))
+        root = PipelineSequence("p", stage.leaves(a="S", b="R"))
         assert stage.ticks(root, 2) == ["R: a=S b=R", "R: a=S b=R"]
 
     def test_children_before_the_furthest_one_may_run_beside_it(self):
         stage = Stage()
-        root = nav2.PipelineSequence("p", stage.leaves(a="S,R,S", b="R,R,S"))
+        root = PipelineSequence("p", stage.leaves(a="S,R,S", b="R,R,S"))
         assert stage.ticks(root, 3) == ["R: a=S b=R", "R: a=R b=R", "S: a=S b=S"]
 
     def test_its_end_halts_the_children_that_still_run(self):
         stage = Stage()
-        root = nav2.PipelineSequence("p", stage.leaves(a="S,R", b="R,S"))
+        root = PipelineSequence("p", stage.leaves(a="S,R", b="R,S"))
         assert stage.ticks(root, 2) == ["R: a=S b=R", "S: a=R b=S halt a"]
 
     def test_it_fails_with_any_child(self):
         stage = Stage()
-        root = nav2.PipelineSequence("p", stage.leaves(a="S,F", b="R"))
+        root = PipelineSequence("p", stage.leaves(a="S,F", b="R"))
         assert stage.ticks(root, 2) == ["R: a=S b=R", "F: a=F halt b"]
 
     def test_it_passes_over_what_is_skipped_and_is_skipped_if_all_children_are(self):
         stage = Stage()
-        root = nav2.PipelineSequence("p", stage.leaves(a="K", b="K,S"))
+        root = PipelineSequence("p", stage.leaves(a="K", b="K,S"))
         assert stage.ticks(root, 2) == ["K: a=K b=K", "S: a=K b=S"]
 
     def test_after_a_halt_the_first_child_has_to_succeed_again_before_the_second_one(self):
         stage = Stage()
-        root = nav2.PipelineSequence("p", stage.leaves(a="S,R", b="R"))
+        root = PipelineSequence("p", stage.leaves(a="S,R", b="R"))
         stage.tick(root)
         root.stop(Status.INVALID)
         stage.told()
@@ -105,36 +118,36 @@ class TestPipelineSequence:
 class TestRoundRobin:
     def test_the_next_start_begins_behind_the_child_that_has_succeeded(self):
         stage = Stage()
-        root = nav2.WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
+        root = WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
         assert stage.ticks(root, 3) == ["S: a=S", "S: b=S", "S: a=S"]
 
     @pytest.mark.parametrize("memory", [True, False])
     def test_whose_turn_it_is_outlasts_its_end_below_a_sequence_of_py_trees(self, memory):
         stage = Stage()
-        robin = nav2.WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
+        robin = WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
         root = composites.Sequence("s", memory, [composites.Selector("f", memory, [robin]), stage.leaf("c")])
         assert stage.ticks(root, 3) == ["S: a=S c=S", "S: b=S c=S", "S: a=S c=S"]
 
     def test_whose_turn_it_is_outlasts_that_its_status_is_set_back(self):
         stage = Stage()
-        root = nav2.WrappingRoundRobin("r", stage.leaves(a="S", b="R"))
+        root = WrappingRoundRobin("r", stage.leaves(a="S", b="R"))
         assert stage.tick(root) == "S: a=S"
         root.status = Status.INVALID
         assert stage.tick(root) == "R: b=R"
 
     def test_it_fails_when_all_children_have_failed_one_after_another(self):
         stage = Stage()
-        root = nav2.WrappingRoundRobin("r", stage.leaves(a="S,F", b="F,R,F"))
+        root = WrappingRoundRobin("r", stage.leaves(a="S,F", b="F,R,F"))
         assert stage.ticks(root, 3) == ["S: a=S", "F: b=F a=F", "R: a=F b=R"]
 
     def test_it_is_skipped_if_all_children_are(self):
         stage = Stage()
-        root = nav2.WrappingRoundRobin("r", stage.leaves(a="K", b="K"))
+        root = WrappingRoundRobin("r", stage.leaves(a="K", b="K"))
         assert stage.tick(root) == "K: a=K b=K"
 
     def test_a_halt_makes_it_begin_with_the_first_child(self):
         stage = Stage()
-        root = nav2.WrappingRoundRobin("r", stage.leaves(a="F,S", b="R"))
+        root = WrappingRoundRobin("r", stage.leaves(a="F,S", b="R"))
         stage.tick(root)
         root.stop(Status.INVALID)
         stage.told()
@@ -142,36 +155,36 @@ class TestRoundRobin:
 
     def test_without_a_wrap_the_success_of_the_last_child_is_a_failure(self):
         stage = Stage()
-        root = nav2.RoundRobin("r", stage.leaves(a="F,S", b="S"))
+        root = RoundRobin("r", stage.leaves(a="F,S", b="S"))
         assert stage.ticks(root, 3) == ["F: a=F b=S", "S: a=S", "F: b=S"]
 
     def test_with_a_wrap_that_success_is_one(self):
         stage = Stage()
-        root = nav2.RoundRobin("r", stage.leaves(a="F", b="S"), Input(source=True))
+        root = RoundRobin("r", stage.leaves(a="F", b="S"), Input(source=True))
         assert stage.tick(root) == "S: a=F b=S"
 
 
 class TestNonblockingSequence:
     def test_it_ticks_all_children_also_those_that_have_succeeded_until_all_do_in_one_tick(self):
         stage = Stage()
-        root = nav2.NonblockingSequence("n", stage.leaves(a="R,S,S", b="S,R,S"))
+        root = NonblockingSequence("n", stage.leaves(a="R,S,S", b="S,R,S"))
         assert stage.ticks(root, 3) == ["R: a=R b=S", "R: a=S b=R", "S: a=S b=S"]
 
     def test_a_failure_halts_the_others_and_ticks_none_behind(self):
         stage = Stage()
-        root = nav2.NonblockingSequence("n", stage.leaves(a="R", b="F", c="S"))
+        root = NonblockingSequence("n", stage.leaves(a="R", b="F", c="S"))
         assert stage.tick(root) == "F: a=R b=F halt a"
 
     def test_a_child_that_is_skipped_is_an_error(self):
         stage = Stage()
-        root = nav2.NonblockingSequence("n", stage.leaves(a="K"))
+        root = NonblockingSequence("n", stage.leaves(a="K"))
         with pytest.raises(Nav2ControlError, match="'a' was skipped, which 'n' takes for"):
             root.tick_once()
 
 
 class TestPersistentSequence:
     def persistent(self, stage, **children):
-        return nav2.PersistentSequence("p", stage.leaves(**children), InOut(stage.entry("place")))
+        return PersistentSequence("p", stage.leaves(**children), InOut(stage.entry("place")))
 
     def test_its_place_is_on_the_blackboard_and_outlasts_a_halt(self):
         stage = Stage(place=0)
@@ -200,11 +213,11 @@ class TestPersistentSequence:
 
 class TestRateController:
     def rated(self, stage, clock, answers, hz=2.0):
-        return nav2.RateController("rate", stage.leaf("a", answers), clock, Input(hz))
+        return RateController("rate", stage.leaf("a", answers), clock, Input(hz))
 
     def in_pipeline(self, stage, clock, answers, hz=2.0):
         """Under a node that ticks it again without a reset."""
-        return nav2.PipelineSequence("p", [self.rated(stage, clock, answers, hz), stage.leaf("b", "R")])
+        return PipelineSequence("p", [self.rated(stage, clock, answers, hz), stage.leaf("b", "R")])
 
     def test_its_child_is_ticked_at_the_start_and_again_when_the_period_is_over(self):
         stage, clock = Stage(), ManualClock()
@@ -235,27 +248,25 @@ class TestRateController:
 class TestSingleTrigger:
     def test_its_child_ends_once_and_then_it_fails(self):
         stage = Stage()
-        root = nav2.NonblockingSequence(
-            "n", [nav2.SingleTrigger("t", stage.leaf("a", "R,S,S")), stage.leaf("b", "R")]
-        )
+        root = NonblockingSequence("n", [SingleTrigger("t", stage.leaf("a", "R,S,S")), stage.leaf("b", "R")])
         assert stage.ticks(root, 3) == ["R: a=R b=R", "R: a=S b=R", "F: halt b"]
 
     def test_after_a_reset_its_child_may_end_again(self):
         stage = Stage()
-        root = nav2.SingleTrigger("t", stage.leaf("a", "F"))
+        root = SingleTrigger("t", stage.leaf("a", "F"))
         assert stage.ticks(root, 2) == ["F: a=F", "F: a=F"]
 
 
 def beside(stage, cls, world, child, other="R"):
     """Put a decorator that asks the world where it is ticked again without a reset."""
     decorator = cls("d", stage.leaf("a", child), stage.leaf("world", world))
-    return nav2.PipelineSequence("p", [decorator, stage.leaf("b", other)])
+    return PipelineSequence("p", [decorator, stage.leaf("b", other)])
 
 
 class TestWhatAsksTheWorld:
     def test_what_is_due_now_and_then_asks_only_where_that_decides(self):
         stage = Stage()
-        root = beside(stage, nav2.WhenDue, "R,S", "S,R,S")
+        root = beside(stage, WhenDue, "R,S", "S,R,S")
         assert stage.ticks(root, 4) == [
             "R: a=S b=R",
             "R: world=R b=R",
@@ -265,7 +276,7 @@ class TestWhatAsksTheWorld:
 
     def test_what_waits_for_a_distance_asks_in_every_tick_and_fails_without_a_pose(self):
         stage = Stage()
-        root = beside(stage, nav2.WhenDriven, "R,R,S,F", "S")
+        root = beside(stage, WhenDriven, "R,R,S,F", "S")
         assert stage.ticks(root, 4) == [
             "R: world=R a=S b=R",
             "R: world=R b=R",
@@ -275,18 +286,18 @@ class TestWhatAsksTheWorld:
 
     def test_a_path_cannot_be_longer_than_none(self):
         stage = Stage()
-        root = nav2.WhenPathIsLonger("d", stage.leaf("a", "R"), stage.leaf("world", "F,S"))
+        root = WhenPathIsLonger("d", stage.leaf("a", "R"), stage.leaf("world", "F,S"))
         assert stage.ticks(root, 3) == ["S:", "S: world=F", "R: world=S a=R"]
 
     def test_a_path_that_is_no_longer_longer_leaves_its_child_running(self):
         stage = Stage()
-        root = nav2.WhenPathIsLonger("d", stage.leaf("a", "R"), stage.leaf("world", "S,F,S"))
+        root = WhenPathIsLonger("d", stage.leaf("a", "R"), stage.leaf("world", "S,F,S"))
         assert stage.ticks(root, 4) == ["S:", "R: world=S a=R", "S: world=F", "R: world=S a=R"]
 
     def test_a_pause_halts_the_work_and_a_resumption_begins_it_anew(self):
         stage = Stage()
         children = stage.leaves(work="R", pause="R", on_pause="S", on_resume="S")
-        root = nav2.PausedOnRequest("p", children, stage.leaf("world", "S,F,S,R,S,S"))
+        root = PausedOnRequest("p", children, stage.leaf("world", "S,F,S,R,S,S"))
         assert stage.ticks(root, 5) == [
             "R: world=S work=R",
             "R: world=F halt work on_pause=S",
@@ -297,10 +308,10 @@ class TestWhatAsksTheWorld:
 
     def test_without_children_for_the_changes_a_pause_takes_a_tick_for_nothing(self):
         stage = Stage()
-        root = nav2.PausedOnRequest("p", stage.leaves(work="R,S"), stage.leaf("world", "F,S,R,S"))
+        root = PausedOnRequest("p", stage.leaves(work="R,S"), stage.leaf("world", "F,S,R,S"))
         assert stage.ticks(root, 4) == ["R: world=F", "R: world=S", "R: world=R", "R: world=S work=R"]
 
     def test_a_request_to_resume_is_not_heard_while_nothing_is_paused(self):
         stage = Stage()
-        root = nav2.PausedOnRequest("p", stage.leaves(work="S"), stage.leaf("world", "R"))
+        root = PausedOnRequest("p", stage.leaves(work="S"), stage.leaf("world", "R"))
         assert stage.tick(root) == "S: world=R work=S"

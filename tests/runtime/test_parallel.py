@@ -3,10 +3,13 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.runtime.controls import Parallel, ParallelAll
 from sar_compiler.runtime.kernel.counting import ThresholdError
 from sar_compiler.runtime.ports import Input
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+Parallel = own("Parallel")
+ParallelAll = own("ParallelAll")
 
 
 def parallel(stage, success_count=-1, failure_count=1, **outcomes):

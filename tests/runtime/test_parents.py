@@ -9,18 +9,24 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
 from sar_compiler.runtime.clock import Clock, ManualClock
-from sar_compiler.runtime.controls import Fallback, Parallel, Sequence, SequenceWithMemory, TryCatch
-from sar_compiler.runtime.decorators import Inverter, SubTree
 from sar_compiler.runtime.kernel.cells import RUNNING
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
+from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
 from sar_compiler.runtime.kernel.user_nodes import Tick
-from sar_compiler.runtime.parents import Control, Decorator
+from sar_compiler.runtime.parents import Control, Decorator, OwnDecorator, behaviour_class
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.skipping import SKIPPED
+from sar_compiler.runtime.stock import Fallback, Sequence, SequenceWithMemory
 from tests.conformance.leaves import ScriptedError
 from tests.runtime.kernel.flat import cells_of, tick
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+Parallel = own("Parallel")
+TryCatch = own("TryCatch")
+Inverter = own("Inverter")
+SubTree = own("SubTree")
 
 
 def test_a_node_that_is_halted_halts_its_running_children_in_order():
@@ -183,8 +189,10 @@ def test_a_node_ticked_by_itself_and_in_a_flat_tree_remembers_each_for_itself():
     assert stage.tick(root) == "R: b=R"
 
 
-class Own(Inverter):
+class Own(behaviour_class(OwnDecorator, TurningNode)):  # type: ignore[misc]
     """A subclass without a builder of its own."""
+
+    turned = "FAILURE", "SUCCESS", "SKIPPED"
 
 
 def test_a_subclass_ticks_as_its_base_does():
@@ -209,7 +217,7 @@ def test_what_is_ticked_because_of_a_halt_is_not_shown():
     assert stage.told() == "b=R d=F halt b catch=S"
 
 
-class Refusing(SubTree):
+class Refusing(behaviour_class(OwnDecorator, SubTreeNode)):  # type: ignore[misc]
     """Ticks as it likes."""
 
     def tick(self) -> Iterator[Behaviour]:

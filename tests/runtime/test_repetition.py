@@ -5,10 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from sar_compiler.runtime.decorators import Repeat, RetryUntilSuccessful
 from sar_compiler.runtime.ports import Input, PortError
 from tests.conformance.leaves import Scripted
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+Repeat = own("Repeat")
+RetryUntilSuccessful = own("RetryUntilSuccessful")
 
 
 def test_repeat_pauses_between_cycles_of_one_tick_and_shows_which_one_it_is():

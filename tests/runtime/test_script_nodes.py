@@ -5,11 +5,14 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.chosen_outcome import Outcome
+from sar_compiler.runtime.language_nodes import RunScript, ScriptCondition
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.script_nodes import Precondition, RunScript, ScriptCondition
 from sar_compiler.runtime.scripting import NodeScriptError
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+Precondition = own("Precondition")
 
 
 def run(stage, text, scope=None):

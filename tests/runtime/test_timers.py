@@ -9,8 +9,13 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.timing import DurationError
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.timers import Delay, Sleep, Timeout
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+Delay = own("Delay")
+Sleep = own("Sleep")
+Timeout = own("Timeout")
+
 
 CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)
 

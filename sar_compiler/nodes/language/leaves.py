@@ -1,25 +1,26 @@
 """Leaves that are available in every mission's trees."""
 
-from collections.abc import Mapping
+from functools import partial
 
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.btcpp import rewrites
-from sar_compiler.nodes.declaring import CLOCK, ENUMS, SCOPE, attribute, inout_port, input_port, signature
+from sar_compiler.nodes.declaring import CLOCK, ENUMS, SCOPE, attribute, inout_port, input_port, node_spec
 from sar_compiler.nodes.language.comparisons import CHECKS, Comparison, Junction
 from sar_compiler.nodes.language.narrow_types import CHANCES, KEY, NTH, STATUS_NAMES, VARIABLE, StatusName
 from sar_compiler.nodes.language.node_rules import report_no_answer
+from sar_compiler.nodes.language.records import own, stock
 from sar_compiler.nodes.semantics import REMOVES, WRITES, AccessKind, Counterpart, KeyRole, Semantics
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Rule
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter
 from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, MILLISECONDS, SECONDS
 from sar_compiler.runtime.expressions import Script
 
-_SUCCESS, _FAILURE, _RUNNING = "SUCCESS", "FAILURE", "RUNNING"
-_ALL = (_SUCCESS, _FAILURE, _RUNNING)
-_BUILT_IN = Counterpart(built_in=True)
+_SUCCESS, _FAILURE, _RUNNING = (frozenset({word}) for word in ("SUCCESS", "FAILURE", "RUNNING"))
 _PEEKS = KeyRole(AccessKind.PEEK)
-_PEEKS_BY_NAME = KeyRole(AccessKind.PEEK, by_name=True)
 _WRITTEN = KeyRole(AccessKind.WRITE)
 _REMOVED = KeyRole(AccessKind.NONE)
+
+_own = partial(own, Kind.ACTION)
+_stock = partial(stock, Kind.ACTION)
 
 
 def _peeking(*ports: str, resumes: bool = False) -> Semantics:
@@ -27,63 +28,22 @@ def _peeking(*ports: str, resumes: bool = False) -> Semantics:
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 
-def _own(
-    tag: str,
-    path: str,
-    doc: str,
-    *parameters: Parameter,
-    outcomes: tuple[str, ...],
-    kind: Kind = Kind.ACTION,
-    effects: str = "",
-    keys: Mapping[str, KeyRole] | None = None,
+def _renamed(tag: str) -> Semantics:
+    """Return the semantics of a leaf that BehaviorTree.CPP has by another name."""
+    return Semantics(counterpart=Counterpart(rewrite=rewrites.renamed(tag)))
+
+
+def _question(
+    tag: str, doc: str, *parameters: Parameter, asks: tuple[str, ...], made_by: str = ""
 ) -> NodeSpec:
-    """Return a BehaviorTree.CPP leaf."""
-    return NodeSpec(
-        tag,
-        path,
-        kind,
-        frozenset(outcomes),
-        effects,
-        semantics=Semantics(keys=keys or {}, counterpart=_BUILT_IN),
-        signature=signature(kind, doc, *parameters),
-    )
-
-
-def _stock(  # noqa: PLR0913 - all that differs
-    tag: str,
-    doc: str,
-    *parameters: Parameter,
-    outcomes: tuple[str, ...] = _ALL,
-    kind: Kind = Kind.ACTION,
-    effects: str = "",
-    rule: "Rule | None" = None,
-    semantics: Semantics | None = None,
-    rewrite: rewrites.Rewrite | None = None,
-    made_by: str = "",
-) -> NodeSpec:
-    """Return a py_trees leaf; *made_by* names a function of `py_trees_nodes` in place of its constructor."""
-    factory = f"sar_compiler.nodes.language.py_trees_nodes:{made_by}" if made_by else ""
-    return NodeSpec(
-        tag,
-        f"py_trees.behaviours:{tag}",
-        kind,
-        frozenset(outcomes),
-        effects,
-        semantics=semantics or Semantics(counterpart=Counterpart(rewrite=rewrite)),
-        signature=signature(kind, doc, *parameters, factory=factory),
-        rule=rule,
-    )
-
-
-def _question(tag: str, doc: str, *parameters: Parameter, made_by: str, asks: tuple[str, ...]) -> NodeSpec:
     """Return a py_trees condition about keys that need not exist."""
-    return _stock(
+    return stock(
+        Kind.CONDITION,
         tag,
         doc,
         *parameters,
         SCOPE,
-        outcomes=(_SUCCESS, _FAILURE),
-        kind=Kind.CONDITION,
+        outcomes=_SUCCESS | _FAILURE,
         semantics=_peeking(*asks),
         made_by=made_by,
     )
@@ -103,31 +63,31 @@ _COMPARISON = (
 )
 
 BEHAVIORTREE_CPP = [
-    _own("AlwaysSuccess", "py_trees.behaviours:Success", "Succeeds.", outcomes=(_SUCCESS,)),
-    _own("AlwaysFailure", "py_trees.behaviours:Failure", "Fails.", outcomes=(_FAILURE,)),
+    _own("AlwaysSuccess", "py_trees.behaviours:Success", "Succeeds.", outcomes=_SUCCESS),
+    _own("AlwaysFailure", "py_trees.behaviours:Failure", "Fails.", outcomes=_FAILURE),
     _own(
         "Script",
-        "sar_compiler.runtime.script_nodes:RunScript",
+        "language_nodes:RunScript",
         "Runs a script, and succeeds.",
         input_port("code", Script, "The script."),
         SCOPE,
         ENUMS,
-        outcomes=(_SUCCESS,),
+        outcomes=_SUCCESS,
         effects=WRITES,
     ),
-    _own(
+    own(
+        Kind.CONDITION,
         "ScriptCondition",
-        "sar_compiler.runtime.script_nodes:ScriptCondition",
+        "language_nodes:ScriptCondition",
         "Runs a script, and succeeds if its value is true.",
         input_port("code", CONDITION, "The script; its value is true or false, 1 or 0."),
         SCOPE,
         ENUMS,
-        outcomes=(_SUCCESS, _FAILURE),
-        kind=Kind.CONDITION,
+        outcomes=_SUCCESS | _FAILURE,
     ),
     _own(
         "SetBlackboard",
-        "sar_compiler.runtime.entries:SetBlackboard",
+        "language_nodes:SetBlackboard",
         "Writes an entry: another entry's value, with its type, or a text; fails if the other entry is empty.",
         input_port("value", AS_WRITTEN, "What to write."),
         input_port(
@@ -137,44 +97,49 @@ BEHAVIORTREE_CPP = [
         ),
         SCOPE,
         ENUMS,
-        outcomes=(_SUCCESS, _FAILURE),
+        outcomes=_SUCCESS | _FAILURE,
         effects=WRITES,
-        keys={"output_key": KeyRole(AccessKind.WRITE, by_name=True, indirect=True)},
+        semantics=Semantics(keys={"output_key": KeyRole(AccessKind.WRITE, by_name=True, indirect=True)}),
     ),
     _own(
         "UnsetBlackboard",
-        "sar_compiler.runtime.entries:UnsetBlackboard",
+        "language_nodes:UnsetBlackboard",
         "Removes an entry of its own tree instance; one that belongs to another instance stays.",
         input_port("key", str, "The entry's key, without braces."),
         SCOPE,
-        outcomes=(_SUCCESS,),
+        outcomes=_SUCCESS,
         effects=REMOVES,
-        keys={"key": _REMOVED},
+        semantics=Semantics(keys={"key": _REMOVED}),
     ),
     _own(
         "WasEntryUpdated",
-        "sar_compiler.runtime.entries:WasEntryUpdated",
+        "kernel.leaf_nodes:UpdateCheckNode",
         "Succeeds if an entry was written since this node last looked, else fails.",
         input_port("entry", object, "The entry."),
         SCOPE,
-        outcomes=(_SUCCESS, _FAILURE),
-        keys={"entry": _PEEKS_BY_NAME},
+        outcomes=_SUCCESS | _FAILURE,
+        semantics=Semantics(keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}),
     ),
     _own(
         "Sleep",
-        "sar_compiler.runtime.timers:Sleep",
+        "kernel.timing:SleepNode",
         "Waits, then succeeds.",
         input_port("msec", MILLISECONDS, "How long to wait, in milliseconds; 0: not at all."),
         CLOCK,
-        outcomes=(_SUCCESS, _RUNNING),
+        outcomes=_SUCCESS | _RUNNING,
     ),
 ]
 
 PY_TREES = [
-    _stock("Success", "Succeeds.", outcomes=(_SUCCESS,), rewrite=rewrites.renamed("AlwaysSuccess")),
-    _stock("Failure", "Fails.", outcomes=(_FAILURE,), rewrite=rewrites.renamed("AlwaysFailure")),
-    _stock("Running", "Runs for ever.", outcomes=(_RUNNING,), rewrite=rewrites.running),
-    _stock("Dummy", "Runs for ever, in the place of something still to be written.", outcomes=(_RUNNING,)),
+    _stock("Success", "Succeeds.", outcomes=_SUCCESS, semantics=_renamed("AlwaysSuccess")),
+    _stock("Failure", "Fails.", outcomes=_FAILURE, semantics=_renamed("AlwaysFailure")),
+    _stock(
+        "Running",
+        "Runs for ever.",
+        outcomes=_RUNNING,
+        semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.running)),
+    ),
+    _stock("Dummy", "Runs for ever, in the place of something still to be written.", outcomes=_RUNNING),
     _stock(
         "Periodic",
         "Runs for some ticks, succeeds for as many, fails for as many, and so on; it goes on where it was, however "
@@ -208,8 +173,7 @@ PY_TREES = [
             NTH,
             "The period of the successes in ticks: 1 for every tick, 2 for every other; the sign is ignored.",
         ),
-        outcomes=(_SUCCESS, _FAILURE),
-        made_by="success_every_n",
+        outcomes=_SUCCESS | _FAILURE,
     ),
     _stock(
         "TickCounter",
@@ -217,7 +181,6 @@ PY_TREES = [
         attribute("duration", int, "The number of ticks to run; 0 or less to end at once."),
         attribute("completion_status", StatusName, "The status to return then."),
         semantics=Semantics(outcome_sets.ticks_counted),
-        made_by="tick_counter",
     ),
     _stock(
         "ProbabilisticBehaviour",
@@ -229,20 +192,16 @@ PY_TREES = [
             None,
         ),
         semantics=Semantics(resumes=True),
-        made_by="probabilistic_behaviour",
     ),
-    NodeSpec(
-        "Timer",
-        "sar_compiler.runtime.timers:Timer",
+    node_spec(
         Kind.ACTION,
-        frozenset({_SUCCESS, _RUNNING}),
+        "Timer",
+        "sar_compiler.runtime.stock:Timer",
+        "Runs until a time has passed on the mission's clock, then succeeds.",
+        CLOCK,
+        attribute("duration", SECONDS, "How long to run, in seconds; 0 or less: succeed at once.", 5.0),
+        outcomes=_SUCCESS | _RUNNING,
         semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.timer)),
-        signature=signature(
-            Kind.ACTION,
-            "Runs until a time has passed on the mission's clock, then succeeds.",
-            CLOCK,
-            attribute("duration", SECONDS, "How long to run, in seconds; 0 or less: succeed at once.", 5.0),
-        ),
     ),
     _stock(
         "BlackboardToStatus",
@@ -254,13 +213,11 @@ PY_TREES = [
         ),
         SCOPE,
         semantics=Semantics(resumes=True),
-        made_by="blackboard_to_status",
     ),
     _question(
         "CheckBlackboardVariableExists",
         "Succeeds if something has been written to a key, else fails.",
         _KEY,
-        made_by="check_exists",
         asks=("variable_name",),
     ),
     _stock(
@@ -268,9 +225,8 @@ PY_TREES = [
         "Runs until something has been written to a key, then succeeds.",
         _KEY,
         SCOPE,
-        outcomes=(_SUCCESS, _RUNNING),
+        outcomes=_SUCCESS | _RUNNING,
         semantics=_peeking("variable_name", resumes=True),
-        made_by="wait_for",
     ),
     _stock(
         "SetBlackboardVariable",
@@ -286,26 +242,24 @@ PY_TREES = [
             "Whether to replace an existing value; if not, the node fails if there is one.",
             default=True,
         ),
-        outcomes=(_SUCCESS, _FAILURE),
+        outcomes=_SUCCESS | _FAILURE,
         effects=WRITES,
         semantics=Semantics(keys={"variable_name": _WRITTEN}),
-        made_by="set_variable",
     ),
     _stock(
         "UnsetBlackboardVariable",
         "Removes a key from the blackboard, wherever it belongs, and succeeds.",
         inout_port("key", KEY, "The key."),
         SCOPE,
-        outcomes=(_SUCCESS,),
+        outcomes=_SUCCESS,
         effects=REMOVES,
         semantics=Semantics(keys={"key": _REMOVED}),
-        made_by="unset_variable",
     ),
     _question(
         "CheckBlackboardVariableValue",
         "Succeeds if the comparison of a key with a value is true; fails if it is false or nothing was written to the key.",
         *_COMPARISON,
-        made_by="check_value",
+        made_by="comparing",
         asks=("variable",),
     ),
     _stock(
@@ -313,9 +267,9 @@ PY_TREES = [
         "Runs until the comparison of a key with a value is true, then succeeds.",
         *_COMPARISON,
         SCOPE,
-        outcomes=(_SUCCESS, _RUNNING),
+        outcomes=_SUCCESS | _RUNNING,
         semantics=_peeking("variable", resumes=True),
-        made_by="wait_for_value",
+        made_by="comparing",
     ),
     _question(
         "CheckBlackboardVariableValues",
@@ -342,7 +296,6 @@ PY_TREES = [
         input_port("var1_key", KEY, "The key on the left."),
         input_port("var2_key", KEY, "The key on the right."),
         attribute("operator", Comparison, _COMPARE),
-        made_by="compare_variables",
         asks=("var1_key", "var2_key"),
     ),
 ]

@@ -21,7 +21,7 @@ StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
 PolicyName = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
 """The children of a Parallel that have to succeed, by py_trees' names."""
 
-_STATUS_NAME = type_of(StatusName)
+STATUS_NAME = type_of(StatusName)
 _CHANCES = "write how often to succeed, to fail and to run: 2;1;1"
 _HOW_MANY_CHANCES = 3
 
@@ -45,7 +45,7 @@ def _key(text: str) -> str:
 
 
 def _status_names(text: str) -> list[str]:
-    return [str(answer) for answer in items_of(text, _STATUS_NAME.convert, blanks=True)]
+    return [str(answer) for answer in items_of(text, STATUS_NAME.convert, blanks=True)]
 
 
 def _names(text: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Makers of py_trees' own nodes whose arguments cannot be written in a tree file as they are.
+"""Makers of py_trees' own nodes of what is written in a tree file.
 
 The nodes keep their names, their arguments, and their treatment of unusual values (a count of 0 or below), as
 described in each spec. Only values that would raise an error in the middle of a run are refused.
@@ -7,16 +7,16 @@ The differences: their keys are the tree's, and none of their children may be on
 A node that the installed py_trees lacks has a spec nevertheless: whether a file is correct does not depend on the machine.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from py_trees import behaviours, composites, decorators
+from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 from py_trees.version import __version__ as py_trees_version
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.binding.attributes import OneShotPolicyName
+from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
 from sar_compiler.nodes.language.comparisons import (
     COMPARISONS,
     JUNCTIONS,
@@ -26,14 +26,15 @@ from sar_compiler.nodes.language.comparisons import (
     expression,
     read_check,
 )
-from sar_compiler.nodes.language.narrow_types import PolicyName, StatusName
+from sar_compiler.nodes.language.narrow_types import KEY, STATUS_NAME, STATUS_NAMES, VARIABLE, PolicyName
 from sar_compiler.nodes.language.node_rules import HOW_TO_SELECT, NO_ANSWER, clash_with, place_of
 from sar_compiler.nodes.language.py_trees_keys import Keys
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.nodes.values import ANYTHING, CONDITION, type_of
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.ports import InOut, Input
-from sar_compiler.runtime.script_nodes import Conditions
 from sar_compiler.runtime.scripting import NodeScript
 
 
@@ -41,7 +42,60 @@ class TooOldError(SarError):
     """The installed py_trees does not have a node yet."""
 
 
-def stock_parallel(
+# What py_trees is given for a value, by the name of its type.
+_GIVEN: Mapping[str, Callable[[Any], object]] = {
+    STATUS_NAME.name: lambda word: Status[word],
+    STATUS_NAMES.name: lambda words: [Status[word] for word in words],
+    ONESHOT_TYPE.name: lambda word: OneShotPolicy[word],
+    type_of(Comparison).name: lambda word: COMPARISONS[word],
+    ANYTHING.name: lambda port: constant(port) if port.entry is None else port.get,
+}
+
+
+def stock(
+    spec: NodeSpec, name: str, scope: Scope | None = None, enums: Enums | None = None, **written: Any
+) -> Behaviour:
+    """Make a node by the constructor of its class.
+
+    Args:
+        spec: The node's record.
+        name: Its name.
+        scope: Where its keys are looked up, if it has any.
+        enums: The names that stand for numbers, if it has a script.
+        **written: What is written for its other parameters.
+
+    Raises:
+        TooOldError: If the installed py_trees does not have it yet.
+    """
+    keys = Keys(scope) if scope is not None else None
+    arguments: dict[str, Any] = {}
+    for parameter, value in written.items():
+        value_type = spec.parameters[parameter].value_type
+        kind = value_type.name if value_type is not None else ""
+        if keys is not None and kind in (KEY.name, VARIABLE.name):
+            value = keys.key(value) if kind == KEY.name else keys.variable(value)  # noqa: PLW2901
+        elif scope is not None and enums is not None and kind == CONDITION.name:
+            value = NodeScript(value, name, parameter, scope, enums).holds  # noqa: PLW2901
+        elif kind in _GIVEN and value is not None:
+            value = _GIVEN[kind](value)  # noqa: PLW2901
+        arguments[parameter] = value
+    made: Behaviour = _class_of(spec)(name=name, **arguments)
+    return made if keys is None else keys.given_to(made)
+
+
+def status_queue(spec: NodeSpec, name: str, queue: list[str], eventually: str | None = None) -> Behaviour:
+    """Make StatusQueue.
+
+    Raises:
+        ValueError: If there are no statuses.
+    """
+    if not queue and eventually is None:
+        raise ValueError(NO_ANSWER)
+    return stock(spec, name, queue=queue, eventually=eventually)
+
+
+def parallel(
+    _spec: NodeSpec,
     name: str,
     children: list[Behaviour],
     policy: PolicyName,
@@ -69,144 +123,27 @@ def stock_parallel(
     return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
 
 
-def one_shot(name: str, child: Behaviour, policy: OneShotPolicyName) -> decorators.OneShot:
-    """Make OneShot."""
-    return decorators.OneShot(name, child, OneShotPolicy[policy])
-
-
-def condition(name: str, child: Behaviour, status: StatusName) -> decorators.Condition:
-    """Make Condition."""
-    return decorators.Condition(name, child, Status[status])
-
-
-def eternal_guard(
-    name: str, child: Behaviour, condition: Input[Script], scope: Scope, enums: Enums
-) -> decorators.EternalGuard:
-    """Make EternalGuard."""
-    script = NodeScript(condition, name, "condition", scope, enums)
-    return decorators.EternalGuard(name, child, script.holds)
-
-
-def status_to_blackboard(
-    name: str, child: Behaviour, variable_name: InOut[object], scope: Scope
-) -> decorators.StatusToBlackboard:
-    """Make StatusToBlackboard."""
-    keys = Keys(scope)
-    variable = keys.variable(variable_name)
-    return keys.given_to(decorators.StatusToBlackboard(name, child, variable))
-
-
-def for_each(
-    name: str, child: Behaviour, source_key: Input[object], target_key: InOut[object], scope: Scope
-) -> Behaviour:
-    """Make ForEach.
-
-    Raises:
-        TooOldError: If py_trees does not have it yet.
-    """
-    keys = Keys(scope)
-    make = _since_2_4(decorators, "ForEach")
-    made: Behaviour = make(name, child, keys.key(source_key), keys.key(target_key))
-    return keys.given_to(made)
-
-
-def status_queue(name: str, queue: list[str], eventually: StatusName | None = None) -> behaviours.StatusQueue:
-    """Make StatusQueue.
-
-    Raises:
-        ValueError: If there are no statuses.
-    """
-    if not queue and eventually is None:
-        raise ValueError(NO_ANSWER)
-    statuses = [Status[text] for text in queue]
-    return behaviours.StatusQueue(name, statuses, Status[eventually] if eventually else None)
-
-
-def success_every_n(name: str, n: int) -> behaviours.SuccessEveryN:
-    """Make SuccessEveryN."""
-    return behaviours.SuccessEveryN(name, n)
-
-
-def tick_counter(name: str, duration: int, completion_status: StatusName) -> behaviours.TickCounter:
-    """Make TickCounter."""
-    return behaviours.TickCounter(name, duration, Status[completion_status])
-
-
-def probabilistic_behaviour(
-    name: str, weights: list[float] | None = None
-) -> behaviours.ProbabilisticBehaviour:
-    """Make ProbabilisticBehaviour."""
-    return behaviours.ProbabilisticBehaviour(name, weights)
-
-
-def blackboard_to_status(
-    name: str, variable_name: Input[object], scope: Scope
-) -> behaviours.BlackboardToStatus:
-    """Make BlackboardToStatus."""
-    keys = Keys(scope)
-    return keys.given_to(behaviours.BlackboardToStatus(name, keys.variable(variable_name)))
-
-
-def check_exists(
-    name: str, variable_name: Input[object], scope: Scope
-) -> behaviours.CheckBlackboardVariableExists:
-    """Make CheckBlackboardVariableExists."""
-    keys = Keys(scope)
-    variable = keys.variable(variable_name)
-    return keys.given_to(behaviours.CheckBlackboardVariableExists(name, variable))
-
-
-def wait_for(name: str, variable_name: Input[object], scope: Scope) -> behaviours.WaitForBlackboardVariable:
-    """Make WaitForBlackboardVariable."""
-    keys = Keys(scope)
-    return keys.given_to(behaviours.WaitForBlackboardVariable(name, keys.variable(variable_name)))
-
-
-def unset_variable(name: str, key: InOut[object], scope: Scope) -> behaviours.UnsetBlackboardVariable:
-    """Make UnsetBlackboardVariable."""
-    keys = Keys(scope)
-    return keys.given_to(behaviours.UnsetBlackboardVariable(name, keys.key(key)))
-
-
-def set_variable(
+def comparing(
+    spec: NodeSpec,
     name: str,
-    variable_name: InOut[object],
-    variable_value: Input[object],
+    variable: Input[object],
+    operator: Comparison,
+    value: Input[object],
     scope: Scope,
-    overwrite: bool = True,
-) -> behaviours.SetBlackboardVariable:
-    """Make SetBlackboardVariable."""
+) -> Behaviour:
+    """Make a node that compares a key with a value."""
     keys = Keys(scope)
-    variable = keys.variable(variable_name)
-    value = constant(variable_value) if variable_value.entry is None else variable_value.get
-    return keys.given_to(behaviours.SetBlackboardVariable(name, variable, value, overwrite))
-
-
-def check_value(
-    name: str, variable: Input[object], operator: Comparison, value: Input[object], scope: Scope
-) -> behaviours.CheckBlackboardVariableValue:
-    """Make CheckBlackboardVariableValue."""
-    keys = Keys(scope)
-    check = expression(keys.variable(variable), operator, value)
-    return keys.given_to(behaviours.CheckBlackboardVariableValue(name, check))
-
-
-def wait_for_value(
-    name: str, variable: Input[object], operator: Comparison, value: Input[object], scope: Scope
-) -> behaviours.WaitForBlackboardVariableValue:
-    """Make WaitForBlackboardVariableValue."""
-    keys = Keys(scope)
-    check = expression(keys.variable(variable), operator, value)
-    return keys.given_to(behaviours.WaitForBlackboardVariableValue(name, check))
+    return keys.given_to(_class_of(spec)(name, expression(keys.variable(variable), operator, value)))
 
 
 def check_values(
+    spec: NodeSpec,
     name: str,
     checks: list[str],
     operator: Junction,
     scope: Scope,
     namespace: InOut[object] | None = None,
-) -> behaviours.CheckBlackboardVariableValues:
+) -> Behaviour:
     """Make CheckBlackboardVariableValues."""
     keys = Keys(scope)
     expressions = [
@@ -214,24 +151,7 @@ def check_values(
         for check in map(read_check, checks)
     ]
     folder = None if namespace is None else keys.numbered(namespace, len(expressions))
-    return keys.given_to(
-        behaviours.CheckBlackboardVariableValues(name, expressions, JUNCTIONS[operator], folder)
-    )
-
-
-def compare_variables(
-    name: str, var1_key: Input[object], var2_key: Input[object], operator: Comparison, scope: Scope
-) -> Behaviour:
-    """Make CompareBlackboardVariables.
-
-    Raises:
-        TooOldError: If py_trees does not have it yet.
-    """
-    keys = Keys(scope)
-    make = _since_2_4(behaviours, "CompareBlackboardVariables")
-    left, right = keys.key(var1_key), keys.key(var2_key)
-    made: Behaviour = make(name, left, right, COMPARISONS[operator])
-    return keys.given_to(made)
+    return keys.given_to(_class_of(spec)(name, expressions, JUNCTIONS[operator], folder))
 
 
 def _written_name(child: Behaviour) -> str:
@@ -244,14 +164,16 @@ def _written_name(child: Behaviour) -> str:
     return child.name
 
 
-def _since_2_4(module: object, name: str) -> Callable[..., Any]:
-    """Return a class that py_trees has had since its version 2.4.
+def _class_of(spec: NodeSpec) -> Callable[..., Behaviour]:
+    """Return the class of a node.
 
     Raises:
-        TooOldError: If the installed one is older.
+        TooOldError: If the installed py_trees does not have it yet.
     """
-    if not hasattr(module, name):
-        message = f"py_trees {py_trees_version} does not have {name}; it takes 2.4 or later"
-        raise TooOldError(message)
-    made: Callable[..., Any] = getattr(module, name)
-    return made
+    try:
+        found = spec.cls
+    except AttributeError:
+        message = f"py_trees {py_trees_version} does not have {spec.tag}; it takes 2.4 or later"
+        raise TooOldError(message) from None
+    assert found is not None  # noqa: S101 - it is named
+    return found

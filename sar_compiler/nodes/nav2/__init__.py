@@ -19,7 +19,9 @@ from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Skipping, Skips
 from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.ports import Input
 
+_KERNEL = "sar_compiler.runtime.kernel."
 VERSIONS = ("jazzy", "kilted", "main")
 _PORT = re.compile(
     r"(?P<direction>\w+) (?P<type>\S+) (?P<name>\w+)(?P<has_default> =(?: (?P<default>[^\s\[]\S*))?)?(?: \[(?P<versions>[\w ]+)\])?"
@@ -51,23 +53,20 @@ def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
     free = _FREE.get(f"{tag} {version}") or _FREE.get(tag)
     if free is None:
         stand_in, semantics, answers = _STAND_INS[tag]
-        spec: NodeSpec = KnownSpec(tag, None, kind, _ALL, answers=answers, stand_in=_path(stand_in))
+        made = NodeSpec(tag, f"{_KERNEL}{stand_in}", kind)
+        spec: NodeSpec = KnownSpec(tag, None, kind, _ALL, answers=answers, stand_in=made)
         counts = (1, 4) if kind is Kind.CONTROL else (1, 1)
         free = _FreeNode("", semantics, Skips.NEVER if kind is Kind.CONTROL else Skips.FROM_CHILD, counts)
     else:
-        spec = NodeSpec(tag, _path(f"nav2:{free.cls or tag}"), kind, _ALL)
+        spec = NodeSpec(tag, f"{_KERNEL}{free.node}", kind, _ALL)
     ports = _ports(said["ports"], version, is_free=not spec.stand_in)
     return replace(
         spec,
         semantics=replace(free.semantics, counterpart=_IN_CPP),
         skipping=Skipping(free.skips, is_handled=free.skips is Skips.NEVER and not spec.stand_in),
-        signature=signature(kind, said["doc"], *free.handed_over, *ports),
+        signature=signature(kind, said["doc"], *free.handed_over, *ports, fixed=free.fixed),
         child_count=free.child_count or spec.child_count,
     )
-
-
-def _path(name: str) -> str:
-    return f"sar_compiler.runtime.{name}"
 
 
 def _ports(texts: Sequence[str], version: str, *, is_free: bool = False) -> Iterator[Parameter]:
@@ -100,31 +99,46 @@ class _FreeNode(NamedTuple):
     """What is known of a control or decorator that is the same without Nav2: what it does depends on its children and on time.
 
     Attributes:
-        cls: The name of its class in `runtime.nav2`; empty for its tag.
+        node: Its class in the kernel; empty for one with a stand-in.
         semantics: What it means.
         skips: Whether it can be skipped; one that never is handles skipped children itself.
         child_count: How many children it takes; None for those of its kind.
         handed_over: What it needs besides its ports.
+        fixed: What its tag implies.
     """
 
-    cls: str
+    node: str
     semantics: Semantics
     skips: Skips = Skips.FROM_CHILD
     child_count: tuple[int, int | None] | None = None
     handed_over: Sequence[Parameter] = ()
+    fixed: Mapping[str, object] = {}
 
 
 _RECOVERY = Semantics(outcomes.recovery, gates=outcomes.after_a_failure, resumes=True)
 _TIMED = Semantics(outcomes.now_and_then(), steady=True)
+_TURNS = "nav2_controls:RoundRobinNode"
 _FREE: Mapping[str, _FreeNode] = {
-    "RecoveryNode": _FreeNode("", _RECOVERY, child_count=(2, 2)),
-    "PipelineSequence": _FreeNode("", Semantics(outcomes.pipeline, Order.IN_ORDER, S)),
-    "RateController": _FreeNode("", _TIMED, handed_over=[CLOCK]),
-    "SingleTrigger": _FreeNode("", Semantics(outcomes.once_until_reset, steady=True)),
-    "RoundRobin": _FreeNode("WrappingRoundRobin", Semantics(outcomes.round_robin(wraps=True), resumes=True)),
-    "RoundRobin main": _FreeNode("", Semantics(outcomes.round_robin(wraps=None), resumes=True)),
-    "NonblockingSequence": _FreeNode("", Semantics(outcomes.nonblocking, Order.TOGETHER), Skips.NEVER),
-    "PersistentSequence": _FreeNode("", Semantics(outcomes.persistent, resumes=True), Skips.NEVER),
+    "RecoveryNode": _FreeNode("nav2_controls:RecoveringNode", _RECOVERY, child_count=(2, 2)),
+    "PipelineSequence": _FreeNode(
+        "nav2_controls:PipelineNode", Semantics(outcomes.pipeline, Order.IN_ORDER, S)
+    ),
+    "RateController": _FreeNode("nav2_decorators:RateNode", _TIMED, handed_over=[CLOCK]),
+    "SingleTrigger": _FreeNode(
+        "nav2_decorators:SingleTriggerNode", Semantics(outcomes.once_until_reset, steady=True)
+    ),
+    "RoundRobin": _FreeNode(
+        _TURNS,
+        Semantics(outcomes.round_robin(wraps=True), resumes=True),
+        fixed={"wrap_around": Input(source=True)},
+    ),
+    "RoundRobin main": _FreeNode(_TURNS, Semantics(outcomes.round_robin(wraps=None), resumes=True)),
+    "NonblockingSequence": _FreeNode(
+        "nav2_controls:NonblockingNode", Semantics(outcomes.nonblocking, Order.TOGETHER), Skips.NEVER
+    ),
+    "PersistentSequence": _FreeNode(
+        "nav2_controls:PersistentNode", Semantics(outcomes.persistent, resumes=True), Skips.NEVER
+    ),
 }
 
 _DUE = (Answer("SUCCESS", "due"), Answer("RUNNING", "waiting"))
@@ -139,10 +153,10 @@ _REQUESTS = (
 )
 # What depends on the world, which its stand-in asks.
 _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
-    "SpeedController": ("nav2:WhenDue", _TIMED, _DUE),
-    "GoalUpdatedController": ("nav2:WhenDue", _TIMED, _GOAL),
-    "DistanceController": ("nav2:WhenDriven", Semantics(outcomes.now_and_then(F)), _DRIVEN),
-    "PathLongerOnApproach": ("nav2:WhenPathIsLonger", Semantics(adding(S)), _LONGER),
-    "GoalUpdater": ("decorators:SubTree", Semantics(passing, steady=True), ()),
-    "PauseResumeController": ("nav2:PausedOnRequest", Semantics(outcomes.paused), _REQUESTS),
+    "SpeedController": ("nav2_decorators:WhenDueNode", _TIMED, _DUE),
+    "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),
+    "DistanceController": ("nav2_decorators:DistanceNode", Semantics(outcomes.now_and_then(F)), _DRIVEN),
+    "PathLongerOnApproach": ("nav2_decorators:LongerPathNode", Semantics(adding(S)), _LONGER),
+    "GoalUpdater": ("turning:SubTreeNode", Semantics(passing, steady=True), ()),
+    "PauseResumeController": ("nav2_controls:PauseResumeNode", Semantics(outcomes.paused), _REQUESTS),
 }

@@ -14,7 +14,7 @@ class Nav2ControlError(SarError):
     """A control cannot go on with what a child has answered, or a port holds."""
 
 
-class RecoveryNodeNode(ControlNode):
+class RecoveringNode(ControlNode):
     """Ticks its first child; after a failure the second one, and after that one's success the first one again.
 
     Attributes:

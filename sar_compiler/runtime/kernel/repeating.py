@@ -6,6 +6,8 @@ from typing import Any, Final
 from sar_compiler.runtime.frozen import freeze, thaw
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, number_of
 from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, is_reset, reset
+from sar_compiler.runtime.queues import QueueError, queue_items
+from sar_compiler.runtime.tokens import excerpt
 
 _ENDLESS: Final = -1
 
@@ -130,7 +132,7 @@ _UNSEEN: Final = 0
 
 
 class LoopNode(DecoratorNode):
-    """Ticks its child once for each item of a queue.
+    """Ticks its child once for each item of a queue, of a type that its tag says.
 
     Attributes:
         left: The cell with what is left of the queue.
@@ -139,8 +141,8 @@ class LoopNode(DecoratorNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        literal = part.behaviour.literal
-        self.literal: Any = _UNSEEN if literal is None else _frozen(literal)
+        queue = part.behaviour.queue
+        self.literal: Any = _frozen(self.read(queue.get())) if queue.entry is None else _UNSEEN
         self.left, self.child_runs = part.value(_UNSEEN), part.cell()
         self.is_reset = self.heeds_end = is_reset(part.behaviour)
 
@@ -171,7 +173,7 @@ class LoopNode(DecoratorNode):
 
     def next_item(self, ticker: Ticker) -> bool:
         """Write the next item to the output, if there is one."""
-        behaviour, values = self.behaviour, ticker.values
+        values = ticker.values
         shared = self.shared(ticker)
         if not (values[self.left] if shared is None else shared):
             return False
@@ -181,8 +183,28 @@ class LoopNode(DecoratorNode):
         else:
             raw = shared.popleft()
             values[self.left] = _frozen(shared)
-        behaviour.write(raw, len(values[self.left]))
+        self.write(raw, len(values[self.left]))
         return True
+
+    def read(self, held: object) -> list[Any]:
+        """Return the items of a queue.
+
+        Raises:
+            QueueError: If it is none, or one of them has the wrong type.
+        """
+        try:
+            return queue_items(held, self.behaviour.kind)
+        except QueueError as error:
+            message = f"'{self.behaviour.name}': queue: {error}"
+            raise QueueError(message) from None
+
+    def write(self, raw: object, left: int) -> None:
+        """Write an item to the output, and tell how many are left."""
+        behaviour = self.behaviour
+        (item,) = self.read([raw])
+        if behaviour.value is not None:
+            behaviour.value.set(item)
+        behaviour.feedback_message = f"item {excerpt(str(item))}, {left} left"
 
     def shared(self, ticker: Ticker) -> Any:
         """Look at the queue; return it if others take from it, too, else note what is left of it."""
@@ -192,7 +214,7 @@ class LoopNode(DecoratorNode):
         if isinstance(held, deque):
             return held
         if ticker.values[self.left] == _UNSEEN:
-            ticker.values[self.left] = _frozen(self.behaviour.read(held))
+            ticker.values[self.left] = _frozen(self.read(held))
         return None
 
     def forget(self, ticker: Ticker) -> None:

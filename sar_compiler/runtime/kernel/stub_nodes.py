@@ -12,7 +12,7 @@ from sar_compiler.runtime.kernel.table import known_node
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
-from sar_compiler.runtime.script_nodes import ScriptCondition
+from sar_compiler.runtime.language_nodes import ScriptCondition
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, StubLeaf
 
 

@@ -2,33 +2,22 @@
 
 from typing import Any
 
-from sar_compiler.runtime.kernel.cells import (
-    ENDED,
-    INVALID,
-    RUNNING,
-    SKIPPED,
-    number_of,
-)
-from sar_compiler.runtime.kernel.tree_nodes import (
-    DecoratorNode,
-    Part,
-    Ticker,
-    TreeNode,
-    is_reset,
-)
+from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING, SKIPPED, WORDS, number_of
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode, is_reset
+from sar_compiler.runtime.scripting import NodeScript
 
 
 class TurningNode(DecoratorNode):
     """Answers something else for each outcome of its child.
 
     Attributes:
-        turned: The answer for each outcome.
+        turned: The answer for each outcome; the behaviour has the words of those for SUCCESS, FAILURE and SKIPPED.
     """
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        success, failure, skipped = part.behaviour.turned
-        self.turned: list[int] = [INVALID, RUNNING, success, failure, skipped]
+        turned: list[int] = [WORDS.index(word) for word in part.behaviour.turned]
+        self.turned = [INVALID, RUNNING, *turned]
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child."""
@@ -129,7 +118,9 @@ class PreconditionNode(GuardedNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.script: Any = part.behaviour.condition
+        behaviour = part.behaviour
+        scope, enums = behaviour.scope, behaviour.enums
+        self.script: Any = NodeScript(behaviour.if_, behaviour.name, "if", scope, enums)
 
     def may_start(self, ticker: Ticker) -> bool:  # noqa: ARG002
         """Return whether the condition is true."""
@@ -145,12 +136,14 @@ class UpdateGuardNode(GuardedNode):
 
     Attributes:
         seen: The cell that says how often the entry had been written then.
+        unless_written: What it answers if it was not.
     """
 
     why_not = "no update"
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
+        self.unless_written = WORDS.index(part.behaviour.unless_written)
         self.entry = watched_entry(part.behaviour)
         self.seen = part.cell()
         part.watch(self.entry, self.seen)
@@ -160,8 +153,8 @@ class UpdateGuardNode(GuardedNode):
         return is_news(self.entry, self.seen, ticker)
 
     def otherwise(self) -> int:
-        """Return what the node answers if it was not."""
-        return int(self.behaviour.otherwise)
+        """Return what the node answers if it was not written."""
+        return self.unless_written
 
 
 def watched_entry(behaviour: Any) -> Any:

@@ -34,7 +34,7 @@ FORMS = [form for form in forms() if not any("{" in text or "v ==" in text for _
 def knows_skips(spec: NodeSpec) -> bool:
     """Return whether a child of a node may be skipped."""
     cls = class_of(spec)
-    return (cls is not None and issubclass(cls, Parent)) or bool(spec.skipping.replacement_path)
+    return (cls is not None and issubclass(cls, Parent)) or spec.skipping.replacement is not None
 
 
 class RandomTree:

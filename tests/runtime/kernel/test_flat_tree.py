@@ -10,17 +10,18 @@ from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 from py_trees.display import unicode_tree
 
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.controls import AsyncSequence
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten, known_node
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, show_statuses
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.timers import Delay
-from sar_compiler.runtime.timers import Timeout as OwnTimeout
+from sar_compiler.runtime.stock import AsyncSequence
 from tests.kernels import python_only
 from tests.runtime.kernel.flat import put_to_rest, stop, tick
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+Delay, OwnTimeout = own("Delay"), own("Timeout")
 
 TIMES = ClockTimes(ManualClock())
 

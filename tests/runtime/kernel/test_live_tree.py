@@ -4,11 +4,13 @@ from py_trees import composites, decorators
 from py_trees.behaviours import StatusQueue, Success
 from py_trees.common import OneShotPolicy, Status
 
-from sar_compiler.runtime.controls import Sequence
-from sar_compiler.runtime.decorators import RunOnce
 from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.live import LiveTree
+from sar_compiler.runtime.stock import Sequence
+from tests.runtime.own import own
 from tests.runtime.stage import Stage
+
+RunOnce = own("RunOnce")
 
 
 def test_what_a_leaf_remembers_is_its_own_and_can_be_changed():

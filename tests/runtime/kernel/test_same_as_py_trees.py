@@ -3,7 +3,6 @@
 import pytest
 
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.nodes.spec import load
 from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.runtime.parents import Built
 from tests.chance import rounds
@@ -44,8 +43,8 @@ def test_random_trees_show_the_same_statuses_calls_messages_and_entries_in_every
 
 def classes_of(spec):
     """Return the class of a node, and the one in its place where a child may be skipped."""
-    replacement = spec.skipping.replacement_path
-    return class_of(spec), load(replacement) if replacement else None
+    replacement = spec.skipping.replacement
+    return class_of(spec), class_of(replacement) if replacement else None
 
 
 def known_classes():

@@ -1,6 +1,9 @@
-"""Nodes that work with one entry of the blackboard."""
+"""Nodes of the language that are behaviours by themselves: leaves for scripts and entries, and the conditions of any node.
 
-from dataclasses import dataclass
+py_trees has checks and assignments of single blackboard variables, but no expressions.
+"""
+
+from collections.abc import Mapping
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -9,16 +12,59 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.entry_types import kept, read_as
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.kernel.cells import RUNNING, SKIPPED
-from sar_compiler.runtime.kernel.leaf_nodes import UpdateCheckNode
-from sar_compiler.runtime.kernel.turning import UpdateGuardNode
-from sar_compiler.runtime.parents import Built, OwnDecorator
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.turning import ConditionsNode
+from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.scripting import NodeScript
 from sar_compiler.runtime.variables import RefusedValueError, said
 
 
 class EntryTypeError(SarError):
     """An entry is given a value that it cannot take."""
+
+
+class RunScript(Behaviour):
+    """Runs a script, and succeeds.
+
+    Args:
+        name: The node's name.
+        code: The script.
+        scope: Where its variables are.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
+        super().__init__(name)
+        self._script = NodeScript(code, name, "code", scope, enums)
+
+    def update(self) -> Status:
+        """Run the script."""
+        self._script.run()
+        return Status.SUCCESS
+
+
+class ScriptCondition(Behaviour):
+    """Runs a script, and succeeds if its value is true.
+
+    Args:
+        name: The node's name.
+        code: The script; its value is true or false, 1 or 0.
+        scope: Where its variables are.
+        enums: The names that stand for numbers.
+
+    Attributes:
+        script: The script.
+    """
+
+    def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
+        super().__init__(name)
+        self.script = NodeScript(code, name, "code", scope, enums)
+
+    def update(self) -> Status:
+        """Run the script."""
+        return Status.SUCCESS if self.script.holds() else Status.FAILURE
 
 
 class SetBlackboard(Behaviour):
@@ -103,37 +149,49 @@ class UnsetBlackboard(Behaviour):
         return Status.SUCCESS
 
 
-class WasEntryUpdated(Built):
-    """Succeeds if an entry was written since this node last looked, else fails.
+class Conditions(Decorator):
+    """A node's pre- and post-conditions. They belong to the node: it and they have one status between them.
 
-    py_trees has nothing like it: its blackboard does not count writes.
+    Stock py_trees has guards that can only fail, and nothing that runs when a node ends.
+
+    Args:
+        child: The node.
+        scripts: The conditions, by their attributes' names.
+        scope: Where the scripts' variables are.
+        enums: The names that stand for numbers.
     """
 
-    node_class = UpdateCheckNode
+    node_class = ConditionsNode
+    is_its_child = True
 
-    def __init__(self, name: str, entry: Input[object], scope: Scope) -> None:
-        super().__init__(name)
-        self.entry = entry
-        self.scope = scope
+    def __init__(
+        self, name: str, child: Behaviour, scripts: Mapping[str, Script], scope: Scope, enums: Enums
+    ) -> None:
+        # First, because a behaviour's constructor sets its status, which is the child's here.
+        self.decorated = child
+        super().__init__(name, child)
+        ready = {
+            attribute: NodeScript(Input(script), child.name, attribute, scope, enums)
+            for attribute, script in scripts.items()
+        }
+        before = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
+        self._before = [(ready[each], each, outcome) for each, outcome in before if each in ready]
+        self._while = ready.get("_while")
+        after = ((SUCCESS, "_onSuccess"), (FAILURE, "_onFailure"), (INVALID, "_onHalted"))
+        self._after = {outcome: ready.get(each) for outcome, each in after}
+        self._post = ready.get("_post")
 
+    def run_after(self, outcome: int) -> None:
+        """Run what is to be run after an end; INVALID means that the node was halted while it ran."""
+        for script in (self._after[outcome], self._post):
+            if script is not None:
+                script.run()
 
-@dataclass(eq=False, repr=False)
-class SkipUnlessUpdated(OwnDecorator):
-    """Ticks its child if an entry was written since this node last looked, and is skipped if not.
+    @property
+    def status(self) -> Status:
+        """The node's status."""
+        return self.decorated.status
 
-    While the child runs, it does not look. py_trees has nothing like it: its blackboard does not count writes.
-
-    Attributes:
-        entry: The entry, or its key without braces.
-    """
-
-    node_class = UpdateGuardNode
-    otherwise = SKIPPED
-    entry: Input[object]
-    scope: Scope
-
-
-class WaitValueUpdate(SkipUnlessUpdated):
-    """Ticks its child once an entry was written since this node last looked, and waits until then."""
-
-    otherwise = RUNNING
+    @status.setter
+    def status(self, status: Status) -> None:
+        self.decorated.status = status

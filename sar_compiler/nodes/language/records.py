@@ -1,0 +1,60 @@
+"""What records of the language have in common: those of BehaviorTree.CPP's nodes, and those of py_trees' own."""
+
+from dataclasses import replace
+from typing import Any
+
+from sar_compiler.nodes.declaring import node_spec
+from sar_compiler.nodes.semantics import Semantics
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Skipping, Skips
+
+ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
+FROM_CHILD = Skipping(Skips.FROM_CHILD)
+_PLAIN = Semantics()
+
+
+def own(
+    kind: Kind,
+    tag: str,
+    path: str,
+    doc: str,
+    *parameters: Parameter,
+    semantics: Semantics = _PLAIN,
+    outcomes: frozenset[str] = ALL,
+    **more: Any,
+) -> NodeSpec:
+    """Return the record of a node of BehaviorTree.CPP's; *path* is that of its class in `runtime`, or in py_trees."""
+    if not path.startswith("py_trees."):
+        path = f"sar_compiler.runtime.{path}"
+    means = replace(semantics, counterpart=semantics.counterpart._replace(built_in=True))
+    return node_spec(kind, tag, path, doc, *parameters, outcomes=outcomes, semantics=means, **more)
+
+
+def stock(
+    kind: Kind,
+    tag: str,
+    doc: str,
+    *parameters: Parameter,
+    made_by: str = "",
+    instead: str = "",
+    outcomes: frozenset[str] = ALL,
+    **more: Any,
+) -> NodeSpec:
+    """Return the record of a node of py_trees'.
+
+    Args:
+        kind: The kind of node.
+        tag: Its tag, and the name of its class.
+        doc: Its description.
+        *parameters: Its parameters.
+        made_by: The function of `py_trees_nodes` that makes it, if not the usual one.
+        instead: The node that takes children that can be skipped.
+        outcomes: The statuses that a tick can return.
+        **more: Further fields of the record.
+    """
+    module = {Kind.CONTROL: "composites", Kind.DECORATOR: "decorators"}.get(kind, "behaviours")
+    factory = f"sar_compiler.nodes.language.py_trees_nodes:{made_by or 'stock'}" if parameters else ""
+    skipping = Skipping(advice=instead)
+    path = f"py_trees.{module}:{tag}"
+    return node_spec(
+        kind, tag, path, doc, *parameters, factory=factory, outcomes=outcomes, skipping=skipping, **more
+    )

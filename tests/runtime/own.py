@@ -1,0 +1,53 @@
+"""Nodes of ours, made of what their records say."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.nodes import nav2
+from sar_compiler.nodes.language import SPECS
+from sar_compiler.nodes.spec import NodeSpec, Role
+from sar_compiler.runtime.parents import Parent
+
+_STRUCTURE = (Role.NAME, Role.CHILD, Role.CHILDREN)
+
+
+def own(tag: str, specs: Iterable[NodeSpec] = SPECS) -> Callable[..., Any]:
+    """Return what makes a node, of its name, what is below it, and its parameters in the order of its record.
+
+    Where py_trees' own is used unless a child may be skipped, it makes the one that is used then.
+    """
+    spec = next(each for each in specs if each.tag == tag and not each.variant)
+    spec = spec.skipping.replacement or spec
+    maker = spec.maker
+    assert maker is not None
+    keywords = [each.keyword or each.name for each in spec.parameters.values() if each.role not in _STRUCTURE]
+    below = 0 if spec.kind.is_leaf else 1
+
+    def make(name: str, *values: object, **named: object) -> Behaviour:
+        written = dict(zip(keywords, values[below:], strict=False))
+        made: Behaviour = maker(name, *values[:below], **written, **named)
+        return made
+
+    return make
+
+
+def of_nav2(tag: str, version: str = "jazzy") -> Callable[..., Any]:
+    """Return the same for a node of Nav2 that can run without it."""
+    return own(tag, nav2.specs(version))
+
+
+def asking(tag: str) -> Callable[..., Any]:
+    """Return what makes the stand-in for a node of Nav2, of its name, what is below it, and the leaf that it asks."""
+    spec = next(each for each in nav2.specs("main") if each.tag == tag)
+    assert spec.stand_in is not None
+    maker = spec.stand_in.maker
+    assert maker is not None
+
+    def make(name: str, below: object, leaf: Behaviour) -> Parent:
+        made: Parent = maker(name, below)
+        made.ask(leaf)
+        return made
+
+    return make
