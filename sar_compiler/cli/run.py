@@ -239,9 +239,9 @@ def _default_tree(mission: str | None) -> str:
     """
     if mission is None:
         return _DEFAULT_TREE
-    from sar_compiler.missions.choosing import MissionError, mission_named
+    from sar_compiler.missions.choosing import MissionError, find_mission
 
-    tree = mission_named(mission).default_tree
+    tree = find_mission(mission).default_tree
     if tree is None:
         message = f"the mission '{mission}' comes without a tree: name one"
         raise MissionError(message)

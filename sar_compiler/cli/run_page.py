@@ -77,11 +77,11 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
         JournalError: If one cannot be read.
         PageError: If the port cannot be had.
     """
-    from sar_compiler.missions.displaying import displayed
+    from sar_compiler.missions.displaying import add_displays
     from sar_compiler.project import Workspace
     from sar_compiler.web.replay import Replay
 
-    replay = Replay(paths, lambda path: _why_of(_explained(path, Workspace())), displayed)
+    replay = Replay(paths, lambda path: _why_of(_explained(path, Workspace())), add_displays)
     with _told_of(ReplayFeed(replay, {"robots": _names(paths)}), port) as server:
         server.wait()
 

@@ -9,7 +9,7 @@ from sar_compiler.commands import print_error
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.missions.displaying import displayed
+from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.mission_report import report_text, require_form
 
@@ -33,7 +33,7 @@ class RunReport(Companion):
         for file in files:
             require_form(file, place)
         self._files = files
-        self._state = MissionState.of(displayed(earlier))
+        self._state = MissionState.of(add_displays(earlier))
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
@@ -66,7 +66,7 @@ def report_journal(journal: Path, files: Sequence[Path]) -> None:
     from sar_compiler.views.mission_report import georeference
 
     with closing(JournalFile.read(journal)) as file:
-        state = MissionState.of(displayed(file.stream()))
+        state = MissionState.of(add_displays(file.stream()))
     write_reports(state, files, georeference(state))
 
 

@@ -13,7 +13,7 @@ from sar_compiler.cli.companions import RunSetup
 from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.missions.displaying import displayed
+from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.clock import mission_clock, steady_timer
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.mission_view import Line, change_text, full_height, screen
@@ -47,7 +47,7 @@ class RunView(Companion):
 
     def __init__(self, run: RunSetup) -> None:
         self._output = run.output
-        self._state = MissionState.of(displayed(run.journal.earlier()))
+        self._state = MissionState.of(add_displays(run.journal.earlier()))
 
 
 def run_view() -> Callable[[RunSetup], RunView]:

@@ -82,7 +82,7 @@ def _flaw(mission: object) -> str:
     return f"needs the classes of its context objects as context_types, in brackets; they are {types!r}"
 
 
-def mission_named(name: str, checkout: Path | None = None) -> Mission:
+def find_mission(name: str, checkout: Path | None = None) -> Mission:
     """Return a mission by its name.
 
     Raises:
@@ -114,7 +114,7 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
         TreeError: If the leaves require the objects of several missions.
     """
     if name is not None:
-        return _guarded(mission_named(name, checkout))
+        return _guard(find_mission(name, checkout))
     asking = [(bound, {each.target for each in bound.spec.handed_over}) for bound in binding.nodes()]
     # The leaves of a plain tree ask for nothing, and no mission is imported for it.
     missions = [*load_missions(checkout).values()] if any(asked for _, asked in asking) else []
@@ -130,8 +130,8 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
         last = list(first.values())[-1]
         collector.add("several-missions", message, last.element, hint="say which one counts: --mission NAME")
         raise TreeError(collector.findings)
-    return _guarded(next(iter(first))) if first else None
+    return _guard(next(iter(first))) if first else None
 
 
-def _guarded(mission: Mission) -> Mission:
+def _guard(mission: Mission) -> Mission:
     return cast("Mission", _GuardedMission(mission, mission.name))

@@ -11,7 +11,7 @@ from sar_compiler.ros.parameter_reader import ParameterReader
 _WATCHED = (*OF_ROBOT, "status", "progress", "lacks", GOAL_ENDED)
 
 
-def displayed(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
+def add_displays(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
     """Yield the entries of a journal, with what each fact has changed of what the mission shows.
 
     That stands in the journal, and is passed on. Where it does not, the mission that is installed says it; if none of that name is, or the
@@ -26,7 +26,7 @@ def displayed(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
         is_first = entry.kind == RUN_BEGAN
         if is_first:
             says_itself = following is not None and following.kind == CHANGED
-            run = None if says_itself else run or _begun(entry)
+            run = None if says_itself else run or _begin(entry)
         if run is None or entry.kind in _WATCHED:
             continue
         try:
@@ -45,7 +45,7 @@ def displayed(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
             yield entry._replace(kind=CHANGED, data=changed)
 
 
-def _begun(entry: JournalEntry) -> MissionRun | None:
+def _begin(entry: JournalEntry) -> MissionRun | None:
     """Return a run of the mission that a journal is of, just begun; None if there is none."""
     try:
         mission = load_missions()[entry.data["mission"]]

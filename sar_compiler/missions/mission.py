@@ -70,7 +70,7 @@ class Verb(NamedTuple):
     confirm: str = ""
     fill: Callable[[Any, Mapping[str, Any]], None] = lambda _request, _values: None
 
-    def checked(self, values: Mapping[str, Any]) -> dict[str, Any]:
+    def check(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of an order.
 
         Raises:
@@ -78,9 +78,9 @@ class Verb(NamedTuple):
         """
         if unknown := set(values) - {field.name for field in self.fields}:
             raise VerbError(f"{self.name} takes no {min(unknown)!r:.60}")
-        return {field.name: self._checked(field, values.get(field.name)) for field in self.fields}
+        return {field.name: self._check_field(field, values.get(field.name)) for field in self.fields}
 
-    def _checked(self, field: VerbField, value: Any) -> Any:
+    def _check_field(self, field: VerbField, value: Any) -> Any:
         if field.optional and value in ("", None):
             return None if field.kind == "number" else ""
         if field.kind == "number":

@@ -8,6 +8,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.ros.parameter_reader import ParameterError, Problem
 from sar_compiler.tree.diagnostic import TreeError
@@ -17,11 +18,11 @@ _ADVICE = "or begin anew, and keep that journal: --new"
 
 def as_data(value: object) -> Any:
     """Return a value as it is read from a journal: JSON values, arrays as lists."""
-    if isinstance(value, Mapping):
-        return {str(key): as_data(each) for key, each in value.items()}
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    return [as_data(each) for each in value] if hasattr(value, "__iter__") else str(value)
+    return json_value(json_text(value, default=_array_or_text))
+
+
+def _array_or_text(value: Any) -> object:
+    return [*value] if hasattr(value, "__iter__") else str(value)
 
 
 def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
@@ -102,7 +103,8 @@ def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tupl
             return found
     if len(children) != len(behaviour.children):
         count = len(behaviour.children)
-        return behaviour, f"'{behaviour.name}' has {count} {_noun(count)} here, and had {len(children)}"
+        noun = "child" if count == 1 else "children"
+        return behaviour, f"'{behaviour.name}' has {count} {noun} here, and had {len(children)}"
     return None
 
 
@@ -113,7 +115,3 @@ def _mapping(value: object) -> Mapping[str, Any]:
 
 def _value(value: object) -> str:
     return "not given" if value is None else repr(value)
-
-
-def _noun(count: int) -> str:
-    return "child" if count == 1 else "children"

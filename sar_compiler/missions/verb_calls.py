@@ -48,7 +48,7 @@ class VerbCalls:
         known = self._verbs.get(verb)
         if known is None:
             raise VerbError(f"there is no order {verb!r:.60}")
-        checked = known.checked(values)
+        checked = known.check(values)
         client = self._clients[verb]
         if not client.service_is_ready():
             raise VerbError(f"no node of this tree heeds '{verb}'")

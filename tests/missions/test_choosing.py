@@ -5,7 +5,7 @@ import re
 import pytest
 
 from sar_compiler.compiler import bind_main
-from sar_compiler.missions.choosing import MissionError, choose_mission, load_missions, mission_named
+from sar_compiler.missions.choosing import MissionError, choose_mission, find_mission, load_missions
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.ros.parameter_reader import ParameterReader
@@ -114,13 +114,13 @@ def test_a_name_decides_whatever_the_leaves_ask_for(install):
 def test_a_name_that_there_is_not_is_answered_with_the_one_that_was_meant():
     said = "there is no mission 'search_and_rescu' (installed: search_and_rescue); did you mean 'search_and_rescue'?"
     with pytest.raises(MissionError, match=f"^{re.escape(said)}$"):
-        mission_named("search_and_rescu")
+        find_mission("search_and_rescu")
 
 
 def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passed_over(install, tmp_path):
     install("farm_f", "farm_f:FARM")
     with pytest.raises(MissionError, match=f"the missions of {re.escape(str(tmp_path))} are passed over"):
-        mission_named("farming", tmp_path)
+        find_mission("farming", tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import CHANGED
-from sar_compiler.missions.displaying import displayed
+from sar_compiler.missions.displaying import add_displays
 from sar_compiler.missions.search_and_rescue.plugin import SearchAndRescue
 from sar_compiler.ros.parameter_reader import ParameterReader
 
@@ -63,7 +63,7 @@ def shown(state: MissionState) -> tuple[Any, ...]:
 
 def test_a_journal_that_says_what_is_shown_is_passed_on(place: Path) -> None:
     entries = written(place)
-    assert list(displayed(entries)) == entries
+    assert list(add_displays(entries)) == entries
 
 
 @pytest.mark.parametrize("count", range(1, len(FACTS) + 4))
@@ -73,7 +73,7 @@ def test_what_facts_alone_have_changed_the_mission_says(place: Path, count: int)
     whole = entries[: entries.index(alone[-1]) + 1]
     following = entries[len(whole) : len(whole) + 1]
     whole += [entry for entry in following if entry.kind == CHANGED]
-    assert shown(MissionState.of(displayed(alone))) == shown(MissionState.of(whole))
+    assert shown(MissionState.of(add_displays(alone))) == shown(MissionState.of(whole))
 
 
 @pytest.mark.parametrize("mission", ["of_nobody", None])
@@ -81,12 +81,12 @@ def test_facts_of_a_mission_that_is_not_installed_are_yielded_as_they_are(
     place: Path, mission: str | None
 ) -> None:
     alone = facts_alone(written(place, mission))
-    assert list(displayed(alone)) == alone
+    assert list(add_displays(alone)) == alone
 
 
 def test_after_a_fact_that_is_none_of_the_mission_the_rest_is_yielded_as_it_is(place: Path) -> None:
     alone = facts_alone(written(place))
     strange = alone[1]._replace(data={"place": "elsewhere"})
-    entries = list(displayed([alone[0], strange, *alone[2:]]))
+    entries = list(add_displays([alone[0], strange, *alone[2:]]))
     assert [entry for entry in entries if entry.kind != CHANGED] == [alone[0], strange, *alone[2:]]
     assert [entry.kind for entry in entries].count(CHANGED) == 1

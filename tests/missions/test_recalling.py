@@ -76,7 +76,7 @@ class Life:
             "kept": list(self.kept),
             "home": self.record.home,
             "alarm": self.record.alarm,
-            "orders": (self.orders.held, self.orders.recalled, self.orders.aborted),
+            "orders": (self.orders.held, self.orders.given),
             "shortfalls": self.run.shortfalls(),
         }
 
@@ -157,7 +157,7 @@ class Dying(RuleBasedStateMachine):
 
     @rule(verb=st.sampled_from(["hold", "release", "recall", "abort"]))
     def order(self, verb: str) -> None:
-        getattr(self.life.orders, verb)()
+        self.life.orders.give(verb)
 
     @rule(reason=st.sampled_from(["the battery is low", "time is up"]))
     def raise_an_alarm(self, reason: str) -> None:

@@ -110,9 +110,9 @@ def test_it_says_how_far_it_is(search: Search) -> None:
 
 def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
     search.record.zone_started("a")
-    search.orders.hold()
+    search.orders.give("hold")
     assert search.display().phase == ("held", "by the operator", "a")
-    search.orders.release()
+    search.orders.give("release")
     assert search.display().phase == ("", "", "a")
 
 

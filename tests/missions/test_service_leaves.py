@@ -8,7 +8,11 @@ from nav_msgs.msg import OccupancyGrid
 from py_trees.common import Status
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, NotifyBase
+from sar_compiler.missions.search_and_rescue.actions.survivors import (
+    DetectSurvivor,
+    NotifyBase,
+    map_extent_of,
+)
 from sar_compiler.missions.search_and_rescue.conditions import IsSurvivorDetected
 
 if TYPE_CHECKING:
@@ -112,7 +116,7 @@ class TestDetectSurvivor:
         stage.host().node.create_publisher(OccupancyGrid, "map", LATCHED).publish(grid)
         stage.detect_service({"zone_a": place})
         leaf = search(stage)
-        stage.until(lambda: leaf._extent is not None and leaf._extent._info is not None, "the map")
+        stage.until(lambda: map_extent_of(stage.node)._info is not None, "the map")
         assert stage.run(leaf) is Status[expected]
         assert leaf.was_found() == (expected == "SUCCESS")
 

@@ -20,7 +20,7 @@ RIGHT = {"name": "there", "x": 1, "how": "FAST", "whom": ""}
 
 
 def test_the_values_of_a_complete_order_are_taken():
-    assert GO.checked(RIGHT) == {**RIGHT, "x": 1.0}
+    assert GO.check(RIGHT) == {**RIGHT, "x": 1.0}
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_the_values_of_a_complete_order_are_taken():
 )
 def test_what_is_wrong_with_an_order_is_said(values, words):
     with pytest.raises(VerbError) as error:
-        GO.checked({**RIGHT, **values})
+        GO.check({**RIGHT, **values})
     assert words in str(error.value)
 
 
@@ -53,14 +53,14 @@ def test_what_is_wrong_with_an_order_is_said(values, words):
 @pytest.mark.parametrize("values", [{}, {"how": ""}, {"how": None}])
 def test_what_is_optional_may_be_left_empty(kind, values):
     field = VerbField("how", "How", kind, (("FAST", "fast"),), optional=True)
-    assert Verb("go", "Go", "Goes.", fields=(field,)).checked(values) == {
+    assert Verb("go", "Go", "Goes.", fields=(field,)).check(values) == {
         "how": None if kind == "number" else ""
     }
 
 
 def test_a_value_that_is_missing_is_named():
     with pytest.raises(VerbError, match="go: x is None, and must be a number"):
-        GO.checked({"name": "there", "how": "FAST", "whom": ""})
+        GO.check({"name": "there", "how": "FAST", "whom": ""})
 
 
 def test_orders_that_cannot_be_undone_ask_first():
@@ -73,12 +73,12 @@ def test_the_orders_of_the_mission_fill_the_requests_of_its_services():
 
     verbs = {verb.name: verb for verb in VERBS}
     zone, judge = AddZone.Request(), JudgeSurvivor.Request()
-    values = verbs["add_zone"].checked({"zone": "zone_e", "x": 1.5, "y": -2, "heading": 180})
+    values = verbs["add_zone"].check({"zone": "zone_e", "x": 1.5, "y": -2, "heading": 180})
     verbs["add_zone"].fill(zone, values)
     assert (zone.zone_id, zone.pose.header.frame_id) == ("zone_e", "map")
     assert (zone.pose.pose.position.x, zone.pose.pose.position.y) == (1.5, -2.0)
     assert (round(zone.pose.pose.orientation.z, 6), round(zone.pose.pose.orientation.w, 6)) == (1.0, 0.0)
-    judged = verbs["judge_survivor"].checked(
+    judged = verbs["judge_survivor"].check(
         {"survivor": "survivor_2", "verdict": "SAME", "same_as": "survivor_1"}
     )
     verbs["judge_survivor"].fill(judge, judged)

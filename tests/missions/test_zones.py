@@ -70,5 +70,5 @@ class TestAbandonZone:
         stage.zones.advance()
         stage.zones.advance()
         assert stage.run(abandon(stage)) is Status.SUCCESS
-        assert stage.record.zones_abandoned == ()
+        assert stage.zones.abandoned_zones() == []
         assert stage.warnings == []

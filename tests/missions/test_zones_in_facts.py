@@ -59,4 +59,4 @@ def test_postponing_in_rounds_is_postponing_each_zone_so_often(
         assert real[step].status is stand_ins[step].status, step
         facts = simulated_tree.fact_values()
         assert facts["zones_left"] == len(zones.remaining_zones())
-        assert facts["zones_abandoned"] == len(record.zones_abandoned)
+        assert facts["zones_abandoned"] == len(zones.abandoned_zones())

@@ -20,7 +20,7 @@ from xsdata.formats.dataclass.parsers import XmlParser
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.missions.displaying import displayed
+from sar_compiler.missions.displaying import add_displays
 from sar_compiler.views.mission_report import FORMS, ReportError, report_data, report_text, require_form
 from sar_compiler.views.report_exchange import cot_report
 from sar_compiler.views.report_html import html_report, report_map
@@ -71,7 +71,7 @@ def mission(*told, simulated=False, parameters=VIENNA, ended=True, name=None, wa
             else []
         ),
     ]
-    stream = displayed(
+    stream = add_displays(
         JournalEntry(at, 1, wall + at, float(at), kind, data) for at, (kind, data) in enumerate(entries)
     )
     renamed = {"mission": name or "search_and_rescue"}

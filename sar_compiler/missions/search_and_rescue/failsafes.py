@@ -1,7 +1,6 @@
 """The conditions of failsafes: SUCCESS while all is well, FAILURE with a reason where the mission is to be cut short."""
 
 import math
-from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
@@ -55,8 +54,7 @@ class _OrderCondition(RosLeaf):
         record: Where the reason is noted.
     """
 
-    verb = ""
-    reason = ""
+    verb = order = reason = ""
 
     def __init__(self, name: str, orders: OperatorOrders, *, record: MissionRecord | None = None) -> None:
         super().__init__(name)
@@ -72,53 +70,32 @@ class _OrderCondition(RosLeaf):
 
     def shutdown(self) -> None:
         """Withdraw the service."""
-        if self._node is not None:
-            self._orders.withdraw(self._node)
+        self._orders.withdraw()
         super().shutdown()
 
     def update(self) -> Status:
         """Look at the orders."""
-        return self._alarm.status(self.reason if self._ordered() else "")
-
-    @abstractmethod
-    def _ordered(self) -> bool:
-        """Return whether it was ordered."""
-
-    @abstractmethod
-    def _order(self) -> None:
-        """Note the order."""
+        return self._alarm.status(self.reason if self.order in self._orders.given else "")
 
     def _on_order(self, _: Any, response: Any) -> Any:
-        self._order()
+        self._orders.give(self.order)
         self._wake()
-        response.success, response.message = True, f"{self.reason}"
+        response.success, response.message = True, self.reason
         return response
 
 
 class NotAborted(_OrderCondition):
     """Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
 
-    verb = "abort"
+    verb = order = "abort"
     reason = "the operator has aborted the mission"
-
-    def _ordered(self) -> bool:
-        return self._orders.aborted
-
-    def _order(self) -> None:
-        self._orders.abort()
 
 
 class NotRecalled(_OrderCondition):
     """Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called."""
 
-    verb = "go_home"
+    verb, order = "go_home", "recall"
     reason = "the operator has called the robot home"
-
-    def _ordered(self) -> bool:
-        return self._orders.recalled
-
-    def _order(self) -> None:
-        self._orders.recall()
 
 
 class NavigationAvailable(RosLeaf):

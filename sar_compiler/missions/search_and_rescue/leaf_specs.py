@@ -3,6 +3,8 @@
 So a tree of the mission is checked without an import of what flies it.
 """
 
+from functools import partial
+
 from sar_compiler.leaves import (
     Answer,
     Clock,
@@ -16,6 +18,7 @@ from sar_compiler.leaves import (
     reference,
 )
 
+_condition = partial(leaf_spec, kind=Kind.CONDITION)
 _HERE = "sar_compiler.missions.search_and_rescue"
 _ZONES = f"{_HERE}.zone_manager:ZoneManager"
 _RECORD = f"{_HERE}.record:MissionRecord"
@@ -251,68 +254,62 @@ SPECS = [
         answers=(Answer("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
         facts={"zones_left": 3, "zones_abandoned": 0},
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.conditions:ZonesRemaining",
         "Is a zone left to be visited? SUCCESS if so, else FAILURE.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
-        kind=Kind.CONDITION,
         answers=(
             Answer("SUCCESS", "some left", "zones_left > 0"),
             Answer("FAILURE", "none left", "zones_left == 0"),
         ),
         facts={"zones_left": 3},
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.conditions:IsSurvivorDetected",
         "Did the last search find a survivor? SUCCESS if so, else FAILURE.",
         reference("detect_node", _SEARCH, "The search whose answer counts."),
-        kind=Kind.CONDITION,
         answers=(
             Answer("SUCCESS", "yes", "found_by_{detect_node}"),
             Answer("FAILURE", "no", "!found_by_{detect_node}"),
         ),
         facts={"found_by_{detect_node}": False},
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.conditions:MissionComplete",
         "Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.",
         handed_over("record", _RECORD, "What has happened in the mission."),
         handed_over("zone_manager", _ZONES, "The mission's zones."),
-        kind=Kind.CONDITION,
         answers=(
             Answer("SUCCESS", "complete", _COMPLETE),
             Answer("FAILURE", "incomplete", f"!({_COMPLETE})"),
         ),
         facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.failsafes:NotAborted",
         "Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called.",
         handed_over("orders", _ORDERS, "What the operator has ordered."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
-        kind=Kind.CONDITION,
         answers=(Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")),
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.failsafes:NotRecalled",
         "Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called.",
         handed_over("orders", _ORDERS, "What the operator has ordered."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
-        kind=Kind.CONDITION,
         answers=(Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")),
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.failsafes:NavigationAvailable",
         "Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.",
         handed_over("record", _RECORD, "Knows it, and where the reason is noted.", required=False),
-        kind=Kind.CONDITION,
         answers=(
             Answer("SUCCESS", "available", "!navigation_lost"),
             Answer("FAILURE", "unavailable", "navigation_lost"),
         ),
         facts={"navigation_lost": False},
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.failsafes:BatterySuffices",
         "Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.",
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
@@ -324,28 +321,25 @@ SPECS = [
             "battery_state",
         ),
         attribute("max_age_sec", Seconds, "How long it may be silent, seconds of the node's clock.", 30.0),
-        kind=Kind.CONDITION,
         uses=(Use.topic("{topic}"),),
         answers=(Answer("SUCCESS", "enough"), Answer("FAILURE", "low")),
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.failsafes:InsideFence",
         "Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.",
         handed_over("fence", _FENCE, "The geofence."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
-        kind=Kind.CONDITION,
         answers=(Answer("SUCCESS", "inside"), Answer("FAILURE", "outside")),
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.failsafes:MissionTimeLeft",
         "Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.",
         attribute("limit", Seconds, "How long the mission may take, seconds of the mission's clock."),
         handed_over("clock", Clock, "The clock."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
-        kind=Kind.CONDITION,
         answers=(Answer("SUCCESS", "time left"), Answer("FAILURE", "time is up")),
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.failsafes:BaseInReach",
         "Is the base station there? FAILURE if its service was in no network for too long.",
         handed_over("clock", Clock, "The clock of the patience."),
@@ -354,7 +348,6 @@ SPECS = [
             "service", str, "Its service, of the type `sar_interfaces/srv/ReportSurvivor`.", "report_survivor"
         ),
         attribute("patience", Seconds, "How long it may be away, seconds of the mission's clock.", 60.0),
-        kind=Kind.CONDITION,
         uses=(Use.service("{service}"),),
         answers=(
             Answer("SUCCESS", "in reach", then="base_lost = false"),
@@ -367,14 +360,13 @@ SPECS = [
         ),
         facts={"base_lost": False, "losses_left": 1},
     ),
-    leaf_spec(
+    _condition(
         f"{_HERE}.operating:NotHeld",
         "Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.",
         handed_over("orders", _ORDERS, "What the operator has ordered."),
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         handed_over("fence", _FENCE, "The geofence, for zones that are added.", required=False),
         handed_over("record", _RECORD, "Where orders are noted.", required=False),
-        kind=Kind.CONDITION,
         answers=(
             Answer("SUCCESS", "free"),
             Answer("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),

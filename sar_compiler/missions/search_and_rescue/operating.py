@@ -1,6 +1,8 @@
 """Heeding the operator: pause, resume, another plan, and a word on each find."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from py_trees.common import Status
@@ -48,13 +50,13 @@ class NotHeld(RosLeaf):
 
         super().setup(**kwargs)
         for verb, service_type, carry_out in (
-            ("pause", Trigger, self._pause),
-            ("resume", Trigger, self._resume),
+            ("pause", Trigger, lambda _: self._orders.give("hold")),
+            ("resume", Trigger, lambda _: self._orders.give("release")),
             ("skip_zone", Trigger, self._skip_zone),
             ("add_zone", AddZone, self._add_zone),
             ("judge_survivor", JudgeSurvivor, self._judge),
         ):
-            self._offer(verb, service_type, carry_out)
+            self._orders.offer(self.node, verb, service_type, partial(self._answer, verb, carry_out))
 
     def update(self) -> Status:
         """Look at the orders."""
@@ -69,32 +71,19 @@ class NotHeld(RosLeaf):
 
     def shutdown(self) -> None:
         """Withdraw the services."""
-        if self._node is not None:
-            self._orders.withdraw(self._node)
+        self._orders.withdraw()
         super().shutdown()
 
-    def _offer(self, verb: str, service_type: Any, carry_out: Any) -> None:
-        """Offer one service; what `carry_out` returns is what is wrong with the order, empty if nothing is."""
-
-        def answer(request: Any, response: Any) -> Any:
-            refusal = carry_out(request)
-            response.success, response.message = not refusal, refusal or "done"
-            if refusal:
-                self.complain(f"Operator: {verb}: refused, {refusal}.")
-            else:
-                self.say(f"Operator: {verb}.")
-                self._wake()
-            return response
-
-        self._orders.offer(self.node, verb, service_type, answer)
-
-    def _pause(self, _: Any) -> str:
-        self._orders.hold()
-        return ""
-
-    def _resume(self, _: Any) -> str:
-        self._orders.release()
-        return ""
+    def _answer(self, verb: str, carry_out: Callable[[Any], str | None], request: Any, response: Any) -> Any:
+        """Answer an order: it is refused if carrying it out returns what is wrong with it."""
+        refusal = carry_out(request)
+        response.success, response.message = not refusal, refusal or "done"
+        if refusal:
+            self.complain(f"Operator: {verb}: refused, {refusal}.")
+        else:
+            self.say(f"Operator: {verb}.")
+            self._wake()
+        return response
 
     def _skip_zone(self, _: Any) -> str:
         if not self._zones.has_remaining():

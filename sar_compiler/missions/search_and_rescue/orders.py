@@ -11,6 +11,8 @@ from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+_ORDERS = ("hold", "release", "recall", "abort")
+
 
 @mission_context
 class OperatorOrders:
@@ -19,9 +21,8 @@ class OperatorOrders:
     The services are those of the leaves that heed the orders: a tree without them offers none.
 
     Attributes:
+        given: The orders that were given.
         held: Whether the robot is to stand where it is.
-        recalled: Whether the robot is to come home.
-        aborted: Whether the mission is to end where the robot stands.
         replanned: Whether the plan has changed, so that the mission must look at it anew.
         has_skipped: Whether a zone was skipped in that.
         journal: Where the orders are written, `operator_ordered`; those on zones and survivors by who keeps these.
@@ -29,27 +30,13 @@ class OperatorOrders:
 
     def __init__(self) -> None:
         self.journal = Journal(apply=self.apply)
-        self.held = False
-        self.recalled = False
-        self.aborted = False
-        self.replanned = self.has_skipped = False
-        self._services: dict[str, Any] = {}
+        self.given: set[str] = set()
+        self.held = self.replanned = self.has_skipped = False
+        self._services: dict[str, tuple[Node, Any]] = {}
 
-    def hold(self) -> None:
-        """Order the robot to stand where it is."""
-        self.journal.note("operator_ordered", order="hold")
-
-    def release(self) -> None:
-        """Order the robot to go on."""
-        self.journal.note("operator_ordered", order="release")
-
-    def recall(self) -> None:
-        """Order the robot home; a hold is over."""
-        self.journal.note("operator_ordered", order="recall")
-
-    def abort(self) -> None:
-        """Order the end of the mission; a hold is over."""
-        self.journal.note("operator_ordered", order="abort")
+    def give(self, order: str) -> None:
+        """Order the robot to stand (`hold`), to go on (`release`), to come home (`recall`), or to end the mission (`abort`)."""
+        self.journal.note("operator_ordered", order=order)
 
     def apply(self, fact: JournalEntry) -> None:
         """Take an order that is a fact.
@@ -60,12 +47,11 @@ class OperatorOrders:
         if fact.kind != "operator_ordered":
             return
         order = fact.data["order"]
-        if order not in ("hold", "release", "recall", "abort"):
+        if order not in _ORDERS:
             raise ValueError(f"{order!r} is no order")
         # Who is called home, or has ended, is held no more.
         self.held = order == "hold"
-        self.recalled = self.recalled or order == "recall"
-        self.aborted = self.aborted or order == "abort"
+        self.given.add(order)
 
     def offer(self, node: "Node", verb: str, service_type: Any, answer: Callable[[Any, Any], Any]) -> None:
         """Serve an order on a node, as `~/verb`; another leaf may have done so before.
@@ -77,13 +63,14 @@ class OperatorOrders:
             answer: Is called with the request and the response, and returns the response.
         """
         if verb not in self._services:
-            self._services[verb] = node.create_service(service_type, f"~/{verb}", answer)
+            self._services[verb] = node, node.create_service(service_type, f"~/{verb}", answer)
 
-    def withdraw(self, node: "Node") -> None:
-        """Destroy the services on a node."""
+    def withdraw(self) -> None:
+        """Destroy the services, which are gone already where their node is."""
         services, self._services = self._services, {}
-        for service in services.values() if alive(node) else ():
-            node.destroy_service(service)
+        for node, service in services.values():
+            if alive(node):
+                node.destroy_service(service)
 
 
 def _add_zone(request: Any, values: Mapping[str, Any]) -> None:

@@ -1,14 +1,12 @@
 """The record of a mission's events, for its summary and its exit status."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
 from sar_compiler.missions import (
-    RUN_BEGAN,
-    RUN_ENDED,
     FactTime,
     Journal,
     JournalEntry,
@@ -164,13 +162,16 @@ class DoneBefore:
 
     Searches and names are those of the zone that was not left yet. Each is handed out once, in its order: what a tree does
     again on purpose is done again.
+
+    Attributes:
+        home: Whether the robot is home.
     """
 
     def __init__(self) -> None:
         self._searches: list[tuple[str, tuple[float, float] | None]] = []
         self._names: list[tuple[str, tuple[float, float]]] = []
         self._survivors: set[str] = set()
-        self._home = False
+        self.home = False
 
     @classmethod
     def of(cls, facts: Iterable[JournalEntry]) -> "DoneBefore":
@@ -192,11 +193,7 @@ class DoneBefore:
             self._searches.clear()
             self._names.clear()
         elif fact.kind in ("zone_started", "base_reached"):
-            self._home = fact.kind == "base_reached"
-
-    def at_home(self, *, home: bool) -> None:
-        """Note whether the robot is home."""
-        self._home = home
+            self.home = fact.kind == "base_reached"
 
     def has_searched(self, zone_id: str) -> bool:
         """Return whether there is a search of a zone."""
@@ -218,7 +215,7 @@ class DoneBefore:
 
     def take_home(self) -> bool:
         """Return whether the robot is home; afterwards it must be driven there."""
-        home, self._home = self._home, False
+        home, self.home = self.home, False
         return home
 
 
@@ -237,6 +234,11 @@ class MissionRecord:
     Attributes:
         journal: Where events are written, before anybody is told of them; those of the zones by the `ZoneManager`.
         before: What an earlier run has done of what this one begins with.
+        zones_visited: The visited zones, in the order of the visits.
+        zone: The zone that was set out for and not left yet; empty if there is none.
+        home: Whether the robot has returned to the base station and not left it for a zone since.
+        alarms: The reasons to cut the mission short, in words, the latest last.
+        navigation_lost: Why nobody can judge a drive, in words; empty while somebody can. It is no fact.
     """
 
     def __init__(self, duplicate_radius_m: float = DUPLICATE_RADIUS_M) -> None:
@@ -244,31 +246,11 @@ class MissionRecord:
         self.before = DoneBefore()
         self._duplicate_radius_m = duplicate_radius_m
         self._zones: dict[str, ZoneRecord] = {}
-        self._zones_visited: list[str] = []
-        self._alarms: list[str] = []
-        self._navigation_lost = ""
         self._survivors: list[FoundSurvivor] = []
-        self._home = False
-        self._zone = ""
-        self._kinds: Mapping[str, Callable[..., object]] = {
-            "zone_started": self._zone_started,
-            "zone_searched": self._zone_searched,
-            "survivor_unplaced": self._survivor_unplaced,
-            "zone_visited": self._zone_visited,
-            "zone_postponed": self._zone_left,
-            "zone_abandoned": self._zone_abandoned,
-            "survivor_named": self._survivor_named,
-            "survivor_judged": self._survivor_judged,
-            "report_sent": lambda at, survivor: self._set(survivor, sent_at=at),
-            "report_kept": lambda at, survivor, **_: self._set(survivor, acknowledged=False, kept=True),  # noqa: ARG005
-            "report_acknowledged": lambda at, survivor: self._set(
-                survivor, acknowledged=True, kept=False, acknowledged_at=at
-            ),
-            "base_reached": self._base_reached,
-            RUN_BEGAN: self._is_nowhere,
-            RUN_ENDED: self._is_nowhere,
-            "alarmed": lambda at, reason: self._alarms.append(str(reason)),  # noqa: ARG005
-        }
+        self.zones_visited: tuple[str, ...] = ()
+        self.alarms: tuple[str, ...] = ()
+        self.zone = self.navigation_lost = ""
+        self.home = False
 
     def apply(self, fact: JournalEntry) -> None:
         """Change the record by a fact.
@@ -276,29 +258,14 @@ class MissionRecord:
         Raises:
             ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
-        happen = self._kinds.get(fact.kind)
-        if happen is not None:
-            happen(FactTime(fact.run, fact.time, fact.wall), **fact.data)
-
-    @property
-    def zones_visited(self) -> tuple[str, ...]:
-        """The visited zones, in the order of the visits."""
-        return tuple(self._zones_visited)
-
-    @property
-    def zones_abandoned(self) -> tuple[str, ...]:
-        """The abandoned zones, in the order in which they were abandoned."""
-        return tuple(zone_id for zone_id, zone in self._zones.items() if zone.given_up)
-
-    @property
-    def zone(self) -> str:
-        """The zone that was set out for and not left yet; empty if there is none."""
-        return self._zone
+        take = getattr(self, f"_take_{fact.kind}", None)
+        if take is not None:
+            take(FactTime(fact.run, fact.time, fact.wall), **fact.data)
 
     @property
     def is_searched(self) -> bool:
         """Whether the zone that was set out for was searched since."""
-        zone = self.of_zone(self._zone)
+        zone = self.of_zone(self.zone)
         return zone.searched is not None and zone.started is not None and zone.searched >= zone.started
 
     def of_zone(self, zone_id: str) -> ZoneRecord:
@@ -311,19 +278,9 @@ class MissionRecord:
         return tuple(self._survivors)
 
     @property
-    def home(self) -> bool:
-        """Whether the robot has returned to the base station and not left it for a zone since."""
-        return self._home
-
-    @property
-    def alarms(self) -> tuple[str, ...]:
-        """The reasons to cut the mission short, in words, the latest last."""
-        return tuple(self._alarms)
-
-    @property
     def alarm(self) -> str:
         """The last reason to cut the mission short, in words; empty if there was none."""
-        return self._alarms[-1] if self._alarms else ""
+        return self.alarms[-1] if self.alarms else ""
 
     def zone_started(self, zone_id: str) -> None:
         """Note that the robot sets out for a zone."""
@@ -351,19 +308,6 @@ class MissionRecord:
     def alarmed(self, reason: str) -> None:
         """Note a reason to cut the mission short, in words."""
         self.journal.note("alarmed", reason=reason)
-
-    @property
-    def navigation_lost(self) -> str:
-        """Why nobody can judge a drive, in words; empty while somebody can."""
-        return self._navigation_lost
-
-    def navigation_is_lost(self, reason: str) -> None:
-        """Note that nobody can judge a drive, with the reason in words."""
-        self._navigation_lost = reason
-
-    def navigation_is_back(self) -> None:
-        """Note that drives are judged."""
-        self._navigation_lost = ""
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Note the assigned name of the survivor at a position (replaces an earlier one)."""
@@ -423,17 +367,16 @@ class MissionRecord:
             for survivor in self._survivors
             if survivor.counts and not survivor.acknowledged
         ]
-        if not self._home:
+        if not self.home:
             lacking.append("The robot did not return to the base station.")
         return lacking
 
-    def _zone_started(self, at: FactTime, zone: str) -> None:
+    def _take_zone_started(self, at: FactTime, zone: str) -> None:
         known = self.of_zone(zone)
         self._zones[zone] = replace(known, attempts=known.attempts + 1, started=at)
-        self._zone, self._home = zone, False
-        self.before.at_home(home=False)
+        self.zone, self.home, self.before.home = zone, False, False
 
-    def _zone_searched(self, at: FactTime, zone: str, survivor: Any) -> None:
+    def _take_zone_searched(self, at: FactTime, zone: str, survivor: Any) -> None:
         found = None if survivor is None else FoundSurvivor(zone, *position(*survivor), found_at=at)
         self._zones[zone] = replace(self.of_zone(zone), searched=at, unplaced="")
         if found is not None and not any(
@@ -441,23 +384,23 @@ class MissionRecord:
         ):
             self._survivors.append(found)
 
-    def _survivor_unplaced(self, _: FactTime, zone: str, reason: str) -> None:
+    def _take_survivor_unplaced(self, _: FactTime, zone: str, reason: str) -> None:
         self._zones[zone] = replace(self.of_zone(zone), unplaced=str(reason))
 
-    def _zone_visited(self, at: FactTime, zone: str) -> None:
-        self._zones_visited.append(zone)
-        self._zone_left(at, zone)
+    def _take_zone_visited(self, at: FactTime, zone: str) -> None:
+        self.zones_visited = (*self.zones_visited, zone)
+        self._take_zone_postponed(at, zone)
 
-    def _zone_left(self, at: FactTime, zone: str, given_up: str = "") -> None:
+    def _take_zone_postponed(self, at: FactTime, zone: str, given_up: str = "") -> None:
         # What is given up stands in the order in which it was.
         self._zones[zone] = replace(self._zones.pop(zone, ZoneRecord()), left=at, given_up=given_up)
-        self._zone = ""
+        self.zone = ""
 
-    def _zone_abandoned(self, at: FactTime, zone: str, attempts: int, reason: str) -> None:
+    def _take_zone_abandoned(self, at: FactTime, zone: str, attempts: int, reason: str) -> None:
         why = f"was given up: {reason}" if reason else f"was abandoned after attempt {int(attempts)}"
-        self._zone_left(at, zone, why)
+        self._take_zone_postponed(at, zone, why)
 
-    def _survivor_named(
+    def _take_survivor_named(
         self, at: FactTime, survivor: str, x: Any, y: Any, possibly: str | None = None
     ) -> None:
         x, y = position(x, y)
@@ -466,15 +409,29 @@ class MissionRecord:
             self._survivors.append(FoundSurvivor("", x, y, found_at=at))
         self._survivors[index] = replace(self._survivors[index], survivor_id=survivor, possibly=possibly)
 
-    def _survivor_judged(self, _: FactTime, survivor: str, standing: str, same_as: str | None) -> None:
+    def _take_survivor_judged(self, _: FactTime, survivor: str, standing: str, same_as: str | None) -> None:
         said = {"possibly": same_as} if same_as else {}
         self._set(survivor, standing=Standing(standing), **said)
 
-    def _base_reached(self, _: FactTime) -> None:
-        self._home, self._zone = True, ""
+    def _take_report_sent(self, at: FactTime, survivor: str) -> None:
+        self._set(survivor, sent_at=at)
 
-    def _is_nowhere(self, at: FactTime, **_run: object) -> None:  # noqa: ARG002
-        self._zone = ""
+    def _take_report_kept(self, _: FactTime, survivor: str, **_place: object) -> None:
+        self._set(survivor, acknowledged=False, kept=True)
+
+    def _take_report_acknowledged(self, at: FactTime, survivor: str) -> None:
+        self._set(survivor, acknowledged=True, kept=False, acknowledged_at=at)
+
+    def _take_base_reached(self, _: FactTime) -> None:
+        self.home, self.zone = True, ""
+
+    def _take_run_began(self, _: FactTime, **_run: object) -> None:
+        self.zone = ""
+
+    _take_run_ended = _take_run_began
+
+    def _take_alarmed(self, _: FactTime, reason: str) -> None:
+        self.alarms = (*self.alarms, str(reason))
 
     def _place_of(self, x: float, y: float) -> int:
         """Return the place in the list of who was found last at a position; behind the last one if nobody was."""

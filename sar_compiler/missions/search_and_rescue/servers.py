@@ -73,31 +73,27 @@ class ReportSurvivorServer(DataNode):
         self.get_logger().info("ReportSurvivor service ready.")
 
     def _answer(self, request: Any, response: Any) -> Any:
-        frame = request.location.header.frame_id
+        frame, point = request.location.header.frame_id, request.location.point
         if frame != MAP_FRAME:
             self.get_logger().warning(
-                f"Report of {_told(request)} refused: it is in frame '{short_line(frame)}', and must be in '{MAP_FRAME}'."
+                f"Report of {_describe(request)} refused: it is in frame '{short_line(frame)}', and must be in '{MAP_FRAME}'."
             )
-            response.acknowledged = False
             return response
-        point = request.location.point
         if not (math.isfinite(point.x) and math.isfinite(point.y)):
             return self._refuse(request, response)
-        response.acknowledged = True
-        if _told(request) in self._received:
-            self.get_logger().info(f"Report received again: {_told(request)}. Acknowledged.")
-            return response
-        self._received.add(_told(request))
-        self.get_logger().info(f"Report received: {_told(request)}. Acknowledged.")
-        self.get_logger().info(f"The point of {short_line(request.survivor_id)} is in frame '{frame}'.")
+        response.acknowledged, report = True, _describe(request)
+        again = " again" if report in self._received else ""
+        self._received.add(report)
+        self.get_logger().info(f"Report received{again}: {report}. Acknowledged.")
+        if not again:
+            self.get_logger().info(f"The point of {short_line(request.survivor_id)} is in frame '{frame}'.")
         return response
 
     def _refuse(self, request: Any, response: Any) -> Any:
-        self.get_logger().warning(f"Report of {_told(request)} refused.")
-        response.acknowledged = False
+        self.get_logger().warning(f"Report of {_describe(request)} refused.")
         return response
 
 
-def _told(request: Any) -> str:
+def _describe(request: Any) -> str:
     point = request.location.point
     return f"{short_line(request.survivor_id)} at ({point.x:.2f}, {point.y:.2f})"

@@ -85,10 +85,6 @@ class ZoneManager:
         """Return the zones left to be visited, the current one first."""
         return deepcopy(self._zones[self._index :])
 
-    def visited_zones(self) -> list[Zone]:
-        """Return the visited zones, in the order of the visits."""
-        return deepcopy(self._zones[: self._index])
-
     def knows(self, zone_id: str) -> bool:
         """Return whether there is, or was, a zone of this name."""
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))

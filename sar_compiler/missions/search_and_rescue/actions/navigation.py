@@ -160,15 +160,15 @@ class NavigateTo(ActionLeaf):
 
     def on_hold(self, obstacle: str) -> None:
         """Note that nobody judges the drive."""
-        self._record.navigation_is_lost(obstacle)
+        self._record.navigation_lost = obstacle
 
     def on_available(self) -> None:
         """Note that somebody does."""
-        self._record.navigation_is_back()
+        self._record.navigation_lost = ""
 
     def on_unavailable(self, reason: str) -> Status:
         """Return FAILURE: that says nothing of the target, which `NavigationAvailable` asks for."""
-        self._record.navigation_is_lost(reason)
+        self._record.navigation_lost = reason
         self.complain(f"Navigation to {self._target} is unavailable: {reason}")
         return self.answer(Status.FAILURE, "unavailable")
 

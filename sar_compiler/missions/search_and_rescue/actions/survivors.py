@@ -102,14 +102,13 @@ class DetectSurvivor(ServiceLeaf):
         self._zones = zone_manager
         self._record = record or MissionRecord()
         self._zone_id = ""
-        self._extent: MapExtent | None = None
         self._pose: tuple[float, float] | None = None
         self._survivor_id: str | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Create the client, and listen to the map."""
         super().setup(**kwargs)
-        self._extent = map_extent_of(self.node)
+        map_extent_of(self.node)
 
     def was_found(self) -> bool:
         """Return whether the last search found a survivor."""
@@ -169,9 +168,8 @@ class DetectSurvivor(ServiceLeaf):
         return not self._objection(response)
 
     def _objection(self, response: Any) -> str:
-        if not response.found or self._extent is None:
-            return ""
-        return self._extent.objection(response.survivor_x, response.survivor_y)
+        place = response.survivor_x, response.survivor_y
+        return map_extent_of(self.node).objection(*place) if response.found else ""
 
 
 class StaticTransforms:
@@ -231,13 +229,12 @@ class BroadcastSurvivorTF(RosLeaf):
         self._detect_node = detect_node
         self._zones = zone_manager
         self._record = record or MissionRecord()
-        self._transforms: StaticTransforms | None = None
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
         """Create the publisher, or share the one that the node has already; publish the survivors of earlier runs."""
         super().setup(**kwargs)
-        self._transforms = static_transforms_of(self.node)
+        static_transforms_of(self.node)
         for survivor in self._record.survivors:
             if survivor.survivor_id is not None:
                 self._publish(survivor.survivor_id, survivor.x, survivor.y)
@@ -281,8 +278,7 @@ class BroadcastSurvivorTF(RosLeaf):
         frame.transform.translation.y = y
         # A position is known, not an attitude.
         frame.transform.rotation.w = 1.0
-        transforms = self._transforms or static_transforms_of(self.node)
-        transforms.put(frame)
+        static_transforms_of(self.node).put(frame)
 
 
 def report_of(
