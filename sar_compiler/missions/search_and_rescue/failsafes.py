@@ -23,30 +23,29 @@ if TYPE_CHECKING:
     from rclpy.client import Client
 
 
-class _Failsafe:
-    """Reports a problem once, until all is well again.
+class _Failsafe(RosLeaf):
+    """The common base of these conditions, which report a problem once, until all is well again.
 
     Args:
-        leaf: The condition.
         record: Where the reason is noted; for `AbandonZones`.
     """
 
-    def __init__(self, leaf: RosLeaf, record: MissionRecord | None) -> None:
-        self._leaf = leaf
+    def __init__(self, name: str, record: MissionRecord | None) -> None:
+        super().__init__(name)
         self._record = record or MissionRecord()
         self._raised = False
 
-    def status(self, problem: str) -> Status:
+    def _judge(self, problem: str) -> Status:
         """Return FAILURE for a problem in words, and SUCCESS for an empty one."""
         if problem and not self._raised:
-            self._leaf.complain(f"Failsafe: {problem}.")
+            self.complain(f"Failsafe: {problem}.")
             self._record.alarmed(problem)
         self._raised = bool(problem)
-        self._leaf.feedback_message = problem
+        self.feedback_message = problem
         return Status.FAILURE if problem else Status.SUCCESS
 
 
-class _OrderCondition(RosLeaf):
+class _OrderCondition(_Failsafe):
     """The common base of conditions on an order of the operator that cuts the mission short.
 
     Args:
@@ -57,9 +56,8 @@ class _OrderCondition(RosLeaf):
     verb = order = reason = ""
 
     def __init__(self, name: str, orders: OperatorOrders, *, record: MissionRecord | None = None) -> None:
-        super().__init__(name)
+        super().__init__(name, record)
         self._orders = orders
-        self._alarm = _Failsafe(self, record)
 
     def setup(self, **kwargs: Any) -> None:
         """Offer the service."""
@@ -75,7 +73,7 @@ class _OrderCondition(RosLeaf):
 
     def update(self) -> Status:
         """Look at the orders."""
-        return self._alarm.status(self.reason if self.order in self._orders.given else "")
+        return self._judge(self.reason if self.order in self._orders.given else "")
 
     def _on_order(self, _: Any, response: Any) -> Any:
         self._orders.give(self.order)
@@ -98,7 +96,7 @@ class NotRecalled(_OrderCondition):
     reason = "the operator has called the robot home"
 
 
-class NavigationAvailable(RosLeaf):
+class NavigationAvailable(_Failsafe):
     """Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.
 
     Such a failure says nothing of the place, so it is no reason to postpone or to abandon a zone.
@@ -108,17 +106,15 @@ class NavigationAvailable(RosLeaf):
     """
 
     def __init__(self, name: str, *, record: MissionRecord | None = None) -> None:
-        super().__init__(name)
-        self._record = record or MissionRecord()
-        self._alarm = _Failsafe(self, self._record)
+        super().__init__(name, record)
 
     def update(self) -> Status:
         """Look at what the last drive has come to."""
         lost = self._record.navigation_lost
-        return self._alarm.status(f"navigation is unavailable ({lost})" if lost else "")
+        return self._judge(f"navigation is unavailable ({lost})" if lost else "")
 
 
-class BatterySuffices(TopicLeaf):
+class BatterySuffices(_Failsafe, TopicLeaf):
     """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
 
     Args:
@@ -139,11 +135,10 @@ class BatterySuffices(TopicLeaf):
         topic: str = "battery_state",
         max_age_sec: Seconds = 30.0,
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, record)
         self.topic_name = topic
-        self.max_age_sec = max_age_sec
+        self.max_age_sec = self._limit_sec = max_age_sec
         self._at_least = at_least
-        self._alarm = _Failsafe(self, record)
         self._silent_since: float | None = None
 
     def on_message(self, message: Any) -> Status:
@@ -151,9 +146,9 @@ class BatterySuffices(TopicLeaf):
         self._silent_since = None
         share = float(message.percentage)
         if not math.isfinite(share):
-            return self._alarm.status(f"the battery's percentage on '{self.topic_name}' is {share}")
+            return self._judge(f"the battery's percentage on '{self.topic_name}' is {share}")
         low = f"the battery is at {share:.0%}, below {self._at_least:.0%}"
-        return self._alarm.status(low if share < self._at_least else "")
+        return self._judge(low if share < self._at_least else "")
 
     def on_silence(self) -> Status:
         """Give the first message time, too."""
@@ -161,16 +156,10 @@ class BatterySuffices(TopicLeaf):
             self._silent_since = self._now_sec()
         # After a message, the base class has waited already.
         waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self._limit_sec
-        return self._alarm.status(
-            f"nothing on '{self.topic_name}' for {self._limit_sec:g} s" if waited else ""
-        )
-
-    @property
-    def _limit_sec(self) -> float:
-        return self.max_age_sec or 0.0
+        return self._judge(f"nothing on '{self.topic_name}' for {self._limit_sec:g} s" if waited else "")
 
 
-class InsideFence(RosLeaf):
+class InsideFence(_Failsafe):
     """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.
 
     Where it is, the transform from `map` and the odometry say; without them the last `amcl_pose`. FAILURE as well if that is no pose:
@@ -182,9 +171,8 @@ class InsideFence(RosLeaf):
     """
 
     def __init__(self, name: str, fence: Fence, *, record: MissionRecord | None = None) -> None:
-        super().__init__(name)
+        super().__init__(name, record)
         self._fence = fence
-        self._alarm = _Failsafe(self, record)
         self._robot: RobotEstimate | None = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -197,14 +185,14 @@ class InsideFence(RosLeaf):
         # Without a fence a transform need not be read in each tick.
         robot = self._robot if self._fence else None
         if robot is not None and robot.is_diverged:
-            return self._alarm.status("the localisation has diverged: its last pose is none")
+            return self._judge("the localisation has diverged: its last pose is none")
         place = robot.place() if robot is not None else None
         if place is None or self._fence.contains(*place[:2]):
-            return self._alarm.status("")
-        return self._alarm.status(f"the robot, at ({place[0]:.2f}, {place[1]:.2f}), is outside the geofence")
+            return self._judge("")
+        return self._judge(f"the robot, at ({place[0]:.2f}, {place[1]:.2f}), is outside the geofence")
 
 
-class MissionTimeLeft(RosLeaf):
+class MissionTimeLeft(_Failsafe):
     """Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.
 
     Args:
@@ -216,10 +204,9 @@ class MissionTimeLeft(RosLeaf):
     def __init__(
         self, name: str, limit: Seconds, clock: Clock, *, record: MissionRecord | None = None
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, record)
         self._limit_sec = limit
         self._clock = clock
-        self._alarm = _Failsafe(self, record)
         self._began: float | None = None
 
     def update(self) -> Status:
@@ -228,10 +215,10 @@ class MissionTimeLeft(RosLeaf):
         if self._began is None:
             self._began = now
         up = now - self._began > self._limit_sec
-        return self._alarm.status(f"the mission's time of {self._limit_sec:g} s is up" if up else "")
+        return self._judge(f"the mission's time of {self._limit_sec:g} s is up" if up else "")
 
 
-class BaseInReach(RosLeaf):
+class BaseInReach(_Failsafe):
     """Is the base station there? FAILURE if its service was in no network for too long.
 
     A base that was killed is seen for some 20 s more (the lease of the middleware), which come before the patience.
@@ -254,11 +241,10 @@ class BaseInReach(RosLeaf):
         service: str = "report_survivor",
         patience: Seconds = 60.0,
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, record)
         self.service_name = service
         self._clock = clock
         self._patience_sec = patience
-        self._alarm = _Failsafe(self, record)
         self._client: Client | None = None
         self._seen: float | None = None
 
@@ -275,10 +261,8 @@ class BaseInReach(RosLeaf):
         if self._seen is None or (self._client is not None and self._client.service_is_ready()):
             self._seen = now
         away = now - self._seen
-        lost = away > self._patience_sec
-        return self._alarm.status(
-            f"base ('{self.service_name}') is out of reach for {away:.0f} s" if lost else ""
-        )
+        lost = f"base ('{self.service_name}') is out of reach for {away:.0f} s"
+        return self._judge(lost if away > self._patience_sec else "")
 
     def shutdown(self) -> None:
         """Release the client, which is gone already if the node is."""

@@ -34,11 +34,6 @@ class Backoff:
         # A clock that jumps back, as that of a simulator which starts anew, ends the pause.
         return self._pause_sec - elapsed if elapsed >= 0.0 else 0.0
 
-    @property
-    def waits(self) -> bool:
-        """Whether nothing is to be tried yet."""
-        return self.left_sec > 0.0
-
     def failed(self) -> None:
         """Begin a pause."""
         self._pause_sec = min(self._pause_sec * 2 or self._first_sec, self._longest_sec)
@@ -121,7 +116,7 @@ class DeliverReports(ReportLeaf):
         if not self._untried:
             self.feedback_message = "no report is kept"
             return self.answer(Status.SUCCESS, "nothing kept")
-        if self._backoff.waits and {report.survivor_id for report in self._untried} <= self._tried:
+        if self._backoff.left_sec > 0.0 and {report.survivor_id for report in self._untried} <= self._tried:
             self.feedback_message = f"base is tried again in {self._backoff.left_sec:.0f} s"
             return Status.RUNNING
         report = self._untried.pop(0)
