@@ -132,6 +132,11 @@ class NodeState:
         return f"{answer_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
 
     @property
+    def place(self) -> str:
+        """Where it is written, `file:line`; empty if that is not known."""
+        return f"{self.file}:{self.line}" if self.file else ""
+
+    @property
     def has_part(self) -> bool:
         """Whether its status belongs to the present activation of its parent."""
         return self.status not in ("", *_RESTING)

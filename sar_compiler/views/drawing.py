@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from importlib.resources import files
 from typing import NamedTuple
 from unicodedata import combining, east_asian_width
 from xml.sax.saxutils import escape
@@ -185,16 +186,15 @@ _DOT_LOOKS = {
 
 def dot(tree: CompiledTree) -> str:
     """Return a compiled tree as a digraph; subtrees are clusters."""
-    return "".join(f"{line}\n" for line in _dot_lines(tree))
-
-
-def _dot_lines(tree: CompiledTree) -> Iterator[str]:
-    yield f"digraph {_quote(in_one_line(tree.instance.tree.name))} {{"
-    yield "  ordering=out;"
-    yield '  graph [fontname="sans-serif", style=dashed];'
-    yield '  node [fontname="sans-serif", fontsize=9, style=filled];'
-    yield from _graph_lines(drawn_nodes(tree), "  subgraph cluster_{} {{", _dot_node, "  }", "  n{} -> n{};")
-    yield "}"
+    lines = [
+        f"digraph {_quote(in_one_line(tree.instance.tree.name))} {{",
+        "  ordering=out;",
+        '  graph [fontname="sans-serif", style=dashed];',
+        '  node [fontname="sans-serif", fontsize=9, style=filled];',
+        *_graph_lines(drawn_nodes(tree), "  subgraph cluster_{} {{", _dot_node, "  }", "  n{} -> n{};"),
+        "}",
+    ]
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _dot_node(number: int, node: DrawnNode) -> str:
@@ -234,20 +234,22 @@ _EDGE = " --> "
 
 def mermaid(tree: CompiledTree) -> str:
     """Return a compiled tree as a flowchart from top to bottom; subtrees are boxes."""
-    return "".join(f"{line}\n" for line in _mermaid_lines(tree))
+    nodes = drawn_nodes(tree)
+    shapes = sorted({node.shape for node in nodes}, key=list(Shape).index)
+    lines = [
+        "flowchart TD",
+        *_graph_lines(nodes, '  subgraph s{}[" "]', _mermaid_node, "  end", f"  n{{}}{_EDGE}n{{}}"),
+        *(
+            f"  classDef {each.value} fill:{_MERMAID_LOOKS[each][2]},stroke:#555,color:#111"
+            for each in shapes
+        ),
+    ]
+    return "".join(f"{line}\n" for line in lines)
 
 
 def too_large(flowchart: str) -> bool:
     """Return whether a flowchart is more than GitHub and GitLab draw."""
     return len(flowchart) > _LONGEST_CHART or flowchart.count(_EDGE) > _MOST_EDGES
-
-
-def _mermaid_lines(tree: CompiledTree) -> Iterator[str]:
-    nodes = drawn_nodes(tree)
-    yield "flowchart TD"
-    yield from _graph_lines(nodes, '  subgraph s{}[" "]', _mermaid_node, "  end", f"  n{{}}{_EDGE}n{{}}")
-    for shape in sorted({node.shape for node in nodes}, key=list(Shape).index):
-        yield f"  classDef {shape.value} fill:{_MERMAID_LOOKS[shape][2]},stroke:#555,color:#111"
 
 
 def _mermaid_node(number: int, node: DrawnNode) -> str:
@@ -276,19 +278,6 @@ _MARGIN = 10
 # Every picture may be as wide as this: at 400 pixels its text can still be read. A larger one may be wider, so that it does not
 # become much more than so many times as high as wide.
 _NARROW, _TALL = 560, 4
-
-_STYLE = """\
-.ground{fill:#fff}.line,.frame{fill:none;stroke:#8a8f98}.frame{stroke-dasharray:4 3}
-.node path{stroke:#5b6068}
-text{font:13px ui-monospace,"DejaVu Sans Mono",Menlo,Consolas,monospace;fill:#16181d;text-anchor:middle;white-space:pre}
-.details{font-size:10.5px;fill:#4a4f58}
-.sequence path{fill:#ffd9a0}.selector path{fill:#b5eff4}.parallel path{fill:#ffec99}.control path{fill:#ece6b0}
-.decorator path{fill:#f2f2fa}.condition path,.action path{fill:#e4e6e9}
-@media (prefers-color-scheme:dark){
-.ground{fill:#14161a}.line,.frame{stroke:#7d838d}.node path{stroke:#8d939d}text{fill:#f1f3f5}.details{fill:#c3c8cf}
-.sequence path{fill:#6b4408}.selector path{fill:#0d565e}.parallel path{fill:#655300}.control path{fill:#54501f}
-.decorator path{fill:#2b2d3d}.condition path,.action path{fill:#33373d}
-}"""
 
 
 @dataclass
@@ -347,7 +336,7 @@ def svg(tree: CompiledTree) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}" role="img">',
         f"<title>{_text(title)}</title>",
-        f"<style>\n{_STYLE}\n</style>",
+        f"<style>\n{files(__package__).joinpath('drawing.css').read_text('utf-8')}</style>",
         f'<rect class="ground" {size}/>',
         *(_frame(block) for block in blocks if block.frame),
         f'<path class="line" d="{"".join(_connections(nodes, blocks))}"/>',

@@ -30,13 +30,9 @@ def findings_as_json(findings: Iterable[Diagnostic]) -> str:
 
 
 def _as_dict(finding: Diagnostic) -> dict[str, object]:
-    span = finding.span
     return {
         "file": finding.source.path,
-        "line": span.line,
-        "column": span.column,
-        "end_line": span.end_line,
-        "end_column": span.end_column,
+        **finding.span._asdict(),
         "severity": finding.severity.value,
         "code": finding.code,
         "message": finding.message,
@@ -56,10 +52,9 @@ def _command(finding: Diagnostic) -> str:
     properties: dict[str, object] = {"file": finding.source.path, "line": span.line}
     if span.line == span.end_line:  # columns go with one line only, and the last one belongs to the place
         properties["col"] = span.column
-        properties["endLine"] = span.end_line
+    properties["endLine"] = span.end_line
+    if span.line == span.end_line:
         properties["endColumn"] = max(span.column, span.end_column - 1)
-    else:
-        properties["endLine"] = span.end_line
     properties["title"] = finding.code
     listed = ",".join(f"{name}={str(value).translate(_IN_PROPERTIES)}" for name, value in properties.items())
     message = "\n".join(map(visible, (finding.message, finding.advice))).rstrip()
@@ -143,11 +138,8 @@ def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, "Fi
     from importlib.metadata import version
 
     codes = sorted({finding.code for finding in findings})
-    driver = {
-        "name": "sar-compile",
-        "version": version("sar_compiler"),
-        "rules": [_rule(code) for code in codes],
-    }
+    rules = [_rule(code) for code in codes]
+    driver = {"name": "sar-compile", "version": version("sar_compiler"), "rules": rules}
     run = {
         "tool": {"driver": driver},
         "columnKind": "utf16CodeUnits",
@@ -172,10 +164,7 @@ def _results(
 ) -> Iterable[dict[str, object]]:
     for finding in findings:
         source = finding.source
-        location = {
-            "artifactLocation": _artifact(source.path),
-            "region": _region(source, finding.span),
-        }
+        location = {"artifactLocation": _artifact(source.path), "region": _region(source, finding.span)}
         fix = fixes.get(finding.identity)
         yield {
             "ruleId": finding.code,
@@ -190,10 +179,8 @@ def _results(
 
 def _fix(fix: "Fix") -> dict[str, object]:
     source = fix.finding.source
-    replacement = {
-        "deletedRegion": _region(source, source.span(fix.start, fix.end)),
-        "insertedContent": {"text": fix.text},
-    }
+    deleted = _region(source, source.span(fix.start, fix.end))
+    replacement = {"deletedRegion": deleted, "insertedContent": {"text": fix.text}}
     change = {"artifactLocation": _artifact(source.path), "replacements": [replacement]}
     return {"description": {"text": fix.finding.advice}, "artifactChanges": [change]}
 

@@ -56,7 +56,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
     Raises:
         ImportError: If pyproj is not installed, and the map's place on the earth is known.
     """
-    place, situation = _PlacesInTheWorld(georeference(state)), state.situation
+    reference, situation = georeference(state), state.situation
     word, reason = outcome(state)
     return {
         "mission": state.about.get("mission"),
@@ -65,7 +65,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
         "reason": reason,
         "as_of": utc(state.now) if state.runs else None,
         "phase": state.phase._asdict(),
-        "georeference": place.reference and place.reference._asdict(),
+        "georeference": reference and reference._asdict(),
         "runs": [
             {
                 "began": utc(run.began),
@@ -80,7 +80,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
             for run in state.runs
         ],
         "landmarks": {
-            kind.plural: [_landmark(state, each, place) for each in situation.of_kind(kind.name)]
+            kind.plural: [_landmark(state, each, reference) for each in situation.of_kind(kind.name)]
             for kind in situation.kinds.values()
         },
         "figures": [each._asdict() for each in situation.figures.values()],
@@ -91,40 +91,32 @@ def report_data(state: MissionState) -> dict[str, Any]:
             for each in state.facts
         ],
         "warnings": [{**_at(each.at), "text": each.text, "node": each.by} for each in state.warnings],
-        "path": [{**_at(pose.at), **place.of(pose.x, pose.y)} for pose in state.trail],
+        "path": [{**_at(pose.at), **_place(reference, pose.x, pose.y)} for pose in state.trail],
         "parameters": dict(state.parameters),
         "tree": [_node(each) for each in state.nodes],
     }
 
 
-class _PlacesInTheWorld(NamedTuple):
-    reference: Georeference | None
-
-    def of(self, x: float, y: float) -> dict[str, float]:
-        place = {"x": x, "y": y}
-        if self.reference is not None:
-            lat, lon = self.reference.located(x, y)
-            place |= {"lat": round(lat, 8), "lon": round(lon, 8)}
-        return place
+def _place(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
+    """Return a place on the map, with that on the earth where it is known."""
+    if reference is None:
+        return {"x": x, "y": y}
+    lat, lon = reference.located(x, y)
+    return {"x": x, "y": y, "lat": round(lat, 8), "lon": round(lon, 8)}
 
 
 def _at(instant: Instant | None) -> dict[str, Any]:
-    return (
-        {"run": None, "time": None, "utc": None}
-        if instant is None
-        else {
-            "run": instant.run,
-            "time": round(instant.time, 3),
-            "utc": utc(instant),
-        }
-    )
+    if instant is None:
+        return {"run": None, "time": None, "utc": None}
+    return {"run": instant.run, "time": round(instant.time, 3), "utc": utc(instant)}
 
 
-def _landmark(state: MissionState, landmark: Landmark, place: _PlacesInTheWorld) -> dict[str, Any]:
+def _landmark(state: MissionState, landmark: Landmark, reference: Georeference | None) -> dict[str, Any]:
+    corners = [_place(reference, *corner) for corner in landmark.corners]
     fixed = {
         "name": landmark.name,
-        "position": place.of(landmark.x, landmark.y),
-        **({"corners": [place.of(*corner) for corner in landmark.corners]} if landmark.corners else {}),
+        "position": _place(reference, landmark.x, landmark.y),
+        **({"corners": corners} if corners else {}),
         "state": landmark.state,
         "level": Level(landmark.level).name.lower(),
         "reason": landmark.reason or None,

@@ -1,7 +1,8 @@
 """A mission that is running, for a terminal: one screen of it, or a line for each change."""
 
+import bisect
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
@@ -140,9 +141,7 @@ def _find(find: Landmark) -> str:
 
 def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
     """Yield the tree as far as it fits: the way to what is running and its siblings, the rest folded."""
-    rows = state.nodes
-    if len(rows) > height:
-        rows = _unfolded(state)
+    rows = state.nodes if len(state.nodes) <= height else _unfolded(state)
     shown = _nearest(rows, height) if len(rows) > height else list(range(len(rows)))
     at = 0
     for index in shown:
@@ -156,9 +155,8 @@ def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
 
 def _unfolded(state: MissionState) -> list[NodeState]:
     """Return the nodes of which each ancestor is running; of a tree that has ended, those of which each had a part."""
-    open_nodes = {node.number for node in state.nodes if node.status == RUNNING}
-    if not open_nodes:
-        open_nodes = {node.number for node in state.nodes if node.has_part}
+    running = {node.number for node in state.nodes if node.status == RUNNING}
+    open_nodes = running or {node.number for node in state.nodes if node.has_part}
     rows: list[NodeState] = []
     waiting = [0] if state.nodes else []
     while waiting:
@@ -172,10 +170,10 @@ def _unfolded(state: MissionState) -> list[NodeState]:
 def _nearest(rows: Sequence[NodeState], height: int) -> list[int]:
     """Return the rows to show where not all have room: what runs, deep ones first, then what is near to it."""
     running = [index for index, node in enumerate(rows) if node.status == RUNNING] or [0]
-    distance = _distances(len(rows), running)
+    distance = [_distance(running, index) for index in range(len(rows))]
     order = sorted(
         range(len(rows)),
-        key=lambda index: (distance[index], -rows[index].depth if not distance[index] else 0, index),
+        key=lambda index: (distance[index], 0 if distance[index] else -rows[index].depth, index),
     )
     for count in range(min(height, len(rows)), 0, -1):
         chosen = _filled(sorted(order[:count]), len(rows))
@@ -190,16 +188,10 @@ def _filled(chosen: Sequence[int], count: int) -> list[int]:
     return sorted({*chosen, *(index for index in range(count) if index - 1 in there and index + 1 in there)})
 
 
-def _distances(count: int, marked: Iterable[int]) -> list[int]:
-    """Return how far each index is from the nearest marked one."""
-    distance = [count] * count
-    for index in marked:
-        distance[index] = 0
-    for index in range(1, count):
-        distance[index] = min(distance[index], distance[index - 1] + 1)
-    for index in reversed(range(count - 1)):
-        distance[index] = min(distance[index], distance[index + 1] + 1)
-    return distance
+def _distance(marked: Sequence[int], index: int) -> int:
+    """Return how far an index is from the nearest of those that are marked, which are in order."""
+    at = bisect.bisect(marked, index)
+    return min(abs(index - each) for each in marked[max(at - 1, 0) : at + 1])
 
 
 def _gaps(chosen: Sequence[int], count: int) -> int:

@@ -9,15 +9,17 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from html import escape
+from importlib.resources import files
 from typing import Any
 
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, RobotPose
-from sar_compiler.journal.situation import FactTime, Figure, Landmark, Level
+from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.mission_report import georeference, outcome
 from sar_compiler.views.mission_view import clock_text, sign
 
 _NONE = "-"
+_POSITION = ("x, y in map (m)", "latitude, longitude")
 # Of the log's warnings so many are told, and of the facts.
 _MOST_WARNINGS, _MOST_FACTS = 200, 1000
 # As in rcl_interfaces/msg/Log.
@@ -25,52 +27,6 @@ _ERROR = 40
 
 # It shows; whatever has got into it, nothing of it runs or is fetched from anywhere.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
-
-_STYLE = """
-:root { color-scheme: light dark; --ink: #1a1a1a; --paper: #fff; --quiet: #595959; --rule: #bbb; --path: #0072b2;
-  --alarm: #b3261e; --found: #d55e00; --fill: #f3f3f3 }
-@media (prefers-color-scheme: dark) { :root { --ink: #eee; --paper: #161616; --quiet: #aaa; --rule: #555; --path: #56b4e9;
-  --alarm: #ff8a80; --found: #ff9d4d; --fill: #262626 } }
-* { box-sizing: border-box }
-body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 66rem; margin: 0 auto;
-  padding: 1rem }
-h1 { font-size: 1.6rem; margin: 0 } h2 { font-size: 1.15rem; margin: 1.8rem 0 .5rem; border-bottom: 2px solid var(--rule) }
-.outcome { font-size: 1.15rem; font-weight: 600; margin: .3rem 0 } .bad, .alarm { color: var(--alarm) }
-.simulated { border: 2px solid var(--alarm); color: var(--alarm); padding: .3rem .6rem; font-weight: 700; display: inline-block }
-.quiet { color: var(--quiet) } dl { display: grid; grid-template-columns: max-content 1fr; gap: .15rem 1rem; margin: .6rem 0 }
-dt { color: var(--quiet) } dd { margin: 0; overflow-wrap: anywhere }
-.wide { overflow-x: auto } table { border-collapse: collapse; width: 100% }
-th, td { text-align: left; vertical-align: top; padding: .25rem .7rem .25rem 0; border-bottom: 1px solid var(--rule) }
-th { color: var(--quiet); font-weight: 600 } td.number { font-variant-numeric: tabular-nums; white-space: nowrap }
-td.text { overflow-wrap: anywhere; min-width: 7.5rem }
-.certain td:first-child { font-weight: 700 } .found.given-up td { color: var(--quiet) }
-tr.found.to-come td, tr.found.in-hand td { color: var(--alarm) }
-.map { width: 100%; max-height: 42rem; background: #fff; border: 1px solid var(--rule) }
-.map text { fill: #000; stroke: #fff; stroke-width: .25em; paint-order: stroke; font-family: system-ui, sans-serif }
-.map .name { font-weight: 700 } .map .said { font-size: .7em } .map .scale { fill: #444 } .map image { image-rendering: pixelated; opacity: .75 }
-.map g { stroke-width: .25 } .grid { stroke: #0002; stroke-width: .02 }
-.path { fill: none; stroke: #0072b2; stroke-linejoin: round }
-.landmark { fill: #fff; stroke: #0072b2 } .landmark.done { fill: #0072b2 } .landmark.in-hand { fill: #56b4e9 }
-.landmark.given-up { fill: #000; stroke: #000 } .landmark.to-come { stroke-dasharray: .35em .2em }
-.landmark.found { fill: #e69f00; stroke: #000; stroke-dasharray: none } .landmark.found.certain { fill: #d55e00 }
-.landmark.found.given-up { fill: #fff; stroke: #777 } .landmark.area { fill: none; stroke: #000; stroke-dasharray: .4em .25em }
-ul.legend { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; margin: .4rem 0 }
-.key { width: 1.1em; height: 1.1em; margin-right: .4em; vertical-align: -.2em; background: #fff; stroke-width: .3 }
-.key * { font-size: 2px }
-.tree td { font: 12px/1.35 ui-monospace, monospace; padding-top: 0; padding-bottom: 0; border: 0 }
-.FAILURE { color: var(--alarm) }
-footer { margin-top: 2rem; color: var(--quiet); font-size: .85rem }
-@media screen and (max-width: 40rem) { body { padding: .6rem; font-size: 14px } dl { grid-template-columns: 1fr }
-  dt { margin-top: .4rem } .rows thead { display: none } .rows tr { display: block; border-bottom: 1px solid var(--rule);
-  padding: .4rem 0 } .rows td { display: grid; grid-template-columns: 7.5rem 1fr; border: 0; padding: .05rem 0;
-  white-space: normal } .rows td::before { content: attr(data-head); color: var(--quiet); font-weight: 400 } }
-@page { size: A4; margin: 16mm 14mm }
-@media print { :root { color-scheme: light; --ink: #000; --paper: #fff; --quiet: #444; --rule: #999; --path: #0072b2;
-  --alarm: #b3261e; --found: #d55e00; --fill: #fff }
-  body { font-size: 10pt; max-width: none; padding: 0; print-color-adjust: exact; -webkit-print-color-adjust: exact }
-  h2 { break-after: avoid } tr, .map, dl { break-inside: avoid } thead { display: table-header-group }
-  .map { max-height: 150mm } .wide { overflow: visible } .annex { break-before: page } .tree td { font-size: 7.5pt } }
-"""
 
 
 def html_report(state: MissionState) -> str:
@@ -80,23 +36,24 @@ def html_report(state: MissionState) -> str:
         ImportError: If pyproj is not installed, and the map's place on the earth is known.
     """
     title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
-    body = "".join(
-        (
-            *_head(state),
-            *_landmarks(state, is_found=True),
-            *_map(state),
-            *_landmarks(state, is_found=False),
-            *_alarms(state),
-            *_facts(state),
-            *_faults(state),
-            *_annex(state),
-        )
+    found, others = (_landmarks(state, is_found=each) for each in (True, False))
+    parts = (
+        _head(state),
+        found,
+        _map(state),
+        others,
+        _alarms(state),
+        _facts(state),
+        _faults(state),
+        _annex(state),
     )
+    body = "".join(itertools.chain(*parts))
+    style = files(__package__).joinpath("report.css").read_text("utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{_text(title)}</title><style>{_STYLE}</style></head>\n<body>{body}</body></html>\n"
+        f"<title>{_text(title)}</title><style>\n{style}</style></head>\n<body>{body}</body></html>\n"
     )
 
 
@@ -114,7 +71,8 @@ def _head(state: MissionState) -> Iterator[str]:
     ]
     if state.runs and not state.runs[-1].ending:
         facts.append(("as of", _day(state.now)))
-    facts += [(figure.name, _figure(figure)) for figure in state.situation.figures.values()]
+    figures = state.situation.figures.values()
+    facts += [(each.name, each.text.removeprefix(each.name).strip()) for each in figures]
     lacking = [
         f"{each.name} ({each.state})"
         for each in state.situation.landmarks.values()
@@ -130,10 +88,6 @@ def _head(state: MissionState) -> Iterator[str]:
         facts.append(("place", where))
     items = "".join(f"<dt>{_text(key)}</dt><dd>{_text(value)}</dd>" for key, value in facts)
     yield f"<dl>{items}</dl></header>"
-
-
-def _figure(figure: Figure) -> str:
-    return figure.text.removeprefix(figure.name).strip()
 
 
 def _robot(state: MissionState) -> str:
@@ -153,15 +107,15 @@ def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[str]:
         yield f"<h2>{_text(kind.plural.capitalize())}</h2>"
         names = [*dict.fromkeys(name for each in listed for name in each.details)]
         within = ["in"] if any(each.within for each in listed) else []
-        heads = ("name", "state", *within, *_position_heads(state), *names)
+        heads = ("name", "state", *within, *_POSITION[: 1 + (georeference(state) is not None)], *names)
         rows = ((_level(state, each), _landmark(state, each, within, names)) for each in listed)
         yield _table(heads, rows, "None is known." if situation.alarms else "None was found.")
 
 
 def _level(state: MissionState, landmark: Landmark) -> str:
-    found = "found " if state.situation.kind_of(landmark).is_found else ""
+    found = " found" if state.situation.kind_of(landmark).is_found else ""
     level = Level(landmark.level).name.lower().replace("_", "-")
-    return f"{found}{level}{' certain' if landmark.is_certain else ''}"
+    return f"{level}{found}{' certain' if landmark.is_certain else ''}"
 
 
 def _landmark(
@@ -197,10 +151,10 @@ def _alarms(state: MissionState) -> Iterator[str]:
         yield "<h2>Alarms</h2>"
         rows = (
             (
-                "" if alarm.is_over else "alarm",
-                [_when(state, state.since[text]), text, "over" if alarm.is_over else _NONE],
+                "" if each.is_over else "alarm",
+                [_when(state, state.since[text]), text, "over" if each.is_over else _NONE],
             )
-            for text, alarm in state.situation.alarms.items()
+            for text, each in state.situation.alarms.items()
         )
         yield _table(("since", "what", "now"), rows, "")
 
@@ -239,8 +193,7 @@ def _annex(state: MissionState) -> Iterator[str]:
 
 def _node(node: NodeState) -> str:
     name = f"{'  ' * node.depth}{sign(node.status)} {node.name}".replace("  ", "\u00a0\u00a0")
-    place = f"{node.file}:{node.line}" if node.file else ""
-    cells = (name, node.message, place)
+    cells = (name, node.message, node.place)
     return f'<tr class="{_text(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
 
 
@@ -258,10 +211,6 @@ def _table(heads: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], empt
 def _cell(head: str, text: str) -> str:
     is_number = text[:1] in "-0123456789" and len(text) < 26  # noqa: PLR2004 - a time, or a coordinate
     return f'<td class="{"number" if is_number else "text"}" data-head="{_text(head)}">{_text(text)}</td>'
-
-
-def _position_heads(state: MissionState) -> tuple[str, ...]:
-    return ("x, y in map (m)",) if georeference(state) is None else ("x, y in map (m)", "latitude, longitude")
 
 
 def _position(state: MissionState, x: float, y: float) -> list[str]:
@@ -346,9 +295,7 @@ def _symbol(state: MissionState, landmark: Landmark) -> str:
 
 
 def _map_class(state: MissionState, landmark: Landmark) -> str:
-    level = Level(landmark.level).name.lower().replace("_", "-")
-    found = " found" if state.situation.kind_of(landmark).is_found else ""
-    return f"landmark {level}{found}{' certain' if landmark.is_certain else ''}{' area' if landmark.corners else ''}"
+    return f"landmark {_level(state, landmark)}{' area' if landmark.corners else ''}"
 
 
 def _words(state: MissionState, landmark: Landmark) -> str:
@@ -363,11 +310,15 @@ def report_map(state: MissionState) -> str:
         return ""
     left, low, right, high = extent
     size = max(right - left, high - low) * _SYMBOL
+    areas = (each for each in state.situation.landmarks.values() if each.corners)
     parts = [
         *_image(state),
         *_grid(extent, size),
-        *_areas(state),
-        *_map_path(state),
+        *(f'<polygon class="{_map_class(state, each)}" points="{_points(each.corners)}"/>' for each in areas),
+        *(
+            f'<polyline class="path" points="{_points((pose.x, pose.y) for pose in way)}"/>'
+            for way in _ways(state.trail)
+        ),
         *_places(state, right, size),
     ]
     box = f"{left:.3f} {-high:.3f} {right - left:.3f} {high - low:.3f}"
@@ -433,17 +384,6 @@ def _grid(extent: tuple[float, float, float, float], size: float) -> Iterator[st
 
 def _multiples(first: float, last: float, step: float) -> Iterable[float]:
     return (number * step for number in range(math.ceil(first / step), math.floor(last / step) + 1))
-
-
-def _areas(state: MissionState) -> Iterator[str]:
-    for each in state.situation.landmarks.values():
-        if each.corners:
-            yield f'<polygon class="{_map_class(state, each)}" points="{_points(each.corners)}"/>'
-
-
-def _map_path(state: MissionState) -> Iterator[str]:
-    for way in _ways(state.trail):
-        yield f'<polyline class="path" points="{_points((pose.x, pose.y) for pose in way)}"/>'
 
 
 def _ways(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:

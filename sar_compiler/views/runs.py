@@ -1,9 +1,8 @@
 """Scripted runs: as text, tick by tick, as JSON, and as JUnit's XML, which continuous integration shows as tests."""
 
-import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from xml.sax.saxutils import XMLGenerator
+from xml.etree import ElementTree as ET
 
 from sar_compiler.checks.simulate.coverage import Coverage, Covered
 from sar_compiler.checks.simulate.judging import Failure
@@ -72,9 +71,8 @@ def coverage_text(coverage: Coverage) -> str:
     lines = [f"coverage: {len(nodes) - len(missed)} of {len(nodes)} nodes ticked, {seen}"]
     lines += [f"  {node.bound.element.file_and_line}: '{node.bound.name}' is never ticked" for node in missed]
     for node in coverage.unseen:
-        lines.append(
-            f"  {node.bound.element.file_and_line}: '{node.bound.name}' has not shown {', '.join(node.unseen)}"
-        )
+        what = f"has not shown {', '.join(node.unseen)}"
+        lines.append(f"  {node.bound.element.file_and_line}: '{node.bound.name}' {what}")
     return "\n".join(lines)
 
 
@@ -167,49 +165,34 @@ class PlayedScenario:
 
 def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
     """Return a test suite for a tree file, with a test case for each scenario; times are simulated seconds."""
-    stream = io.StringIO()
-    xml = XMLGenerator(stream, "UTF-8", short_empty_elements=True)
     counts = {
         "tests": str(len(scenarios)),
         "failures": str(sum(bool(each.failures) for each in scenarios)),
         "errors": str(sum(each.run is None for each in scenarios)),
         "time": f"{sum(each.run.time_sec for each in scenarios if each.run):.3f}",
     }
-    xml.startDocument()
-    _start(xml, "testsuites", counts)
-    _start(xml, "testsuite", {"name": tree, **counts})
+    suites = ET.Element("testsuites", counts)
+    suite = ET.SubElement(suites, "testsuite", {"name": speakable(tree), **counts})
     for each in scenarios:
-        _case(xml, tree, each)
-    for tag in ("testsuite", "testsuites"):
-        xml.ignorableWhitespace("\n")
-        xml.endElement(tag)
-    return stream.getvalue().replace("?>\n\n", "?>\n") + "\n"
+        _add_case(suite, tree, each)
+    ET.indent(suites, "")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(suites, "unicode")}\n'
 
 
-def _case(xml: XMLGenerator, tree: str, played: PlayedScenario) -> None:
-    run = played.run
-    time_sec = f"{run.time_sec:.3f}" if run else "0.000"
-    _start(xml, "testcase", {"name": played.name, "classname": tree, "time": time_sec})
+def _add_case(suite: ET.Element, tree: str, played: PlayedScenario) -> None:
+    run, about = played.run, {"name": speakable(played.name), "classname": speakable(tree)}
+    case = ET.SubElement(suite, "testcase", about, time=f"{run.time_sec if run else 0.0:.3f}")
     if run is None:
-        _text(xml, "error", played.problem, {"message": "the scenario cannot be played"})
+        result = ET.SubElement(case, "error", message="the scenario cannot be played")
+        text = played.problem
     elif played.failures:
         lines = [failure_line(run, failure) for failure in played.failures]
+        about = {"message": speakable(lines[0]), "type": played.failures[0].expected}
+        result = ET.SubElement(case, "failure", about)
         text = "\n".join([*lines, "", trace(run)])
-        _text(xml, "failure", text, {"message": lines[0], "type": played.failures[0].expected})
     else:
-        _text(xml, "system-out", trace(run), {})
-    xml.endElement("testcase")
-
-
-def _text(xml: XMLGenerator, tag: str, text: str, attributes: dict[str, str]) -> None:
-    _start(xml, tag, attributes)
-    xml.characters(speakable(text))
-    xml.endElement(tag)
-
-
-def _start(xml: XMLGenerator, tag: str, attributes: dict[str, str]) -> None:
-    xml.ignorableWhitespace("\n")
-    xml.startElement(tag, {name: speakable(text) for name, text in attributes.items()})  # type: ignore[arg-type]
+        result, text = ET.SubElement(case, "system-out"), trace(run)
+    result.text = speakable(text)
 
 
 def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Coverage | None = None) -> str:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 from sar_compiler.checks.verify.counterfactual import Counterfactual, LeafAnswer, RecordedTick
@@ -162,27 +163,20 @@ class Inquiry:
         def blame(answer: NodeStatus) -> tuple[object, ...]:
             # Where there were several ways, those before were passed over, and the last one was what was left.
             since = answer.since.time if answer.since else 0.0
-            tolerated, worked = history.was_tolerated(answer.node), history.has_worked(answer.node)
+            tolerated, worked = answer.node in history.tolerated, answer.node in history.worked
             return is_look(answer), tolerated, not worked, -since, -answer.node
 
         answers = sorted(self._explained.answers, key=blame)
-        before = [
-            each for each in history.former() if each.first.node not in {answer.node for answer in answers}
-        ]
+        blamed = {answer.node for answer in answers}
+        before = [each for each in history.former() if each.first.node not in blamed]
         word, reason = outcome(self.state)
         if all(map(is_look, answers)) and word != "complete":
-            acted = [
-                each for each in before if not is_look(each.first) and (not chain or _cost(self.state, each))
-            ]
+            acted = [each for each in before if not is_look(each.first)]
+            acted = [each for each in acted if not chain or _cost(self.state, each)]
             acted.sort(key=lambda each: (not _cost(self.state, each), each.has_recovered, -each.times))
             answers = [*(each.first for each in acted), *answers]
         since = chain[0].since if chain else None
         return Why(chain, tuple(answers), tuple(before), word, reason, since, self._explained.went_on)
-
-
-def why(stream: Iterable[JournalEntry]) -> Why:
-    """Return why the last run of a mission has failed, by its entries in their order."""
-    return Inquiry.of(stream).why()
 
 
 def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
@@ -207,12 +201,8 @@ def _conditions(began: JournalEntry) -> set[int]:
     """Return the numbers of the leaves that are conditions, as the beginning of a run says."""
     about = began.data.get("run")
     looks = about.get("looks") if isinstance(about, Mapping) else None
-    condition = [Shape.CONDITION.value, ""]
-    return (
-        {number for number, each in enumerate(looks) if each == condition}
-        if isinstance(looks, list)
-        else set()
-    )
+    listed = looks if isinstance(looks, list) else []
+    return {number for number, each in enumerate(listed) if each == [Shape.CONDITION.value, ""]}
 
 
 class _Explained:
@@ -325,27 +315,31 @@ def _tick() -> Callable[[JournalEntry], int]:
 
 
 def _answer(node: NodeState) -> NodeStatus:
-    place = f"{node.file}:{node.line}" if node.file else ""
-    return NodeStatus(node.number, node.name, place, 0, node.status, node.label, node.message, node.since)
+    return NodeStatus(
+        node.number, node.name, node.place, 0, node.status, node.label, node.message, node.since
+    )
 
 
 class _History:
-    """The outcomes of leaves during a run."""
+    """The outcomes of leaves during a run.
+
+    Attributes:
+        worked: The leaves that have succeeded at some time.
+        tolerated: The nodes that had failed when their parent did not.
+    """
 
     def __init__(self) -> None:
         self._failures: dict[int, FormerFailure] = {}
         self._recovered: set[int] = set()
-        self._worked: set[int] = set()
-        self._tolerated: set[int] = set()
+        self.worked: set[int] = set()
+        self.tolerated: set[int] = set()
         self._pending: set[int] = set()
         self._in_hand = ""
 
     def copy(self) -> "_History":
         """Return a copy that later entries do not change."""
         copied = _History()
-        copied._failures = self._failures.copy()
-        copied._recovered, copied._worked = self._recovered.copy(), self._worked.copy()
-        copied._tolerated = self._tolerated.copy()
+        vars(copied).update({name: copy(each) for name, each in vars(self).items()})
         return copied
 
     def take(self, entry: JournalEntry, state: MissionState) -> None:
@@ -373,19 +367,11 @@ class _History:
                 self._recovered.discard(number)
         elif node.status in (SUCCESS, "RUNNING"):
             if self._pending:
-                self._tolerated |= self._pending.intersection(node.children)
+                self.tolerated |= self._pending.intersection(node.children)
                 self._pending.discard(number)
             if node.status == SUCCESS:
                 self._recovered.add(number)
-                self._worked.add(number)
-
-    def was_tolerated(self, node: int) -> bool:
-        """Return whether the node's parent has ever not failed although the node had."""
-        return node in self._tolerated
-
-    def has_worked(self, node: int) -> bool:
-        """Return whether a leaf has succeeded at some time."""
-        return node in self._worked
+                self.worked.add(number)
 
     def former(self) -> list[FormerFailure]:
         """Return the failures of leaves that were not their last outcome, by the time of the first."""
@@ -482,7 +468,7 @@ def counterfactual_text(change: Counterfactual, nodes: Sequence[NodeState]) -> s
     """Return how a mission whose tree has these nodes would have succeeded, in words."""
     leaf = nodes[change.instead.node]
     said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
-    place = f"  ({leaf.file}:{leaf.line})" if leaf.file else ""
+    place = f"  ({leaf.place})" if leaf.place else ""
     lines = ["It would have succeeded with another answer:"]
     lines.append(in_one_line(f"  {change.time_sec:.1f} s  {leaf.name} {said}{place}"))
     if change.then:
@@ -503,11 +489,10 @@ def counterfactual_data(change: Counterfactual, nodes: Sequence[NodeState]) -> d
     def data(answer: LeafAnswer) -> dict[str, object]:
         return {**answer._asdict(), "name": nodes[answer.node].name}
 
-    leaf = nodes[change.instead.node]
     return {
         "tick": change.tick,
         "time": change.time_sec,
-        "place": f"{leaf.file}:{leaf.line}" if leaf.file else "",
+        "place": nodes[change.instead.node].place,
         "was": data(change.was),
         "instead": data(change.instead),
         "then": [data(each) for each in change.then],

@@ -438,8 +438,8 @@ class TestThePage:
         found = ("survivor_named", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
         kept = ("report_kept", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
         page = html_report(mission(found, kept))
-        rows = dict(re.findall(r'<tr class="(found [^"]*)"><td [^>]*>([^<]*)<', page))
-        assert rows == {"found done": "survivor_1", "found in-hand": "survivor_2"}
+        rows = dict(re.findall(r'<tr class="([^"]* found)"><td [^>]*>([^<]*)<', page))
+        assert rows == {"done found": "survivor_1", "in-hand found": "survivor_2"}
         assert "tr.found.in-hand td { color: var(--alarm) }" in page
 
     def test_faults_alarms_and_orders_are_told(self):

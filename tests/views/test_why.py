@@ -18,9 +18,13 @@ from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.views.why import difference_text, first_difference, why, why_text
+from sar_compiler.views.why import Inquiry, difference_text, first_difference, why_text
 
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
+
+
+def why(stream):
+    return Inquiry.of(stream).why()
 
 
 def leaf(name, *statuses):
