@@ -195,7 +195,7 @@ class JournalFile:
         self._take_from(self._reserved())
 
     def _reserved(self) -> Kept:
-        """Return what the reserve beside it has, if it is its own."""
+        """Return what the reserve beside it has, if it belongs to this journal."""
         kept = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
         return kept if kept.began == began else Kept()
@@ -207,7 +207,7 @@ class JournalFile:
             self.write((), [fact for fact in kept.facts if fact.number not in known], kept.end)
 
     def _show(self, kept: Kept) -> None:
-        """Let what lies beside it be read as if it were in it."""
+        """Have the entries of its reserve read as if they were in the file."""
         if kept.facts or kept.end:
             self._connection.executescript(_OVERLAY)
             self._connection.executemany("INSERT INTO kept VALUES (?, ?, ?, ?, ?, ?)", kept.facts)
@@ -288,7 +288,7 @@ class JournalFile:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Read for as long as that may take; what goes wrong is put into words.
+        """Limit the work of a reading, and raise its errors in words.
 
         Raises:
             JournalError: If it cannot be read.
@@ -582,7 +582,7 @@ def _is_used(path: Path) -> bool:
 
 
 def _locked(path: Path) -> int:
-    """Open a file, which is made if it is not there, and lock it; the lock ends with the process, however that ends."""
+    """Open or make a file, and lock it; the lock ends with the process, however that ends."""
     # Not blocking: a pipe without a reader would keep the command for good.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
     try:
@@ -599,7 +599,7 @@ def _locked(path: Path) -> int:
 
 
 def _lock(descriptor: int) -> None:
-    """Lock a file; who only looks whether it is locked has it for a moment, too."""
+    """Lock a file; retry, as a process that only tests the lock has it for a moment."""
     import fcntl
 
     for left in reversed(range(_ATTEMPTS)):
@@ -614,7 +614,7 @@ def _lock(descriptor: int) -> None:
 
 
 def _is_sqlites(name: object, text: object) -> bool:
-    """Return whether a part of a database is one that SQLite makes by itself: an index of a key, or what ANALYZE has found out."""
+    """Return whether SQLite makes a part of a database by itself: the index of a key, or the results of ANALYZE."""
     return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
 
 
@@ -646,7 +646,7 @@ def _finite(number: Any) -> float:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the names in a folder on the disk, as well as what is in the files."""
+    """Flush a folder to the disk: the names of its files, beside their contents."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -696,7 +696,7 @@ def _connected(target: str | Path, **options: Any) -> sqlite3.Connection:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
-    """Turn what can go wrong with a file, or what is in it, into words."""
+    """Raise errors of SQLite, and of damaged contents, as errors of the journal in words."""
     try:
         yield
     except OSError as error:

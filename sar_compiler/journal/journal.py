@@ -360,7 +360,7 @@ class Journal:
         self._file, self._reserve, self._is_written = None, None, False
 
     def _tell(self, kind: str, data: Mapping[str, object], at: JournalEntry | None = None) -> None:
-        """Tell the listeners of an entry: of now, or of the moment of another one."""
+        """Give the listeners an entry, timed now or as another one."""
         if self._listeners:
             # What is no JSON value is the caller's mistake where nothing is written, too.
             if not self._is_written:
@@ -376,7 +376,7 @@ class Journal:
                     self.on_failure(f"One who watches the mission has failed and watches no more: {error!r}.")
 
     def _row(self, kind: str, data: Mapping[str, object], at: JournalEntry | None = None) -> "Row":
-        """Return an entry as it is written: of now, or of the moment of another one."""
+        """Return an entry as it is written, timed now or as another one."""
         from sar_compiler.journal.reserve import Row
 
         self._number += 1

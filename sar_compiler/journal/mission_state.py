@@ -54,7 +54,7 @@ class DriveLeft(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What was said at a moment, by whom."""
+    """A line of the log: when, from whom, and the text."""
 
     at: Instant
     text: str

@@ -270,7 +270,7 @@ class Situation:
         return [each for each in self.landmarks.values() if each.kind == name]
 
     def found(self) -> list[Landmark]:
-        """Return the landmarks that the robot has found, those among them to which nobody need go."""
+        """Return the landmarks that the robot has found, with those to which nobody need go."""
         return [each for each in self.landmarks.values() if self.kind_of(each).is_found]
 
     def kind_of(self, landmark: Landmark) -> LandmarkKind:

@@ -47,7 +47,7 @@ class AwakeTime:
 
     @contextmanager
     def turning(self, say: Callable[[str], object]) -> Iterator[None]:
-        """Within it, `now` is called several times a second by whoever turns the executor.
+        """A block in which the executor's loop calls `now` several times a second.
 
         Args:
             say: Called with a line after a standstill.
@@ -171,7 +171,7 @@ class NodeTime:
 
 
 class ClockedTime:
-    """Awake seconds in which a node's clock went on: by them those are judged who do nothing while it stands still.
+    """Awake seconds in which a node's clock went on, for deadlines of those who do nothing while it stands still.
 
     Without simulated time they are all that pass.
 

@@ -1,4 +1,4 @@
-"""Who goes along with a run: keeps, shows, records, publishes or guards it."""
+"""The companions of a run, which keep, show, record, publish or guard it."""
 
 from typing import TYPE_CHECKING
 

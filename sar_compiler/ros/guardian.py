@@ -119,7 +119,7 @@ class Guardian:
 
 
 def main(signs: Sequence[int], security: Sequence[str]) -> None:
-    """Be the guardian of the process at the other end of standard input, until that ends.
+    """Run the guardian of the process at the other end of standard input, until that ends.
 
     Args:
         signs: The descriptor of the pipe to who supervises the mission, if anybody does.
@@ -146,7 +146,7 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
 
 
 def _goals_left(node: "Node", lines: Iterable[str]) -> dict[str, "CancelPort"]:
-    """Keep count of the goals, to the end of the mission; return by their ids those that have not ended, with the means to cancel them."""
+    """Track the goals to the end of the mission; return by their ids those that have not ended, with the means to cancel them."""
     from sar_compiler.ros.left_goals import CancelPort
 
     active: dict[str, CancelPort] = {}

@@ -1,4 +1,4 @@
-"""ROS, up for a while: what is looked at before it starts, and the end of a process that has used it.
+"""The start and the end of ROS in a process: what is checked before, and what is cleaned up.
 
 Whether the middleware that `RMW_IMPLEMENTATION` asks for is installed is looked at before rcl ends the process over it. What Fast DDS
 keeps in shared memory for a process, half a megabyte, one that was killed leaves there for good; it is removed here.
@@ -36,7 +36,7 @@ class MiddlewareError(SarError):
 
 
 def require_middleware() -> None:
-    """See that the middleware of `RMW_IMPLEMENTATION` is installed; to be called before rclpy is imported.
+    """Check that the middleware of `RMW_IMPLEMENTATION` is installed; to be called before rclpy is imported.
 
     Where nothing says what is installed, rcl decides.
 

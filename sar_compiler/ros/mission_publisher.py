@@ -1,4 +1,4 @@
-"""A mission as a citizen of ROS: its tree's log (in the messages of Nav2's) and state, diagnostics, markers."""
+"""Publishing a mission in ROS: its tree's log (in Nav2's messages) and state, diagnostics, markers."""
 
 import math
 import time

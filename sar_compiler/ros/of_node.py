@@ -1,4 +1,4 @@
-"""What there is one of for each node, however many leaves use it."""
+"""Objects of which each node has one, however many leaves use it."""
 
 from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -12,7 +12,7 @@ _ATTRIBUTE = "_sar_compiler_of_node"
 
 
 def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
-    """Return what a node has of a key, the same object in every call; it exists as long as the node.
+    """Return the node's object of a key, the same in every call; it exists as long as the node.
 
     The node itself has it, so that it may refer to the node.
 

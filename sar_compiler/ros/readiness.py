@@ -282,7 +282,7 @@ class NavigatorActive(Requirement):
         )
 
     def _pose(self) -> str:
-        """Return that the localisation has no pose, where nobody tells it one: the nodes behind it wait for that."""
+        """Describe that the localisation has no pose and is given none: the nodes behind it wait for that."""
         if self._tells_pose or self._robot.is_localised or not self._node.count_publishers("amcl_pose"):
             return ""
         poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))

@@ -108,7 +108,7 @@ class RobotEstimate:
         self._awaiting.append(listener)
 
     def withdraw(self, listener: Callable[[], None]) -> None:
-        """Have a function not called any more that `call_when_it_stands` was given; nothing if it was called already."""
+        """Take back a function given to `call_when_it_stands`; nothing happens if it was called already."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
 
@@ -203,7 +203,7 @@ class RobotEstimate:
 
 
 def _is_finite(pose: Any) -> bool:
-    """Return whether a pose is one: what computes it may have come to say "not a number"."""
+    """Return whether all numbers of a pose are finite."""
     return all(map(math.isfinite, _flat(pose.position, pose.orientation)))
 
 

@@ -119,7 +119,7 @@ class RobotObserver:
         self._tell(kind)
 
     def _look(self) -> None:
-        """Tell what came last and was not due: where the robot stands still, nothing else is up to date."""
+        """Write the latest message that was not due yet: while the robot stands still no other one follows."""
         for kind in tuple(self._newest):
             self._tell(kind)
         if self._robot.lacks != self._lacks:

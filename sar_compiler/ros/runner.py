@@ -266,7 +266,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         pre_tick_handler: TickHandler | None = None,
         post_tick_handler: TickHandler | None = None,
     ) -> None:
-        """Tick once, or go on with a tick that is held. A leaf's exception is raised here; `tick_tock` keeps it in `failure`.
+        """Tick once, or go on with a paused tick. A leaf's exception is raised here; `tick_tock` keeps it in `failure`.
 
         Raises:
             RuntimeError: If the tree was stopped already.
@@ -284,7 +284,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self.stop()
 
     def hook(self, hooks: TickHooks) -> None:
-        """Have somebody asked before and after each node is ticked, who may hold a tick there.
+        """Set hooks, which are called before and after each node and may pause the tick there.
 
         While a tick is held, the node's executor goes on with everything else. It is asked again with each beat, and
         when the tree is woken.
@@ -294,7 +294,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def _tick(
         self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None
     ) -> Generator[None, None, None]:
-        """Do what the `tick` of py_trees' class does, but for ticking the nodes one by one; yield where it is held."""
+        """Tick as py_trees' class does, but node by node; yield where the tick is paused."""
         for handler in (pre_tick_handler, *self.pre_tick_handlers):
             if handler is not None:
                 handler(self)

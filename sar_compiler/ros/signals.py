@@ -100,4 +100,4 @@ class StopSignals:
 
 
 def _let_go(_number: int, _frame: FrameType | None) -> None:
-    """Do nothing: what waits for the system goes on waiting, and the thread that listens knows of the signal."""
+    """Do nothing: system calls go on waiting, and the listening thread receives the signal."""

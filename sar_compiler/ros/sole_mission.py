@@ -64,7 +64,7 @@ class MissionClaim(NamedTuple):
     pid: int
 
     def describe(self) -> str:
-        """Return who it is, in words; nothing of it is believed to be printable."""
+        """Return who it is, in words, with unprintable characters escaped."""
         node, host = (ascii(text[:_SHOWN])[1:-1] for text in (self.node, self.host))
         return f"node {node} (process {self.pid} on {host})"
 
@@ -162,7 +162,7 @@ class SoleMission(Requirement):
         return "" if rival is None else str(AnotherMissionError(rival))
 
     def _look_for_namesake(self) -> None:
-        """Tell, once, of another node of this one's name: parameters and orders reach one of the two, whichever it is."""
+        """Report once that another node has this one's name: parameters and orders reach either of the two."""
         own, now = self._mine.node, time.monotonic()
         if self._named_since is None:
             return

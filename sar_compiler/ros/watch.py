@@ -115,7 +115,7 @@ class UnaskedMotion:
             client.call_async(CancelGoal.Request())  # what comes of it, the odometry says
 
     def _rest(self) -> None:
-        """Note that the robot stands; whatever moves it much later is no goal of ours."""
+        """Note that the robot stands; what moves it much later is no goal of this mission."""
         self._since = None
         if self._told:
             self._told = False
@@ -142,7 +142,7 @@ class UnaskedMotion:
         return AWAKE.now(), self._clock.now()
 
     def _seconds_since(self, since: tuple[float, float]) -> float:
-        """Return the seconds since then, of the clock that is slower: a robot brakes by its own."""
+        """Return the seconds since then by the slower of the two clocks: a robot brakes by its own."""
         return min(now - then for now, then in zip(self._now(), since, strict=True))
 
 
@@ -294,7 +294,7 @@ class _Localisation:
         self._robot.lacks = self._inactive or self._robot.lost_transforms()
 
     def _deafness(self) -> str:
-        """Return that nobody answers whom the graph shows; empty if somebody does.
+        """Return in words that no node answers although the graph shows them; empty if one does.
 
         Fast DDS: who was silent for longer than its lease is forgotten by others, and does not know that. It then sees them for
         good, and hears nothing of them until it is another participant.

@@ -172,7 +172,7 @@ class LiveFeed:
 
 
 def _happen(state: PageState, entry: JournalEntry) -> None:
-    """Let an entry happen as a file would have it; one that is no JSON, or is being changed, as a fact that says so."""
+    """Apply an entry in the form in which a file has it; one that is no JSON, or changes meanwhile, as a fact that says so."""
     try:
         data = json_value(json_text(entry.data))
     except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page

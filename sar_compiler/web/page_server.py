@@ -47,7 +47,7 @@ _HEADERS = {
 
 
 class Orders(Protocol):
-    """Who carries out the operator's orders."""
+    """Carries out the operator's orders."""
 
     def give(self, verb: str, values: Mapping[str, Any]) -> "Future[tuple[bool, str]]":
         """Give an order, from any thread.
@@ -170,7 +170,7 @@ async def _give_order(orders: Orders, verb: str, values: Mapping[str, Any]) -> R
 
 
 def _guard(app: ASGIApp) -> ASGIApp:
-    """Refuse whoever does not come from this machine's own pages, and say of each answer what a browser may do with it.
+    """Refuse requests from other origins, and restrict by headers what a browser may do with an answer.
 
     Args:
         app: What is guarded.
@@ -238,7 +238,7 @@ class _Protocol(H11Protocol):
         self._forget()
 
     def _watch(self) -> None:
-        """Give the head of a request its time from its first byte on, however slowly the others come."""
+        """Start the time limit of a request's head at its first byte, however slowly the others come."""
         if self.cycle is not self._answered:  # the head is whole, and is being answered
             self._answered = self.cycle
             self._forget()
@@ -292,7 +292,7 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """The address to open. What follows the # never leaves the browser but with an order."""
+        """The address to open; the browser sends what follows the # with orders only."""
         return f"http://{_ADDRESS}:{self.port}/{f'#{self.token}' if self._has_orders else ''}"
 
     def start(self) -> None:

@@ -157,7 +157,7 @@ class ReplayTrack:
         return self._state
 
     def _state_at(self, count: int) -> tuple[PageState, TrackPlace]:
-        """Return the state of the last of so many checkpoints that is one of ours."""
+        """Return the last readable state among the first *count* checkpoints, and its place."""
         for place, packed in reversed(self._checkpoints[:count]):
             with suppress(Exception):  # whatever somebody else has put there
                 return _unpack(packed), place
@@ -323,6 +323,6 @@ def _stamp(path: str) -> list[int]:
 
 
 def _code() -> str:
-    """Return a digest of what makes and reads the states: those of another version are none of ours."""
+    """Return a digest of the code that makes and reads the states; states of another version are not read."""
     files = (__file__, *(module.__file__ or "" for module in _MODULES))
     return hashlib.sha256(b"".join(Path(file).read_bytes() for file in files)).hexdigest()

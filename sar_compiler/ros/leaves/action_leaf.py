@@ -119,7 +119,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         """Hook called when the server has accepted the goal, has sent feedback, or has judged it."""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return the status when that was waited for in vain; by default as `on_failure`."""
+        """Return the status when that wait was in vain; by default as `on_failure`."""
         return self.on_failure(reason)
 
     def shutdown(self) -> None:
@@ -218,7 +218,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         return self._hold_on(goal, obstacle or goal.trouble)
 
     def _comes_to_rest(self) -> bool:
-        """Whether the robot still moves, and is waited for."""
+        """Whether the leaf still waits for the robot to stand."""
         if self._robot is None:
             return False
         if self._rest is None:

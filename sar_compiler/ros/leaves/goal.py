@@ -216,7 +216,7 @@ class ActionGoal(Exchange):
 
     @property
     def _is_too_late(self) -> bool:
-        """Whether a server that does not know the goal will not come to know it: none that was there takes it any more."""
+        """Whether no server that was there when the goal was sent can still accept it."""
         limit_sec = self._deadlines.acceptance_sec
         if self.age_sec <= limit_sec:
             return False
@@ -234,7 +234,7 @@ class ActionGoal(Exchange):
         return not self._port.server_is_ready
 
     def lose_if_quiet(self, navigator: str) -> None:
-        """Give it up if its server sent feedback, and now sends none: what drives for it may not stop by itself.
+        """Give it up if its server sent feedback, and now sends none: the robot may not stop by itself.
 
         Args:
             navigator: The lifecycle node of the server, which answers nothing.
@@ -337,7 +337,7 @@ class ActionGoal(Exchange):
             self._lose(f"the server has been gone for {self._deadlines.absence_sec:g} s")
 
     def _question_server(self) -> None:
-        """Find out whether the server lives, and knows the goal: the graph believes in a killed one for some 20 s."""
+        """Find out whether the server lives, and knows the goal: the graph shows a killed one for some 20 s."""
         if self._absence is not None or (
             self._silence is None and self._doubt is not None and self._doubt.passed
         ):

@@ -1,4 +1,4 @@
-"""What an action's server publishes of all its goals: the second witness of how a goal has ended."""
+"""The statuses that an action's server publishes of all its goals: another source for how a goal has ended."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any

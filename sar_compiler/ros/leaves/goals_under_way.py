@@ -54,7 +54,7 @@ class GoalsUnderWay:
 
     @property
     def may_be_active(self) -> bool:
-        """Whether one may be whose end can still be seen."""
+        """Whether a goal may be active whose end can still be seen."""
         return any(goal not in self._lost for goal in self._active)
 
     def lost(self, goal_id: Any) -> None:

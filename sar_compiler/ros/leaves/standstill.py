@@ -25,7 +25,7 @@ class Standstill:
         self._told = False
 
     def is_awaited(self) -> bool:
-        """Return whether the robot still moves, and is waited for."""
+        """Return whether the wait goes on: the robot moves, or a goal may be active, and there is time."""
         moves = self._robot.stands is False
         if not moves and not (self._goals is not None and self._goals.may_be_active):
             if self._due is not None:
