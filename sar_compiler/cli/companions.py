@@ -1,6 +1,6 @@
 """The companions of a run of `sar-run`: they keep, show, record or tell it; what they take is imported only where they are asked for."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,11 +12,13 @@ if TYPE_CHECKING:
 
     from sar_compiler.cli.output import RunOutput
     from sar_compiler.cli.run import Options
+    from sar_compiler.cli.run_journal import RunJournal
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
     from sar_compiler.ros.engine import Engine
     from sar_compiler.ros.parameter_reader import RunParameters
+    from sar_compiler.ros.signals import StopSignals
 
 
 class RunSetup(NamedTuple):
@@ -24,22 +26,26 @@ class RunSetup(NamedTuple):
 
     Attributes:
         options: The options of the command line.
+        signals: The requests to stop.
         node: The run's node.
         journal: Its journal, which may be none.
-        mission: The mission; None for a tree that belongs to none.
+        mission: The run of the mission.
         parameters: The parameters that any run has.
+        fixed_parameters: The names of those that are not set while it runs.
         output: Standard output.
     """
 
     options: "Options"
+    signals: "StopSignals"
     node: "Node"
     journal: "Journal"
-    mission: "MissionRun | None"
+    mission: "MissionRun"
     parameters: "RunParameters"
+    fixed_parameters: Collection[str]
     output: "RunOutput"
 
 
-Make = Callable[[RunSetup], Companion]
+Make = Callable[[RunSetup], Companion | None]
 
 
 def companions_asked_for(options: "Options") -> Iterator[Make]:
@@ -72,6 +78,18 @@ def companions_asked_for(options: "Options") -> Iterator[Make]:
         from sar_compiler.cli.run_groot2 import RunGroot2
 
         yield lambda run: RunGroot2(port, run)
+    if options.guardian is not False:
+        yield _guardian
+
+
+def _guardian(run: RunSetup) -> Companion | None:
+    """Return what guards the goals of a run, if that is asked for, or usual: a simulation dies with the run."""
+    if not run.options.guardian and not (run.journal.is_kept and run.options.sim is None):
+        return None
+    from sar_compiler.ros.arguments import security_arguments
+    from sar_compiler.ros.guardian import Guardian
+
+    return Guardian(run.node, security_arguments(run.options.ros), run.options.supervision.signs)
 
 
 @contextmanager
@@ -93,23 +111,23 @@ class Companions:
 
     Args:
         run: The run.
-        makes: What makes each of them.
+        journal: The run's journal, which is ended last.
+        makes: What makes each of the others, which may listen to it.
         stack: Ends them, the last one first, whatever becomes of the run.
-
-    Attributes:
-        has_begun: Whether the tree was ticked.
 
     Raises:
         SarError: If one of them cannot be.
         ImportError: If a library is not installed.
     """
 
-    def __init__(self, run: RunSetup, makes: Iterable[Make], stack: ExitStack) -> None:
-        self.has_begun = False
+    def __init__(self, run: RunSetup, journal: "RunJournal", makes: Iterable[Make], stack: ExitStack) -> None:
+        self._journal, self._has_begun = journal, False
         self._complain = run.node.get_logger().error
         self._companions: list[Companion] = []
-        for make in makes:
+        for make in (lambda _: journal, *makes):
             companion = make(run)
+            if companion is None:
+                continue
             self._companions.append(companion)
             stack.callback(self._end, companion)
             if type(companion).take is not Companion.take:
@@ -124,8 +142,17 @@ class Companions:
         for companion in self._companions:
             companion.begin(tree, engine)
 
+    def begin_run(self) -> None:
+        """Let the tree be ticked from here on: its journal begins, which tells the others.
+
+        Raises:
+            JournalError: If it cannot be written.
+        """
+        self._journal.begin_run()
+        self._has_begun = True
+
     def _end(self, companion: Companion) -> None:
         try:
-            companion.end(has_begun=self.has_begun)
+            companion.end(has_begun=self._has_begun)
         except Exception as error:  # noqa: BLE001 - nobody who only watches keeps others from their end
             self._complain(f"{type(companion).__name__} could not come to its end: {error!r}.")

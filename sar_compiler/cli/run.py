@@ -4,7 +4,7 @@ import sys
 from argparse import BooleanOptionalAction, Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -101,7 +101,7 @@ class Options:
     trust: bool
     traceback: bool
     ros: Sequence[str]
-    supervision: Supervision | None = None
+    supervision: Supervision = field(default_factory=Supervision)
 
 
 def command() -> NoReturn:
@@ -128,7 +128,7 @@ def _main(argv: Sequence[str], ros: ExitStack) -> int:
 
 def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
     options = _of_this_run(_options(argv), own_supervision())
-    if options.supervise is not None and options.supervision is None:
+    if options.supervise is not None and not options.supervision.is_there:
         from sar_compiler.cli.supervisor import supervise
 
         return supervise(argv, options.supervise, signals, options.report)
@@ -146,10 +146,8 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
         return USAGE
 
 
-def _of_this_run(options: Options, supervision: Supervision | None) -> Options:
+def _of_this_run(options: Options, supervision: Supervision) -> Options:
     """Return the options of a run that somebody may supervise: one that has died is resumed, and recorded in another file."""
-    if supervision is None:
-        return options
     if supervision.has_begun:
         options = replace(options, resume=True, new=False)
     record = options.record

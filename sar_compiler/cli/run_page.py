@@ -37,13 +37,11 @@ class RunPage(Companion):
         PageError: If the port cannot be had.
     """
 
-    def __init__(
-        self, port: int | None, journal: "Journal", node: "Node", mission: "MissionRun | None"
-    ) -> None:
+    def __init__(self, port: int | None, journal: "Journal", node: "Node", mission: "MissionRun") -> None:
         from sar_compiler.missions.verb_calls import VerbCalls
         from sar_compiler.ros.clock import NodeTime
 
-        verbs = mission.verbs() if mission is not None else ()
+        verbs = mission.verbs()
         calls = VerbCalls(node, verbs)
         # Its own, for it is read in the server's thread; the mission's says what becomes of it.
         clock = NodeTime(node)

@@ -92,16 +92,14 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
 
 
 def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:
+    from sar_compiler.missions.beginning import parse_faults
     from sar_compiler.project import Workspace
-    from sar_compiler.ros.faults import NAVIGATION_FAULTS, parse_fault
     from sar_compiler.sim.world import find_world
 
     loaded = Workspace(additions(options)).load(options.tree)
     mission = loaded.mission(loaded.binding())
-    targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     for mix in mixes:
-        for fault in mix.split() if mix != _NO_FAULTS else ():
-            parse_fault(fault, targets)
+        parse_faults(mix.split() if mix != _NO_FAULTS else (), mission)
     for world in worlds:
         find_world(world)
 

@@ -15,19 +15,27 @@ _VARIABLE = "SAR_SUPERVISION"
 PERIOD_SEC = 1.0
 """How often a run tells that it lives, steady seconds."""
 
+NOT_READY, ADRIFT = 3, 4
+"""Exit statuses of a run: something that it needs did not appear in time; a goal may still be active."""
+
 
 class Supervision(NamedTuple):
     """The supervision of this process.
 
     Attributes:
-        signs: The descriptor of the pipe to who supervises it.
+        signs: The descriptor of the pipe to who supervises it; None if nobody does.
         deaths: How the runs before it have ended, in words.
         has_begun: Whether the mission has begun, so that it is resumed.
     """
 
-    signs: int
+    signs: int | None = None
     deaths: Sequence[str] = ()
     has_begun: bool = False
+
+    @property
+    def is_there(self) -> bool:
+        """Whether somebody supervises it."""
+        return self.signs is not None
 
     def environment(self) -> dict[str, str]:
         """Return the environment that hands this to a process."""
@@ -57,16 +65,15 @@ class Supervision(NamedTuple):
         return f"The mission was begun again {times} by its supervisor: {'; '.join(self.deaths)}."
 
     def _write(self, line: bytes) -> None:
-        with suppress(OSError):  # who supervises is gone, or sleeps
-            os.write(self.signs, line + b"\n")
+        if self.signs is not None:
+            with suppress(OSError):  # who supervises is gone, or sleeps
+                os.write(self.signs, line + b"\n")
 
 
-def own_supervision(environment: MutableMapping[str, str] = os.environ) -> Supervision | None:
-    """Return the supervision of this process, once; None if nobody supervises it."""
-    text = environment.pop(_VARIABLE, None)
-    if text is None:
-        return None
-    supervision = Supervision(*json.loads(text))
-    os.set_inheritable(supervision.signs, False)  # noqa: FBT003 - its only form
-    os.set_blocking(supervision.signs, False)
+def own_supervision(environment: MutableMapping[str, str] = os.environ) -> Supervision:
+    """Return the supervision of this process; called again, nobody's."""
+    supervision = Supervision(*json.loads(environment.pop(_VARIABLE, "[]")))
+    if supervision.signs is not None:
+        os.set_inheritable(supervision.signs, False)  # noqa: FBT003 - its only form
+        os.set_blocking(supervision.signs, False)
     return supervision

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.supervision import ALIVE, DEAF, ENDING, JOURNAL, Supervision
+from sar_compiler.cli.supervision import ADRIFT, ALIVE, DEAF, ENDING, JOURNAL, NOT_READY, Supervision
 from sar_compiler.commands import print_error
 from sar_compiler.errors import SarError
 from sar_compiler.journal.errors import JournalError
@@ -21,8 +21,6 @@ from sar_compiler.ros.signals import StopSignals
 
 if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import JournalRun
-
-NOT_READY, ADRIFT = 3, 4
 
 # A run that ticks says so each second. What comes before and after, imports and reports, is given longer; seconds.
 _SILENCE_SEC, _PATIENCE_SEC = 10.0, 60.0

@@ -1,9 +1,11 @@
 """Beginning a run: what the parameters of its node say of the mission, of the run and of the tree."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, parse_fault
 from sar_compiler.ros.parameter_reader import (
     RUN_PARAMETER_NAMES,
     ParameterReader,
@@ -20,12 +22,12 @@ class Beginning(NamedTuple):
     """The beginning of a run.
 
     Attributes:
-        mission: The run of the mission; None for a tree that belongs to none.
+        mission: The run of the mission; of a tree that belongs to none, one that has nothing of its own.
         parameters: The parameters that any run has.
         notes: What is surprising about the parameters, such as a name like one that is read.
     """
 
-    mission: MissionRun | None
+    mission: MissionRun
     parameters: RunParameters
     notes: tuple[str, ...]
 
@@ -46,13 +48,23 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     Raises:
         ParameterError: If there are mistakes in the parameters; has all of them.
     """
-    run = mission.begin(reader) if mission is not None else None
+    run = mission.begin(reader) if mission is not None else MissionRun()
     parameters = read_run(reader)
     reader.complain()
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in _keys(binding))
     slips = lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *keys), reader.place_of)
     return Beginning(run, parameters, (*slips, *reader.notes))
+
+
+def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:
+    """Return faults as `--fault` has them, of the robot's navigation or of the mission's servers.
+
+    Raises:
+        FaultError: If there is no such fault.
+    """
+    targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
+    return [parse_fault(text, targets) for text in texts]
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:

@@ -50,13 +50,13 @@ class EndCondition:
 
     Args:
         until: The condition that ends the run.
-        mission: The run's mission; None for a plain tree.
+        mission: The run's mission.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
         say: Called with a message for every round of the tree after which the run continues, although the root has ended.
     """
 
     until: Until
-    mission: MissionRun | None = None
+    mission: MissionRun = field(default_factory=MissionRun)
     time_limit_sec: float | None = None
     say: Callable[[str], object] = lambda _: None
     _rounds: int = field(default=0, init=False)
@@ -65,11 +65,11 @@ class EndCondition:
     @property
     def complete(self) -> bool:
         """Whether there is a mission with an end of its own, and it is complete."""
-        return self.mission is not None and self.mission.shortfalls() == []
+        return self.mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
         """Return in sentences what is missing for a complete mission; empty without a mission that has an end of its own."""
-        return (self.mission.shortfalls() if self.mission is not None else None) or []
+        return self.mission.shortfalls() or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
         """Return the result of the run, or None if it continues.
@@ -102,7 +102,7 @@ class EndCondition:
             return RunResult(achieved=True, reason="Mission complete.")
         # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
         # that finishes the last piece of work succeeds before the way home was checked.
-        nothing_left = self.mission.nothing_left() if self.mission is not None else ""
+        nothing_left = self.mission.nothing_left()
         over = nothing_left and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0
         if self._idle_ticks > 1:

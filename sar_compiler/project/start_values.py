@@ -7,7 +7,7 @@ from sar_compiler.checks.assumptions import StartValues
 from sar_compiler.missions.beginning import begin_run, node_name
 from sar_compiler.missions.mission import Mission
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.ros.parameter_file import ParameterPlaces, read_parameter_file, sections_elsewhere
+from sar_compiler.ros.parameter_file import read_parameter_file
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 
@@ -28,9 +28,8 @@ def start_values(
     """
     node = f"/{node_name(mission)}"
     values = read_parameter_file(path, node)
-    elsewhere = sections_elsewhere([path], node)
-    begun = begin_run(mission, ParameterReader(values, elsewhere, ParameterPlaces([path], node)), binding)
-    for text in (*((elsewhere,) if elsewhere else ()), *begun.notes):
+    reader = ParameterReader.of_files(values, [path], node)
+    begun = begin_run(mission, reader, binding)
+    for text in filter(None, (reader.elsewhere, *begun.notes)):
         note(text if text.startswith(f"{path}:") else f"{path}: {text}")
-    facts = begun.mission.facts() if begun.mission is not None else {}
-    return StartValues(values, facts, 1.0 / begun.parameters.tick_rate_hz)
+    return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)

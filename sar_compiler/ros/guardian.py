@@ -12,16 +12,19 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
-from sar_compiler.ros.leaves.goals_under_way import GoalNews
+from sar_compiler.ros.companion import Companion
+from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.ros.engine import Engine
     from sar_compiler.ros.left_goals import CancelPort
 
 ADRIFT_SIGN = b"!"
@@ -41,24 +44,27 @@ _ATTEMPTS, _BRIEF_SEC = 3, 10.0
 _PROGRAM = "import sys; sys.path[:] = {path!r}; from sar_compiler.ros.guardian import main; main({signs}, sys.argv[1:])"
 
 
-class Guardian:
+class Guardian(Companion):
     """The guardian of this process, from the mission's side.
 
     Args:
+        node: The mission's node.
         security: The ROS arguments that a second participant of this mission needs (`--enclave`).
-        complain: Called with a message, in any thread, if the guardian has ended.
         signs: The descriptor of the pipe to who supervises the mission; None if nobody does.
     """
 
-    def __init__(
-        self, security: Sequence[str], complain: Callable[[str], object], signs: int | None = None
-    ) -> None:
-        self._security, self._complain, self._signs = security, complain, signs
+    def __init__(self, node: "Node", security: Sequence[str], signs: int | None = None) -> None:
+        self._node, self._security, self._signs = node, security, signs
+        self._complain = node.get_logger().warning
         self._active: dict[str, str] = {}
         self._brief = 0
         self._is_closing = False
         self._lock = threading.Lock()
-        self._begin()
+        self._start()
+
+    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:  # noqa: ARG002
+        """Guard the goals of the mission's node."""
+        goals_under_way(self._node).listen(self.note)
 
     def note(self, news: GoalNews) -> None:
         """Tell the guardian of a goal; never blocks."""
@@ -69,14 +75,14 @@ class Guardian:
                 self._active[news.goal_id] = news.canceller
             self._write(_OVER if news.is_over else _SENT, news.goal_id, news.canceller)
 
-    def close(self) -> None:
+    def end(self, *, has_begun: bool) -> None:  # noqa: ARG002
         """Let the guardian end; it first cancels what was not seen to end."""
         with self._lock:
             self._is_closing = True
             self._pipe.close()
         self._minder.join(_ENDING_SEC)
 
-    def _begin(self) -> None:
+    def _start(self) -> None:
         signs = () if self._signs is None else (self._signs,)
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from outside
             [sys.executable, "-c", _PROGRAM.format(path=sys.path, signs=signs), *self._security],
@@ -110,7 +116,7 @@ class Guardian:
             self._brief = self._brief + 1 if time.monotonic() - began < _BRIEF_SEC else 0
             how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
             if self._brief < _ATTEMPTS:
-                self._begin()
+                self._start()
                 self._complain(f"the guardian has ended, {how}: another one takes its place")
             else:
                 self._complain(

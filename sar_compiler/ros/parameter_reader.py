@@ -5,14 +5,15 @@ Lengths are in metres, angles in radians, in the frame `map`.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
-from sar_compiler.ros.parameter_file import ParameterPlaces
+from sar_compiler.ros.parameter_file import ParameterPlaces, sections_elsewhere
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
 _POSE = ("x", "y", "yaw")
@@ -100,6 +101,7 @@ class ParameterReader:
 
     Attributes:
         parameters: The parameters.
+        elsewhere: The note.
         problems: All mistakes found so far.
         notes: Notes on valid but surprising parameters, such as a point that is never visited.
     """
@@ -111,7 +113,14 @@ class ParameterReader:
         self._places = places
         self.problems: list[Problem] = []
         self.notes: list[str] = []
-        self._elsewhere = elsewhere
+        self.elsewhere = elsewhere
+
+    @classmethod
+    def of_files(
+        cls, parameters: Mapping[str, object], files: Sequence[Path | str], node: str
+    ) -> "ParameterReader":
+        """Return the reader of the parameters of a node, by its full name, that files give."""
+        return cls(parameters, sections_elsewhere(files, node), ParameterPlaces(files, node))
 
     def report(self, key: str, text: str) -> None:
         """Note a mistake in a parameter."""
@@ -174,7 +183,7 @@ class ParameterReader:
         if key not in self.parameters:
             near = get_close_matches(key, self.parameters, 1, 0.75)
             hint = f" (is '{near[0]}' meant to be it?)" if near else ""
-            place = f" ({self._elsewhere})" if self._elsewhere else ""
+            place = f" ({self.elsewhere})" if self.elsewhere else ""
             self.report(key, f"is missing{hint}{example}{place}")
             return []
         value = self.parameters[key]

@@ -1,8 +1,9 @@
 """Who goes along with a run of `sar-run` cannot end it."""
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from py_trees.behaviours import Running
@@ -12,6 +13,7 @@ from sar_compiler.cli.companions import Companions, RunSetup
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal import Journal
+from sar_compiler.missions.mission import MissionRun
 from sar_compiler.ros.companion import Companion
 
 
@@ -30,8 +32,13 @@ class Stage:
             ),
         )
         self.journal, self.output = Journal(), RunOutput()
-        nothing: Any = None
-        self.run = RunSetup(nothing, self.node, self.journal, None, nothing, self.output)
+        no: Any = None
+        self.run = RunSetup(no, no, self.node, self.journal, MissionRun(), no, (), self.output)
+
+    def let_join(self, stack: ExitStack, *makes: Callable[[RunSetup], Companion]) -> Companions:
+        """Let companions join the run beside its journal."""
+        journal: Any = Noting(self, "journal", fails=False)
+        return Companions(self.run, journal, makes, stack)
 
     def make(self, name: str, *, fails: bool = False) -> "Noting":
         """Return a companion that notes what it does under its name; it may fail."""
@@ -52,6 +59,9 @@ class Noting(Companion):
     def take(self, entry: Any) -> None:
         self._do(entry.kind)
 
+    def begin_run(self) -> None:
+        self._do("began")
+
     def end(self, *, has_begun: bool) -> None:
         self._do("ended" if has_begun else "given up")
 
@@ -64,19 +74,20 @@ def stage() -> Stage:
 def test_one_whose_end_fails_keeps_no_other_from_its_end(stage: Stage) -> None:
     with ExitStack() as stack:
         makes = [lambda _, name=name: stage.make(name, fails=name != "b") for name in "abc"]
-        Companions(stage.run, makes, stack).has_begun = True
-    assert stage.done == ["c ended", "b ended", "a ended"]
+        stage.let_join(stack, *makes).begin_run()
+    assert stage.done == ["journal began", "c ended", "b ended", "a ended", "journal ended"]
     assert stage.said == ["Noting could not come to its end: ValueError('ended')."] * 2
 
 
 def test_one_that_fails_while_it_listens_takes_nothing_from_the_others(stage: Stage) -> None:
     with ExitStack() as stack:
         makes = [lambda _, name=name: stage.make(name, fails=name == "a") for name in "ab"]
-        Companions(stage.run, makes, stack)
+        stage.let_join(stack, *makes)
         assert stage.journal.is_wanted
         stage.journal.note("zone_visited")
         stage.journal.note("base_reached")
-    assert stage.done[:3] == ["a zone_visited", "b zone_visited", "b base_reached"]
+    done = [did for did in stage.done if not did.startswith("journal")]
+    assert done[:3] == ["a zone_visited", "b zone_visited", "b base_reached"]
 
 
 def test_where_one_cannot_be_those_before_it_are_given_up(stage: Stage) -> None:
@@ -85,8 +96,8 @@ def test_where_one_cannot_be_those_before_it_are_given_up(stage: Stage) -> None:
         raise SarError(message)
 
     with pytest.raises(SarError), ExitStack() as stack:
-        Companions(stage.run, [lambda _: stage.make("a"), refuse], stack)
-    assert stage.done == ["a given up"]
+        stage.let_join(stack, lambda _: stage.make("a"), refuse)
+    assert stage.done == ["a given up", "journal given up"]
 
 
 def test_one_without_a_use_for_the_journal_does_not_make_it_wanted(stage: Stage) -> None:
@@ -94,7 +105,7 @@ def test_one_without_a_use_for_the_journal_does_not_make_it_wanted(stage: Stage)
         pass
 
     with ExitStack() as stack:
-        Companions(stage.run, [lambda _: Silent()], stack)
+        Companions(stage.run, cast("Any", Silent()), [lambda _: Silent(), lambda _: None], stack)
         assert not stage.journal.is_wanted
 
 
@@ -133,7 +144,8 @@ def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> N
 def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     stage: Stage, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from sar_compiler.cli.run_mission import ADRIFT, _TreeRun
+    from sar_compiler.cli.run_mission_tree import TreeRun
+    from sar_compiler.cli.supervision import ADRIFT
     from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 
     goals_under_way(stage.node).sending(SimpleNamespace(uuid=[1] * 16), "/drive/_action/cancel_goal")
@@ -141,8 +153,8 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     leaf.status = Status.RUNNING
     leaf.terminate = lambda _: stage.done.append("cancelled")
     stage.output.leave = lambda: stage.done.append("closed")
-    run: Any = SimpleNamespace(node=stage.node, output=stage.output)
-    tree: Any = SimpleNamespace(root=leaf)
-    assert _TreeRun._leave_at_once(run, tree) == ADRIFT
+    tree = SimpleNamespace(root=leaf)
+    run: Any = SimpleNamespace(_node=stage.node, _output=stage.output, _robot=None, tree=tree)
+    assert TreeRun._leave_at_once(run) == ADRIFT
     assert stage.done == ["cancelled", "closed"]
     assert "what is under way was told to stop" in capsys.readouterr().err

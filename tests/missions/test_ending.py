@@ -143,7 +143,7 @@ class Unending(MissionRun):
     """A mission that leaves everything as it is by default."""
 
 
-@pytest.mark.parametrize("mission", [None, Unending()])
+@pytest.mark.parametrize("mission", [MissionRun(), Unending()])
 def test_without_an_end_of_its_own_nothing_lacks_and_nothing_is_ever_complete(mission):
     ending = EndCondition(Until.FOREVER, mission)
     assert ending.shortfalls() == []

@@ -1,0 +1,350 @@
+"""A tree on its node, from the wait for its requirements to the exit status of `sar-run`."""
+
+import sys
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from py_trees.common import Status
+from py_trees.trees import BehaviourTree
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from sar_compiler.cli.companions import Companions, RunSetup
+from sar_compiler.cli.run_mission_check import RouteCheck
+from sar_compiler.cli.supervision import ADRIFT
+from sar_compiler.commands import FINDINGS, OK, print_error
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.json_values import json_text
+from sar_compiler.missions.choosing import MissionError
+from sar_compiler.missions.ending import EndCondition, RunResult, Until
+from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.arguments import readable_ros_errors
+from sar_compiler.ros.clock import AWAKE, mission_clock
+from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, send_cancels, tell
+from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+from sar_compiler.ros.leaves.interfaces import declared_types
+from sar_compiler.ros.left_goals import LeftGoals
+from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
+from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
+from sar_compiler.ros.sole_mission import LOOK_SEC, SoleMission
+from sar_compiler.ros.watch import Watch, refuse_parameters
+from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.tree.showing import in_one_line
+
+if TYPE_CHECKING:
+    from sar_compiler.sim.simulation import Simulation
+
+# A signal is noticed between two turns of the executor.
+_TURN_SEC = 0.05
+
+# A tree can swing between two things to do for ever; seconds of simulated time.
+_SIMULATED_TIME_LIMIT_SEC = 900.0
+
+
+def end_condition(setup: RunSetup) -> EndCondition:
+    """Return what ends a run, by its options and its mission.
+
+    Raises:
+        SarError: If the mission is to be complete, and has no end of its own.
+    """
+    until, simulated = setup.options.until, setup.options.sim is not None
+    ends_itself = setup.mission.shortfalls() is not None
+    if not ends_itself and until is Until.COMPLETE:
+        message = (
+            "--until complete is for a mission with an end of its own; for this tree say end, success, "
+            "failure or forever"
+        )
+        raise SarError(message)
+    if until is None:
+        until = Until.END if not ends_itself else Until.COMPLETE if simulated else Until.FOREVER
+    limit = setup.parameters.time_limit_sec
+    if limit is None and simulated and until is not Until.FOREVER:
+        limit = _SIMULATED_TIME_LIMIT_SEC
+    return EndCondition(until, setup.mission, limit, setup.node.get_logger().info)
+
+
+@dataclass
+class TreeRun:
+    """A tree on its node, from the wait for its requirements to the summary.
+
+    Attributes:
+        setup: What there is of the run.
+        end: What ends it.
+        companions: Those who go along with it.
+        tree: The tree.
+        engine: What ticks it.
+        executor: What spins its node.
+        simulation: The simulation, if there is one.
+    """
+
+    setup: RunSetup
+    end: EndCondition
+    companions: Companions
+    tree: CompiledTree
+    engine: Engine
+    executor: SingleThreadedExecutor
+    simulation: "Simulation | None"
+
+    def __post_init__(self) -> None:
+        self._options, self._node, self._output = self.setup.options, self.setup.node, self.setup.output
+        self._parameters, self._signals = self.setup.parameters, self.setup.signals
+        self._clock = mission_clock(self._node)
+        self._result: RunResult | None = None
+        self._reason = ""
+        self._started = 0.0
+        self._adrift = ""
+        self._callback_failure: Exception | None = None
+        self._sole: SoleMission | None = None
+        self._watch: Watch | None = None
+        self._robot: RobotEstimate | None = None
+
+    def run(self, route: RouteCheck | None) -> int:
+        """Wait, tick, stop and sum up; returns the exit status.
+
+        Args:
+            route: The check of the mission's way, which is told in place of ticking.
+
+        Raises:
+            NotReadyError: If a requirement of the tree is not fulfilled in time.
+        """
+        for line in self.setup.mission.greeting():
+            self._node.get_logger().info(in_one_line(line))
+        self.executor.add_node(self._node)
+        try:
+            self._wait()
+        except NotReadyError:
+            if route is not None:
+                route.tell(self.executor, self._output.say)
+            raise
+        if self._over:
+            return self._interrupted()
+        return self._checked(route) if self._options.check else self._tick()
+
+    def _wait(self) -> None:
+        # A check changes nothing on an existing robot.
+        # A mission that goes on has a robot somewhere on its way; but a simulated world begins anew.
+        is_resumed = self.setup.journal.is_resumed
+        unmoved = self._options.check or is_resumed
+        told = self._parameters.set_initial_pose and (not unmoved or self.simulation is not None)
+        if is_resumed and not told and Use.nav2() in self.tree.uses():
+            self._node.get_logger().info(
+                "The localisation is not told where the robot is, which has driven since the start. If it was started anew, "
+                "give it the pose (in RViz: 2D Pose Estimate)."
+            )
+        left = LeftGoals(self._node, self.setup.journal)
+        try:
+            readiness = self._readiness(left, with_pose=told)
+            limit_sec = self._parameters.startup_timeout_sec
+            wait_until_ready(self.executor, readiness, limit_sec, lambda: self._over)
+        finally:
+            left.close()
+        if readiness.uses_nav2 and not self._over:
+            self._node.get_logger().info("Nav2 is active.")
+
+    @readable_ros_errors()
+    def _readiness(self, left: LeftGoals, *, with_pose: bool) -> Readiness:
+        actions = [use.name for use in self.tree.uses() if use.kind == "action"]
+        # Beside a simulation nobody else is allowed, and that was looked for.
+        look_sec = 0.0 if self.simulation is not None else LOOK_SEC
+        self._sole = SoleMission(self._node, actions, look_sec=look_sec, claims=not self._options.check)
+        return Readiness(
+            self._node,
+            self.tree.uses(),
+            initial_pose=self._parameters.initial_pose if with_pose else None,
+            begins_anew=self.simulation is not None,
+            first=(left, self._sole),
+            types=declared_types(self.tree.root),
+        )
+
+    def _checked(self, route: RouteCheck | None) -> int:
+        """Conclude a check for which everything is there; returns the exit status."""
+        if route is not None and (problems := route.tell(self.executor, self._output.say)):
+            count = "one problem" if problems == 1 else f"{problems} problems"
+            return self._failed(
+                f"everything that the tree needs is there, and the way has {count} (see above)"
+            )
+        self._output.say("Everything that the tree needs is there.")
+        return OK
+
+    def _tick(self) -> int:
+        """Tick the tree until it is over, and conclude; returns the exit status."""
+        engine = self.engine
+        engine.add_post_tick_handler(self._look_for_end)
+        self.companions.begin_run()
+        try:
+            engine.setup(node=self._node)
+            self._signals.last_words = self._leave_at_once
+            self._begin_watching()
+            self._started = self._clock.now()
+            self._tick_until_over()
+            elapsed = self._clock.now() - self._started
+            self._come_to_rest()
+        except SetupFailedError as error:
+            tell(self._node, str(error), error.__cause__)
+            status = self._failed(
+                "the tree was not started, because one of its leaves failed in setup (see above)", str(error)
+            )
+            self._end_journal(Ending.FAILED, status, self._reason)
+            return status
+        finally:
+            self._signals.last_words = None
+            self._options.supervision.tell_end()
+            if self._watch is not None:
+                self._watch.close()
+            engine.shutdown()
+            self._output.leave()
+        try:
+            status = self._conclude(elapsed)
+        except MissionError as error:
+            status = self._failed(str(error))
+        is_over = engine.failure is None and (self._result is not None or self.end.complete)
+        ending = Ending.OVER if is_over else Ending.STOPPED if self._signals.came else Ending.FAILED
+        reason = self._result.reason if self._result is not None else self._reason
+        self._end_journal(ending, status, reason)
+        return status
+
+    def _end_journal(self, ending: Ending, status: int, reason: str) -> None:
+        if self.setup.journal.is_wanted:
+            self.setup.journal.end(ending, status, reason)
+
+    def _tick_until_over(self) -> None:
+        self.engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)
+        with AWAKE.turning(self._node.get_logger().warning):
+            while self._result is None and self.engine.failure is None and not self._over:
+                AWAKE.now()
+                self._turn()
+                if self._watch is not None and self._watch.deafness:
+                    self._options.supervision.tell_deaf()
+
+    def _come_to_rest(self) -> None:
+        """Stop the tree, and wait until its goals have ended and, as far as the odometry says it, the robot stands."""
+        limit_sec = self._parameters.settle_timeout_sec
+        deadline = time.monotonic() + limit_sec
+        names = self.engine.settle(self.executor, limit_sec)
+        if names:
+            self._adrift = (
+                f"a goal may still be active, and the robot may still be moving: {', '.join(names)}"
+            )
+        robot = self._robot
+        while robot is not None and robot.stands is False and time.monotonic() < deadline:
+            if not self._node.context.ok():
+                return
+            self._turn()
+        if robot is not None and robot.moves and not names:
+            self._adrift = (
+                f"no goal of this mission is active, and the robot still moves ({robot.speed_in_words})"
+            )
+
+    def _turn(self) -> None:
+        try:
+            self.executor.spin_once(timeout_sec=_TURN_SEC)
+        except ExternalShutdownException:
+            pass  # noticed by the enclosing loop
+        except Exception as error:  # noqa: BLE001 - of a leaf's own callback, or of rclpy's: a clock before 0
+            self._callback_failure = error
+            tell(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
+
+    def _leave_at_once(self) -> int | None:
+        active = len(goals_under_way(self._node)) or (self._robot is not None and self._robot.moves)
+        # Before anything that may take its time, which there is little of.
+        send_cancels(self.tree.root, self._node)
+        self._output.leave()
+        if not active:
+            print_error("sar-run: ended at once, as asked twice")
+            return None
+        print_error(
+            "sar-run: ended at once, as asked twice: what is under way was told to stop, the robot may still be moving"
+        )
+        return ADRIFT
+
+    def _begin_watching(self) -> None:
+        if self._sole is not None:
+            self._sole.run()
+        types = declared_types(self.tree.root)
+        drives = [use.name for use, kind in types.items() if kind.startswith("nav2_msgs/action/")]
+        self._watch = Watch(self._node, self.tree.uses(), sole=self._sole, drives=drives)
+        self._robot = robot_estimate(self._node) if drives else None
+        if self._robot is not None:
+            self._robot.settle_timeout_sec = self._parameters.settle_timeout_sec
+        refuse_parameters(self._node, self.setup.fixed_parameters)
+
+    @property
+    def _over(self) -> bool:
+        """Whether the run is ended by something other than the tree."""
+        failed = self._callback_failure is not None or self._failure_of_simulation is not None
+        troubled = self._watch is not None and bool(self._watch.trouble)
+        return self._signals.came or failed or troubled or not self._node.context.ok()
+
+    @property
+    def _failure_of_simulation(self) -> BaseException | None:
+        return self.simulation.failure if self.simulation is not None else None
+
+    def _look_for_end(self, tree: BehaviourTree) -> None:
+        status = Status.INVALID if was_skipped(tree.root) else tree.root.status
+        self._result = self.end.after_tick(status, self._clock.now() - self._started)
+
+    def _conclude(self, elapsed_sec: float) -> int:
+        """Print the summary; returns the exit status."""
+        mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
+        as_json = self._options.summary == "json"
+        if not as_json:
+            for text in filter(None, (mission.summary(elapsed_sec, ticks), supervision.in_words())):
+                self._output.say(text)
+        status = self._status()
+        if as_json:
+            said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": ticks}
+            deaths = {"deaths": list(supervision.deaths)} if supervision.is_there else {}
+            figures = {each.name: each.value for each in mission.display().figures}
+            self._output.say(json_text({**said, **deaths, "figures": figures}))
+        return status
+
+    def _status(self) -> int:
+        status = self._status_of_run()
+        if not self._adrift or self._failure_of_simulation is not None:
+            return status
+        print(f"sar-run: {self._adrift}", file=sys.stderr)
+        self._reason = " ".join([*filter(None, [self._reason]), self._adrift])
+        return ADRIFT
+
+    def _status_of_run(self) -> int:
+        if self.engine.failure is not None:
+            return self._failed(
+                "the tree was stopped, because one of its leaves failed (see above)",
+                failure_text(self.engine.failure),
+            )
+        if self._callback_failure is not None:
+            return self._failed(
+                "the tree was stopped, because a callback failed (see above)",
+                f"a callback failed: {error_text(self._callback_failure)}",
+            )
+        if self._result is None and not self.end.complete:
+            return self._interrupted()
+        if self._result is not None and not self._result.achieved:
+            return self._failed(self._result.reason)
+        if self.end.shortfalls():
+            return self._failed("the run has ended as asked, and the mission is incomplete")
+        return OK
+
+    def _interrupted(self) -> int:
+        """Return the exit status of a run that was ended by something other than its tree."""
+        if (failure := self._failure_of_simulation) is not None:
+            words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
+            return self._failed(f"the simulation has ended: {words}")
+        if self._signals.came:
+            return self._signals.exit_status
+        if self._watch is not None and self._watch.trouble:
+            return self._failed(self._watch.trouble)
+        return self._failed("ROS was shut down")
+
+    def _failed(self, said: str, reason: str = "") -> int:
+        """Report why the run has failed, and return the exit status.
+
+        Args:
+            said: The last line on the terminal, below what was said of it before.
+            reason: The same for those who do not have the terminal; by default in the same words.
+        """
+        self._reason = reason or said
+        print_error(f"sar-run: {said}")
+        return FINDINGS
