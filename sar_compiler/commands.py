@@ -5,7 +5,7 @@ import codecs
 import errno
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any, NoReturn, TextIO
 
@@ -170,14 +170,17 @@ def _not_installed(error: ImportError) -> str | None:
     return None
 
 
-def _meant(message: str) -> str:
-    """Return what argparse's message about a choice that there is not leaves out."""
+def _meant(message: str, options: Iterable[str]) -> str:
+    """Return what argparse's message leaves out: the choice, or the option, that was probably meant."""
     import re
 
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
-    chosen = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
-    return did_you_mean(nearest(chosen[1], re.findall(r"[\w-]+", chosen[2]))) if chosen else ""
+    if chosen := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
+        return did_you_mean(nearest(chosen[1], re.findall(r"[\w-]+", chosen[2])))
+    if unknown := re.match(r"unrecognized arguments: (--[\w-]+)", message):
+        return did_you_mean(nearest(unknown[1], options))
+    return ""
 
 
 def columns_asked_for() -> int:
@@ -196,9 +199,14 @@ def columns(stream: TextIO) -> int:
 
 
 class CommandParser(argparse.ArgumentParser):
-    """An argument parser that accepts no abbreviated options, and completes them for a shell."""
+    """An argument parser that accepts no abbreviated options, and completes them for a shell.
+
+    Options that few need (`hide`) are shown by `--help-all` alone, which a parser with such options has.
+    """
 
     def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
+        self._rare: dict[argparse.Action, str] = {}
+        self._names_now: dict[str, str] = {}
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
@@ -207,18 +215,60 @@ class CommandParser(argparse.ArgumentParser):
             self.complete()
         return super().parse_args(args, namespace)
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse a command line; what is not known is a mistake of this command, not of the one above it."""
+        words = [self._word_now(word) for word in (sys.argv[1:] if args is None else args)]
+        found, unknown = super().parse_known_args(words, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return found, unknown
+
+    def _word_now(self, word: str) -> str:
+        name, sign, value = word.partition("=")
+        now = self._names_now.get(name)
+        if now is None:
+            return word
+        print_error(f"note: {name} is called {now} now")
+        return f"{now}{sign}{value}"
+
+    def rename(self, old: str, now: str) -> None:
+        """Have an option be known by its old name as well, with a note, until the next minor version."""
+        self._names_now[old] = now
+
+    def hide(self, *rare: argparse.Action) -> None:
+        """Leave options that few need out of `--help`; `--help-all` has them."""
+        if not self._rare:
+            help_all = argparse.SUPPRESS
+            self.add_argument(
+                "--help-all", action=_HelpAllAction, default=help_all, help="show every option, and exit"
+            )
+        for action in rare:
+            self._rare[action] = str(action.help)
+            action.help = argparse.SUPPRESS
+
+    def show_all(self) -> None:
+        """Have the help name every option, here and in the commands below this one."""
+        for action, text in self._rare.items():
+            action.help = text
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - argparse has no other way to them
+                for command in action.choices.values():
+                    command.show_all()
+
     def error(self, message: str) -> NoReturn:
         """Report what is wrong with a command line, and what was probably meant, and exit."""
         if message.endswith("are required: COMMAND"):
             self.print_help(sys.stderr)
         else:
             self.print_usage(sys.stderr)
-        self.exit(USAGE, _visible(f"{self.prog}: error: {message}{_meant(message)}\n"))
+        options = [name for name in self._option_string_actions if name.startswith("--")]
+        self.exit(USAGE, _visible(f"{self.prog}: error: {message}{_meant(message, options)}\n"))
 
     def complete(self) -> NoReturn:
         """Answer the shell that asks for completions."""
         import argcomplete
 
+        self.show_all()
         # What follows is ROS', and the shell offers files.
         if "--ros-args" not in os.environ["COMP_LINE"].split():
             argcomplete.autocomplete(self, always_complete_options=False)
@@ -227,7 +277,40 @@ class CommandParser(argparse.ArgumentParser):
     def _get_formatter(self) -> argparse.HelpFormatter:
         # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
         width = columns(sys.stdout) or columns_asked_for() or 80
-        return argparse.HelpFormatter(prog=self.prog, width=width - 2)
+        return _Formatter(prog=self.prog, width=width - 2)
+
+
+class _Formatter(argparse.HelpFormatter):
+    """Writes of options that need not be given only that there are some: what they are follows, or is asked for."""
+
+    def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
+        named = [action for action in actions if action.required or not action.option_strings]
+        if usage is None and len(named) < len(actions):
+            options = _OptionsInUsage()
+            return super()._format_usage(usage, [options, *named], [], prefix)
+        return super()._format_usage(usage, actions, groups, prefix)
+
+
+class _OptionsInUsage(argparse.Action):
+    """Stands in a usage for the options."""
+
+    def __init__(self) -> None:
+        super().__init__([], dest="options", nargs=None, metavar="[options]")
+
+    def __call__(self, *_: object) -> None:
+        raise NotImplementedError
+
+
+class _HelpAllAction(argparse.Action):
+    """Shows the help with the options that few need."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
+
+    def __call__(self, parser: Any, *_: object) -> None:
+        parser.show_all()
+        parser.print_help()
+        parser.exit()
 
 
 def add_version(parser: argparse.ArgumentParser) -> None:

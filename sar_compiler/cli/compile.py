@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser
 from sar_compiler.cli.loading import (
-    FILE_HELP,
+    INPUT_HELP,
     add_project_options,
     add_vocabulary_options,
+    tree_file,
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text
@@ -28,6 +29,7 @@ from sar_compiler.commands import (
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry
+    from sar_compiler.tree.diagnostic import TreeError
 
 PROG = "sar-compile"
 _COMMANDS = {
@@ -48,6 +50,8 @@ _STATUSES = (
     "Exit status: 0 if nothing was found; 1 for findings; 2 for wrong usage or a file that is missing or cannot be read; "
     "3 if a rule of the project's own failed (the other findings are told)."
 )
+# What the paths of texts begin with that an option has, or several have.
+_GIVEN = ("--", "command line")
 # Each is a function of `views.drawing` that has its name.
 _PICTURES = ("svg", "mermaid", "dot")
 
@@ -58,9 +62,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str]) -> int:
+    from sar_compiler.tree.diagnostic import TreeError
+
     interruptible()
     arguments = _parser(argv).parse_args(argv)
-    return int(arguments.run(arguments))
+    try:
+        return int(arguments.run(arguments))
+    except TreeError as error:
+        return _print_findings(error)
+
+
+def _print_findings(error: "TreeError") -> int:
+    """Print why a file cannot be used, and return the exit status."""
+    from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
+
+    if isinstance(error, UnknownTreeError):
+        print_error(f"{PROG}: {error.findings[0].message}")
+        return USAGE
+    print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
+    is_usage = all(finding.source.path.startswith(_GIVEN) for finding in error.findings)
+    return USAGE if is_usage else FINDINGS
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:
@@ -85,7 +106,7 @@ def _parser(argv: Sequence[str] = ()) -> Parser:
 
 
 def _add_show(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
     add_project_options(parser)
     parser.add_argument("--tree", metavar="ID", help="the tree to show (default: the one the file executes)")
     parser.add_argument(
@@ -130,14 +151,8 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from sar_compiler.tree.diagnostic import TreeError
-
-    try:
-        # `validate` warns of the doubtful cases.
-        tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
-    except TreeError as error:
-        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
-        return FINDINGS
+    # `validate` warns of the doubtful cases.
+    tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
     form = arguments.format
     if form == "json":
         from sar_compiler.views.outline import outline

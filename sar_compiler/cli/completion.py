@@ -117,7 +117,7 @@ def _modules(prefix: str, **_: Any) -> Iterator[str]:
 COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
     **dict.fromkeys(("file", "files", "old", "new", "against", "tree_file"), _trees),
     **dict.fromkeys(("params", "properties", "scenario"), _yaml_files),
-    **dict.fromkeys(("output", "export", "keep", "record", "report", "to"), FilesCompleter()),
+    **dict.fromkeys(("output", "export", "keep", "record", "report"), FilesCompleter()),
     **dict.fromkeys(("sim", "world"), _worlds),
     "code": _codes,
     **dict.fromkeys(("from_use", "include_path"), DirectoriesCompleter()),

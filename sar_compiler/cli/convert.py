@@ -5,8 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
-from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.loading import INPUT_HELP, add_project_options, tree_file, workspace
 from sar_compiler.cli.writing import WriteError, same_file, write_text
 from sar_compiler.commands import FINDINGS, OK
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 def add_convert(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `convert`."""
-    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
     parser.add_argument(
         "--to",
         choices=("xml", "yaml", "btcpp"),
@@ -38,7 +37,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
         WriteError: If the output is the input file, or cannot be written.
         UnreadableFileError: If the file does not exist or cannot be read.
     """
-    from sar_compiler.tree.diagnostic import Severity, TreeError
+    from sar_compiler.tree.diagnostic import Severity
     from sar_compiler.tree.gathering import find_tree
 
     path = find_tree(arguments.file)
@@ -46,11 +45,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     if output is not None and same_file(path, output):
         message = f"{output} is the file to convert; write to another one"
         raise WriteError(message)
-    try:
-        converted = _converted(path, arguments)
-    except TreeError as error:
-        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
-        return FINDINGS
+    converted = _converted(path, arguments)
     for loss in converted.losses:
         print(loss.render(), file=sys.stderr)
     if output is None:

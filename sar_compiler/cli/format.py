@@ -4,13 +4,15 @@ import argparse
 import sys
 from pathlib import Path
 
+from sar_compiler.cli.loading import tree_file
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 
 
 def add_format(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help="a tree file")
+    text = "a tree file, or - for standard input, whose canonical form goes to standard output"
+    parser.add_argument("files", nargs="+", type=tree_file, metavar="FILE", help=text)
     parser.add_argument(
         "--check", action="store_true", help="write nothing, and name the files that would change (status 1)"
     )
@@ -28,6 +30,7 @@ def format_files(arguments: argparse.Namespace) -> int:
 
 def _status(name: str, *, check: bool) -> int:
     """Rewrite a file, or report whether it would change; return the exit status."""
+    from sar_compiler.tree.content import STANDARD_INPUT
     from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
     try:
@@ -38,7 +41,7 @@ def _status(name: str, *, check: bool) -> int:
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return FINDINGS
-    if differs:
+    if differs and (check or Path(name) != STANDARD_INPUT):
         print_text(f"{Path(name)}: {'is not in canonical form' if check else 'written anew'}")
     return FINDINGS if differs and check else OK
 
@@ -46,7 +49,7 @@ def _status(name: str, *, check: bool) -> int:
 def _format(name: str, *, write: bool) -> bool:
     """Return whether a file differs from its canonical form, and rewrite it if requested."""
     from sar_compiler.cli.writing import write_bytes
-    from sar_compiler.tree.content import read_bytes
+    from sar_compiler.tree.content import STANDARD_INPUT, read_bytes
     from sar_compiler.tree.conversion import canonical_bytes
     from sar_compiler.tree.gathering import path_named
     from sar_compiler.tree.reading import read_tree_file
@@ -55,6 +58,8 @@ def _format(name: str, *, write: bool) -> bool:
     tree_file = read_tree_file(path)
     data = canonical_bytes(tree_file)
     differs = read_bytes(path) != data
-    if differs and write:
+    if write and path == STANDARD_INPUT:
+        sys.stdout.buffer.write(data)
+    elif write and differs:
         write_bytes(path, data)
     return differs

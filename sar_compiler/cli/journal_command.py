@@ -29,7 +29,7 @@ def _command(options: argparse.Namespace) -> int:
     return commands[options.command](options)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     parser = Parser("sar-journal", "What a mission has left behind in its journal.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -50,13 +50,15 @@ def _parser() -> argparse.ArgumentParser:
         "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
     )
     report.add_argument(
-        "--to",
+        "-o",
+        "--output",
         nargs="+",
         required=True,
         type=Path,
         metavar="OUT",
         help=f"the files, each {REPORT_FORMS}",
     )
+    report.rename("--to", "--output")
     text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
     add_why(commands.add_parser("why", help=text, description=text))
     for name, text in (
@@ -82,7 +84,7 @@ def _why(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     from sar_compiler.cli.run_report import report_journal
 
-    report_journal(options.journal, options.to)
+    report_journal(options.journal, options.output)
     return OK
 
 

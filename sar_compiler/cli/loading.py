@@ -12,12 +12,19 @@ from sar_compiler.tree.gc_pause import LARGE, gc_paused
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
     from sar_compiler.project import Additions, Workspace
-    from sar_compiler.tree.forest import Read
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
+INPUT_HELP = "a tree file, the name of a shipped tree, or - for standard input"
 FORMAT_HELP = "for people (default text), or for scripts"
 PROJECT_OPTIONS = "options that add to the project's configuration"
 """The title of these options in `--help`; the page of the commands says them once."""
+
+
+def tree_file(name: str) -> str:
+    """Return the name of a tree file as it is read: for `-` that of standard input."""
+    from sar_compiler.tree.content import STANDARD_INPUT
+
+    return str(STANDARD_INPUT) if name == "-" else name
 
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +80,6 @@ def add_mission(parser: argparse.ArgumentParser) -> None:
 def workspace(
     arguments: argparse.Namespace,
     trees: tuple[Path, ...] = (),
-    read: "Read | None" = None,
     found_models: tuple[Path, ...] = (),
 ) -> "Workspace":
     """Return the workspace that loads trees by the options of a command.
@@ -81,17 +87,15 @@ def workspace(
     Args:
         arguments: The options.
         trees: Tree files, in which a tree is sought that one of them lacks.
-        read: Reads one tree file, if it is not to be read as it is.
         found_models: Palettes that lie in the folders of the tree files.
     """
     # The collector would look several times through what is imported, and find nothing; so it would afterwards and at the end.
     with gc_paused(LARGE):
         from sar_compiler.project import Workspace
-        from sar_compiler.tree.reading import read_tree_file
     atexit.register(gc.freeze)
 
     added = additions(arguments)._replace(trees=trees, found_models=found_models)
-    return Workspace(added, read or read_tree_file, note=tell_note)
+    return Workspace(added, note=tell_note)
 
 
 def additions(arguments: "argparse.Namespace | Options") -> "Additions":

@@ -58,7 +58,7 @@ def _command(argv: Sequence[str]) -> int:
     return _map(options) if options.command == "map" else sweep_missions(options)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     parser = Parser("sar-sim", "The simulated world, apart from the mission.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

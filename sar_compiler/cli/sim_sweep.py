@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
-from sar_compiler.cli.sweep_command import Written, add_sweep_options, swept, varied
+from sar_compiler.cli.sweep_command import Written, add_sweep_options, add_varied_parameters, swept
 from sar_compiler.cli.writing import write_text
+from sar_compiler.commands import CommandParser
 from sar_compiler.ros.middleware import require_middleware
 
 if TYPE_CHECKING:
@@ -24,22 +25,16 @@ _NO_FAULTS = "none"
 _SPEED = 20.0
 
 
-def add_sim_sweep(parser: argparse.ArgumentParser) -> None:
+def add_sim_sweep(parser: CommandParser) -> None:
     """Add the arguments of `sar-sim sweep`."""
     add = parser.add_argument
     add("tree", metavar="TREE", help=FILE_HELP)
     text = f"a world; may be repeated (default {DEFAULT_WORLD})"
     add("--world", action="append", metavar="W", help=text)
     text = f"what goes wrong in one flight, as --fault of sar-run has it, or {_NO_FAULTS}; may be repeated"
-    add("--faults", action="append", metavar="'SPEC SPEC'", help=text)
-    add(
-        "--param",
-        action="append",
-        default=[],
-        type=varied,
-        metavar="NAME=A,B",
-        help="vary a ROS parameter: each value in turn; may be repeated",
-    )
+    add("--fault", action="append", metavar="'SPEC SPEC'", help=text)
+    parser.rename("--faults", "--fault")
+    add_varied_parameters(parser, "ROS parameter")
     add("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
     text = f"simulated seconds per second, at most (default {_SPEED:g})"
     add("--speed", type=speed, default=_SPEED, metavar="N", help=text)
@@ -61,15 +56,16 @@ def sweep_missions(options: argparse.Namespace) -> int:
     # The flights are stopped in order, however the command is.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rows = dict(_rows(options))
-    output = options.output or Path(f"{Path(options.tree).stem}_failing.sh")
 
     def write(row: "SweptRow", played: "Played") -> Written:
         command = ["sar-run", *fewest_faults(rows[row], played.seed).command(played.seed)]
         reason = " ".join(played.failure.split())
-        write_text(output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
-        return output, shlex.join(["sh", str(output)])
+        write_text(options.output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
+        return options.output, shlex.join(["sh", str(options.output)])
 
-    return swept(list(rows), 1, in_threads, write, options)
+    return swept(
+        list(rows), 1, in_threads, write, "a command that flies it again, with the fewest faults", options
+    )
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
@@ -77,13 +73,13 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
     from sar_compiler.checks.sweep import SweptRow
     from sar_compiler.sim.flights import Flights
 
-    worlds, mixes = options.world or [DEFAULT_WORLD], options.faults or [_NO_FAULTS]
+    worlds, mixes = options.world or [DEFAULT_WORLD], options.fault or [_NO_FAULTS]
     _check(options, worlds, mixes)
-    for world, mix, *values in itertools.product(worlds, mixes, *(listed for _, listed in options.param)):
+    for world, mix, *values in itertools.product(worlds, mixes, *(listed for _, listed in options.vary)):
         labels = {"world": world} if len(worlds) > 1 else {}
         labels |= {"faults": mix} if len(mixes) > 1 else {}
         ros: list[str] = []
-        for (name, _), (text, _) in zip(options.param, values, strict=True):
+        for (name, _), (text, _) in zip(options.vary, values, strict=True):
             labels[name] = text
             ros += ["-p", f"{name}:={text}"]
         faults = () if mix == _NO_FAULTS else tuple(mix.split())

@@ -1,14 +1,19 @@
 """`sar-compile simulate`: tick a tree by scenarios, without ROS."""
 
 import argparse
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import count, seed
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
-from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.loading import (
+    INPUT_HELP,
+    add_mission,
+    add_params,
+    add_project_options,
+    tree_file,
+    workspace,
+)
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.tree.guessing import did_you_mean
@@ -29,7 +34,7 @@ class ScenarioFolderError(SarError):
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `simulate`."""
-    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
     parser.add_argument(
         "--scenario",
         action="append",
@@ -74,23 +79,19 @@ def simulate_file(arguments: argparse.Namespace) -> int:
     """Play the scenarios and return the exit status: 0 if all expectations are met.
 
     Raises:
+        TreeError: If the tree has mistakes.
         UnreadableFileError: If the tree file does not exist or cannot be read.
     """
     from sar_compiler.checks.simulate.coverage import Coverage
-    from sar_compiler.tree.diagnostic import TreeError
 
-    try:
-        stage = workspace(arguments).load(arguments.file).stage(arguments.tree, arguments.params)
-        stage.binding()
-    except TreeError as error:
-        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
-        return USAGE
+    stage = workspace(arguments).load(arguments.file).stage(arguments.tree, arguments.params)
+    stage.binding()
     coverage = Coverage()
     played = [_play(path, stage, coverage, arguments) for path in scenario_files(arguments.scenario)]
     _print(played, coverage, arguments)
-    if any(each.run is None and not each.is_undecided for each in played):
+    if any(each.run is None and not each.is_finding for each in played):
         return USAGE
-    return FINDINGS if any(each.failures or each.is_undecided for each in played) else OK
+    return FINDINGS if any(each.failures or each.is_finding for each in played) else OK
 
 
 def scenario_files(paths: "list[Path]") -> "list[Path | None]":
@@ -126,10 +127,9 @@ def _play(
     try:
         play = stage.play() if path is None else read_scenario(path, stage)
     except SarError as error:
-        undecided = isinstance(error, OnlyDescribedError)
-        is_told = undecided or isinstance(error, TreeError)
-        print_error(str(error) if is_told else f"sar-compile: {error}")
-        return PlayedScenario(str(path or arguments.file), problem=str(error), is_undecided=undecided)
+        is_finding = isinstance(error, (OnlyDescribedError, TreeError))
+        print_error(str(error) if is_finding else f"sar-compile: {error}")
+        return PlayedScenario(str(path or arguments.file), problem=str(error), is_finding=is_finding)
     unknown = _slip(arguments.until, play.simulated) if arguments.until else None
     if unknown is not None:
         print_error(f"sar-compile: {unknown}")

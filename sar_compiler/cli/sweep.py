@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, additions, workspace
 from sar_compiler.cli.simulate import scenario_files, script
-from sar_compiler.cli.sweep_command import Written, add_sweep_options, probabilities, swept, varied
+from sar_compiler.cli.sweep_command import (
+    Written,
+    add_sweep_options,
+    add_varied_parameters,
+    probabilities,
+    swept,
+    varied,
+)
 from sar_compiler.cli.writing import write_text
+from sar_compiler.commands import CommandParser
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -26,7 +34,7 @@ class NothingByChanceError(SarError):
     """All runs of a sweep would be the same."""
 
 
-def add_sweep(parser: argparse.ArgumentParser) -> None:
+def add_sweep(parser: CommandParser) -> None:
     """Add the arguments of `sweep`."""
     add = parser.add_argument
     add("file", metavar="FILE", help=FILE_HELP)
@@ -34,14 +42,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
     add("--scenario", action="append", default=[], type=Path, metavar="S.yaml", help=text)
     text = "the chance (0 to 1) of an unusual answer from a leaf that the scenario does not mention; with commas, one after the other (default 0)"
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
-    add(
-        "--param",
-        action="append",
-        default=[],
-        type=varied,
-        metavar="NAME=A,B",
-        help="vary a parameter: each value in turn; may be repeated",
-    )
+    add_varied_parameters(parser, "parameter")
     text = "vary the initial value of a fact: each value in turn; may be repeated"
     add("--set", action="append", default=[], type=varied, metavar="FACT=A,B", help=text)
     text = "count an event, such as 'NavigateTo halted'; may be repeated"
@@ -69,16 +70,16 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     if not any(runs.are_by_chance() for runs in rows.values()):
         message = "all runs would be the same: give steps of a scenario a chance: (or after: 4s to 9s), or say --unusual 0.1"
         raise NothingByChanceError(message)
-    output = arguments.output or Path(f"{Path(arguments.file).stem}_failing.yaml")
 
     def write(row: "SweptRow", played: "Played") -> Written | None:
         text = smallest_scenario(rows[row], played.seed)
         if text is None:
             return None
-        write_text(output, text)
-        return output, shlex.join(["sar-compile", "simulate", arguments.file, "--scenario", str(output)])
+        write_text(arguments.output, text)
+        again = ["sar-compile", "simulate", arguments.file, "--scenario", str(arguments.output)]
+        return arguments.output, shlex.join(again)
 
-    return swept(list(rows), _BATCH, in_processes, write, arguments)
+    return swept(list(rows), _BATCH, in_processes, write, "the smallest scenario that fails", arguments)
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
@@ -101,7 +102,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
     for path in paths:
         scenario: Mapping[str, object] = {}
         if path is not None:
-            if not arguments.param:
+            if not arguments.vary:
                 read_scenario(path, stage)  # mistakes in it are said at their places
             scenario = read_yaml(path, "").root.data
         for unusual, labels, changes in _combinations(arguments):
@@ -126,7 +127,7 @@ def _combinations(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[float, Mapping[str, str], Mapping[str, Mapping[str, object]]]]:
     """Yield the chance of what is unusual, the labels, and the changes of a scenario, for each combination."""
-    axes = [("parameters", each) for each in arguments.param] + [("facts", each) for each in arguments.set]
+    axes = [("parameters", each) for each in arguments.vary] + [("facts", each) for each in arguments.set]
     for unusual in arguments.unusual:
         for values in itertools.product(*(listed for _, (_, listed) in axes)):
             labels = {"unusual": f"{unusual:g}"} if len(arguments.unusual) > 1 else {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import count, seed
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.cli.terminal import ProgressLine
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_text
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.sweep import Played, SweptRow
@@ -25,26 +25,40 @@ Written = tuple[Path, str]
 """The file of a sweep's smallest failure, and the command that plays it again."""
 
 
-def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width: float) -> None:
+def add_varied_parameters(parser: CommandParser, noun: str) -> None:
+    """Add `--vary`."""
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        type=varied,
+        metavar="NAME=A,B",
+        help=f"vary a {noun}: each value in turn; may be repeated",
+    )
+    parser.rename("--param", "--vary")
+
+
+def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) -> None:
     """Add the options that both commands have; *runs* and *half_width* are the defaults of two."""
     add = parser.add_argument
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
     text = f"end a row once half the width of its interval is at most W (default {half_width:g}; 0: never)"
-    add("--half-width", type=_probability, default=half_width, metavar="W", help=text)
+    half = add("--half-width", type=_probability, default=half_width, metavar="W", help=text)
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
-    add("--confidence", type=_confidence, default=0.95, metavar="C", help=text)
+    confidence = add("--confidence", type=_confidence, default=0.95, metavar="C", help=text)
     text = "status 0 if every interval lies at or above this rate (default: if no run has failed)"
     add("--at-least", type=_probability, metavar="RATE", help=text)
     text = "the seed of the first run of each combination; the next runs have the next numbers (default 0)"
-    add("--seed", type=seed, default=0, metavar="N", help=text)
+    first = add("--seed", type=seed, default=0, metavar="N", help=text)
     text = "how many runs go on at the same time (default: as many as there are cores)"
     add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help=text)
     text = "run on a Dask cluster instead: the address of its scheduler, such as tcp://host:8786"
-    add("--dask", metavar="ADDRESS", help=text)
-    text = "where to write the smallest failure, if there is one (default: the tree's name with _failing behind it)"
+    dask = add("--dask", metavar="ADDRESS", help=text)
+    text = "write the smallest failure to this file, if there is one"
     add("-o", "--output", type=Path, metavar="FAILING", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    parser.hide(half, confidence, first, dask)
 
 
 def probabilities(text: str) -> tuple[float, ...]:
@@ -92,6 +106,7 @@ def swept(
     batch: int,
     workers: "Callable[[int], Workers]",
     write: "Callable[[SweptRow, Played], Written | None]",
+    smallest: str,
     arguments: argparse.Namespace,
 ) -> int:
     """Play rows and print their table, also after Ctrl-C; return the exit status.
@@ -100,7 +115,8 @@ def swept(
         rows: What is to be played.
         batch: The number of runs after each of which a row may end.
         workers: Returns as many who play, unless `--dask` says who.
-        write: Writes the smallest failure out; returns None if that is not possible.
+        write: Writes the smallest failure to the file of `-o`; returns None if that is not possible.
+        smallest: What that is, in words.
         arguments: The command's arguments.
     """
     from sar_compiler.checks.sweep import StoppingRule, smallest_failure, sweep
@@ -117,9 +133,11 @@ def swept(
         stopped = True
     line.clear()
     failure = None if stopped else smallest_failure(rows)
-    written = None if failure is None else write(*failure)
+    written = None if failure is None or arguments.output is None else write(*failure)
     view = sweep_as_json if arguments.format == "json" else sweep_as_text
     print_text(view(rows, rule, failure, written))
+    if failure is not None and arguments.output is None and arguments.format == "text":
+        print_text(f"  -o FILE writes {smallest}")
     if stopped:
         return INTERRUPTED
     if arguments.at_least is not None:

@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import seconds
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, tell_note, workspace
+from sar_compiler.cli.loading import (
+    INPUT_HELP,
+    add_mission,
+    add_project_options,
+    tell_note,
+    tree_file,
+    workspace,
+)
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
 from sar_compiler.tree.showing import visible
@@ -18,10 +25,8 @@ if TYPE_CHECKING:
     from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.project import LoadedTree, Workspace
     from sar_compiler.tree.diagnostic import Diagnostic
-    from sar_compiler.tree.model import TreeFile
 
 _TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
-_STDIN, _STDIN_NAME = "-", Path("<stdin>")
 _FAILED = "internal-error"
 _FILES_TRIED = 10
 """For how many files there is work enough to try their runs to the end of what may be tried of one."""
@@ -31,8 +36,8 @@ _ROUNDS = 20
 
 def add_validate(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `validate`."""
-    more = f"{FILE_HELP}; a folder, for all tree files in it and below; or - for standard input"
-    parser.add_argument("files", nargs="+", metavar="FILE", help=more)
+    more = f"{INPUT_HELP}; or a folder, for all tree files in it and below"
+    parser.add_argument("files", nargs="+", type=tree_file, metavar="FILE", help=more)
     add_project_options(parser)
     add_mission(parser)
     parser.add_argument("--strict", action="store_true", help="count warnings as errors in the exit status")
@@ -99,7 +104,6 @@ class _Validation:
         self._fixes: dict[object, Fix] = {}
         self._work = 0
         self._raising: set[object] = set()
-        self._stdin: bytes | None = None
         self._found_in_folders: set[Path] = set()
         self._found_models: list[Path] = []
         # Of several links to a file, and of a file that is also in a folder, the first counts.
@@ -119,10 +123,7 @@ class _Validation:
         from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
 
         try:
-            if name == _STDIN:
-                self._stdin = _standard_input() if self._stdin is None else self._stdin
-                yield _STDIN_NAME
-            elif name and Path(name).is_dir():
+            if name and Path(name).is_dir():
                 files = tree_files_in(Path(name))
                 if not files:
                     self._tell(f"there is no tree file in {name}")
@@ -145,19 +146,14 @@ class _Validation:
     def _new_workspace(self) -> "Workspace":
         # A file by itself is no set.
         found = tuple(self._found_models)
-        return workspace(self.arguments, self._files[1:] and self._files, self._read, found)
-
-    def _read(self, path: Path) -> "TreeFile":
-        from sar_compiler.tree.reading import parse_tree, read_tree_file
-
-        if path == _STDIN_NAME and self._stdin is not None:
-            return parse_tree(self._stdin, str(path))
-        return read_tree_file(path)
+        return workspace(self.arguments, self._files[1:] and self._files, found)
 
     def mend(self) -> None:
         """Apply all possible fixes to the files; what is wrong otherwise is found when they are looked at."""
+        from sar_compiler.tree.content import STANDARD_INPUT
+
         for path in self._files:
-            if path != _STDIN_NAME:
+            if path != STANDARD_INPUT:
                 self._guard(path, self._mend_file, "mending")
         self._workspace = self._new_workspace()
 
@@ -314,21 +310,6 @@ class _Validation:
         for fix in chosen:
             print(visible(fix.describe()), file=output)
         return bool(chosen)
-
-
-def _standard_input() -> bytes:
-    """Return the content of standard input, at most one byte more than a tree file may have.
-
-    Raises:
-        UnreadableFileError: If it is closed.
-    """
-    from sar_compiler.tree.content import MAX_BYTES
-    from sar_compiler.tree.diagnostic import UnreadableFileError
-
-    if sys.stdin is None:
-        message = "cannot read standard input: it is closed"
-        raise UnreadableFileError(message)
-    return sys.stdin.buffer.read(MAX_BYTES + 1)
 
 
 def _count(number: int, what: str) -> str:

@@ -4,21 +4,21 @@ import argparse
 import contextlib
 import os
 import signal
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import count
 from sar_compiler.cli.loading import (
-    FILE_HELP,
     FORMAT_HELP,
+    INPUT_HELP,
     add_mission,
     add_params,
     add_project_options,
+    tree_file,
     workspace,
 )
-from sar_compiler.cli.terminal import ProgressLine, findings_as_text
+from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE, print_error, print_text
 
 if TYPE_CHECKING:
@@ -31,9 +31,10 @@ _MOST_CODES = 20
 
 def add_verify(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `verify`."""
-    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
     parser.add_argument(
         "--against",
+        type=tree_file,
         metavar="OTHER",
         help="a tree file from before a change, or a shipped tree: report which verdicts differ from those for it",
     )
@@ -85,8 +86,11 @@ def verify_file(arguments: argparse.Namespace) -> int:
     """Verify the tree of a file, or compare it with another one, and print the results, also after Ctrl-C.
 
     Returns:
-        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid, 130 after
-        Ctrl-C. With another tree: 0 if no answer is worse than the one for that, 1 if one is.
+        0 if all properties are proved, 1 if one does not hold or is undecided, 130 after Ctrl-C. With another tree:
+        0 if no answer is worse than the one for that, 1 if one is.
+
+    Raises:
+        TreeError: If a file has mistakes.
     """
     from sar_compiler.checks.verify import UndecidableError
     from sar_compiler.compiler.stand_ins import OnlyDescribedError
@@ -100,11 +104,10 @@ def verify_file(arguments: argparse.Namespace) -> int:
     done: list[Verification] = []
     try:
         _verify_into(done, files, arguments)
-    except TreeError as error:
-        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
+    except TreeError:
         if done:
             print_error(f"sar-compile: {files[1]} cannot be verified like this")
-        return USAGE
+        raise
     except OnlyDescribedError as error:
         print_error(str(error))
         return FINDINGS

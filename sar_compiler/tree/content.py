@@ -3,7 +3,10 @@
 import codecs
 import errno
 import os
+import sys
+from functools import cache
 from pathlib import Path
+from typing import TextIO
 
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
 from sar_compiler.tree.source import Form, Source, Span, Spans
@@ -20,6 +23,9 @@ MAX_ELEMENTS = 300_000
 MAX_ATTRIBUTES = 1000
 """An element with more attributes is refused, before they are understood: each unknown one is a finding, with what was meant."""
 
+STANDARD_INPUT = Path("<stdin>")
+"""The path under which standard input is read, once, and is called in findings."""
+
 _START = Span(1, 1, 1, 1)
 _MARK = "\ufeff"
 _BYTE_ORDER_MARKS = [
@@ -35,6 +41,8 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
     Raises:
         UnreadableFileError: If the file is not there or cannot be read.
     """
+    if path == STANDARD_INPUT:
+        return _read_once(sys.stdin, limit)
     try:
         # A pipe of the shell's (`<(...)`) leads to no path, and has a writer; a named one may never have any.
         real = real_path(Path(path))
@@ -48,6 +56,14 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
     except OSError as error:
         message = f"cannot read {path}: {error.strerror or error}"
         raise UnreadableFileError(message) from error
+
+
+@cache
+def _read_once(stream: TextIO | None, limit: int) -> bytes:
+    if stream is None:
+        message = "cannot read standard input: it is closed"
+        raise UnreadableFileError(message)
+    return stream.buffer.read(limit + 1)
 
 
 def real_path(path: Path) -> Path:

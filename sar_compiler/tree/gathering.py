@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from sar_compiler import resources
-from sar_compiler.tree.content import read_bytes
+from sar_compiler.tree.content import STANDARD_INPUT, read_bytes
 from sar_compiler.tree.diagnostic import UnreadableFileError
 from sar_compiler.tree.reading import FORMS
 from sar_compiler.tree.source import Form
@@ -163,7 +163,9 @@ def find_tree(name: str) -> Path:
     Raises:
         UnreadableFileError: If *name* is empty, or a bare word, and neither a file nor a shipped tree is called so.
     """
-    path = resources.find("trees", str(path_named(name)), ".xml")
+    if path_named(name) == STANDARD_INPUT:
+        return STANDARD_INPUT
+    path = resources.find("trees", name, ".xml")
     if resources.is_bare_word(name) and not path.exists():
         raise UnreadableFileError(resources.not_found("trees", name, ".xml"))
     return path

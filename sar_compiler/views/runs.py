@@ -153,14 +153,14 @@ class PlayedScenario:
         run: Its run; None if it is invalid.
         failures: The expectations that were not met.
         problem: The reason why it is invalid.
-        is_undecided: Whether that is not its own fault, but that nobody knows what a node of the tree does.
+        is_finding: Whether that is a mistake in it, or that nobody knows what a node of the tree does; else it could not be read.
     """
 
     name: str
     run: Run | None = None
     failures: Sequence[Failure] = field(default_factory=tuple)
     problem: str = ""
-    is_undecided: bool = False
+    is_finding: bool = False
 
 
 def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:

@@ -173,10 +173,10 @@ def test_show_of_a_tree_by_its_id_does_not_ask_for_a_main_tree(capsys, tmp_path)
     assert run(capsys, "show", "--tree", "B", str(path))[:2] == (0, "--> Failure\n")
 
 
-def test_show_of_a_tree_that_is_not_in_the_file_is_a_finding(capsys):
+def test_show_of_a_tree_that_is_not_in_the_file_is_wrong_usage(capsys):
     status, _, err = run(capsys, "show", "--tree", "Nope", SHIPPED)
-    assert status == 1
-    assert "no tree 'Nope'; the file has SearchAndRescue" in err
+    assert status == 2
+    assert err == "sar-compile: there is no tree 'Nope'; the file has SearchAndRescue\n"
 
 
 def test_nodes_lists_what_can_be_written(capsys):

@@ -97,10 +97,10 @@ def test_an_expectation_that_does_not_hold_has_status_1(capsys, tree, scenario):
     assert ":1: root: the root is SUCCESS in the last tick; expected FAILURE\n" in out
 
 
-def test_a_mistake_in_a_scenario_has_status_2_and_the_others_are_played(capsys, tree, scenario):
+def test_a_mistake_in_a_scenario_has_status_1_and_the_others_are_played(capsys, tree, scenario):
     wrong, right = scenario("leaves: {NavigateToZoen: arrived}"), scenario("name: right", "right.yaml")
     status, out, err = run(capsys, tree, "--scenario", wrong, "--scenario", right)
-    assert status == 2
+    assert status == 1
     assert err.startswith(f"{wrong}:1:10: error[unknown-leaf]: ")
     assert "'right' holds." in out
     assert out.endswith("1 of 2 scenarios hold.\n")
@@ -112,14 +112,17 @@ def test_a_scenario_that_is_not_there_has_status_2(capsys, tree):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [(None, "cannot read"), ("<root", "malformed-xml"), ("<root/>", "no-tree")]
+    ("text", "expected", "said"),
+    [(None, 2, "cannot read"), ("<root", 1, "malformed-xml"), ("<root/>", 1, "no-tree")],
 )
-def test_a_tree_that_cannot_be_played_has_status_2(capsys, tmp_path, text, said):
+def test_a_tree_that_cannot_be_played_has_status_1_and_one_that_cannot_be_read_2(
+    capsys, tmp_path, text, expected, said
+):
     path = tmp_path / "tree.xml"
     if text is not None:
         path.write_text(text, encoding="utf-8")
     status, out, err = run(capsys, path)
-    assert (status, out) == (2, "")
+    assert (status, out) == (expected, "")
     assert said in err
 
 
@@ -251,7 +254,7 @@ def test_junit_is_for_continuous_integration(capsys, tree, scenario):
     paths = [scenario("expect: {root: FAILURE}", "bad.yaml"), scenario("leaf: x", "worse.yaml")]
     arguments = [word for path in paths for word in ("--scenario", path)]
     status, out, _ = run(capsys, tree, *arguments, "--format", "junit")
-    assert status == 2
+    assert status == 1
     assert [case[0].tag for case in ET.fromstring(out)[0]] == ["failure", "error"]  # noqa: S314 - it is ours
 
 
@@ -284,7 +287,7 @@ def test_a_trace_outside_the_repository_is_neither_shown_nor_written(
     status, out, err = run(
         capsys, tree, "--scenario", scenario(f"expect: {{trace: {path}}}".replace("{}", tree.parent.name))
     )
-    assert status == 2
+    assert status == 1
     assert ": error[setting-outside]: trace: " in out + err
     assert "secret\n" not in out + err
     assert secret.read_text("utf-8") == "secret"
@@ -381,7 +384,6 @@ def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
         ("/**: {ros__parameters: {patience: long}}", "params.yaml:1:25: parameter zone_order: is missing"),
         (PARAMS.replace("b]", "c]"), "params.yaml:3:21: parameter zone_order: names 'c', which has no pose"),
         (PARAMS.replace("y: 0", "z: 0"), "\n  {path}:6:17: zones.a.y: is missing"),
-        (PARAMS.replace("0.6", "long"), "error[wrong-value]: duration"),
         ("/robot1/search_and_rescue: {ros__parameters: {x: 1}}", "this node is /search_and_rescue"),
         (None, "No such file or directory"),
     ],
@@ -393,6 +395,13 @@ def test_a_wrong_parameter_file_has_status_2_and_its_mistakes(capsys, patient, s
     status, out, err = run(capsys, *patient)
     assert (status, out) == (2, "")
     assert said.format(path=path) in err
+
+
+def test_a_parameter_of_another_type_than_the_tree_takes_has_status_1(capsys, patient, scenario):
+    scenario(PARAMS.replace("0.6", "long"), "params.yaml")
+    status, out, err = run(capsys, *patient)
+    assert (status, out) == (1, "")
+    assert "error[wrong-value]: duration" in err
 
 
 def test_a_parameter_that_is_nearly_what_a_run_takes_is_told_where_it_stands(capsys, patient, scenario):

@@ -92,12 +92,20 @@ def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
 
 
 def test_the_smallest_failure_is_written_as_a_scenario_that_fails(capsys):
-    status, out, _ = run(capsys, "search_and_rescue", "--scenario", "day.yaml", "--runs", 50, "--jobs", 1)
+    options = ("--scenario", "day.yaml", "--runs", 50, "--jobs", 1)
+    status, out, _ = run(capsys, "search_and_rescue", *options, "-o", "small.yaml")
     assert status == 1
     command = out.splitlines()[-1].partition("play it again: sar-compile ")[2].split()
-    assert command[-1] == "search_and_rescue_failing.yaml"
+    assert command[-1] == "small.yaml"
     assert main(command) == 1
     assert "does not hold" in capsys.readouterr().out
+
+
+def test_a_failure_is_written_only_where_somebody_says_to_which_file(capsys):
+    before = {*Path().iterdir()}
+    _, out, _ = run(capsys, "search_and_rescue", "--scenario", "day.yaml", "--runs", 50, "--jobs", 1)
+    assert out.endswith("\n  -o FILE writes the smallest scenario that fails\n")
+    assert {*Path().iterdir()} == before
 
 
 def test_the_same_as_json(capsys):
@@ -132,7 +140,7 @@ def test_a_tree_that_never_fails_has_status_0_and_nothing_is_written(capsys, fol
 def test_a_parameter_is_varied(capsys):
     tree = '<Retry num_failures="{@tries}"><NavigateToZone/></Retry>'
     Path("tree.xml").write_text(document(tree), encoding="utf-8")
-    _, out, _ = run(capsys, "tree.xml", "--unusual", 0.5, "--param", "tries=1,4", "--runs", 200, "--jobs", 1)
+    _, out, _ = run(capsys, "tree.xml", "--unusual", 0.5, "--vary", "tries=1,4", "--runs", 200, "--jobs", 1)
     rates = [float(row[2]) for row in table(out)[1:]]
     assert 40.0 < rates[0] < 60.0
     assert 85.0 < rates[1] < 99.0
@@ -164,8 +172,8 @@ def test_what_cannot_be_played_is_said(capsys, arguments, words):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--param", "tries"], "'tries' is not NAME=VALUE,VALUE"),
-        (["--param", "tries=[1"], "is not NAME=VALUE,VALUE"),
+        (["--vary", "tries"], "'tries' is not NAME=VALUE,VALUE"),
+        (["--vary", "tries=[1"], "is not NAME=VALUE,VALUE"),
         (["--unusual", "2"], "'2' is not a number between 0 and 1"),
         (["--confidence", "1"], "'1' is not a number above 0 and below 1"),
         (["--seed", "-1"], "'-1' is not a whole number, 0 or above"),

@@ -97,7 +97,7 @@ def test_what_stands_for_a_control_that_is_only_described_is_verified(run):
     status, _, err = run(
         tree, *arguments, p="controls: {Recover: Falback}\nproperties: {p: {never: Nobody starts}}"
     )
-    assert status == 2
+    assert status == 1
     assert [line.split(": ")[1] for line in err.splitlines() if ": error[" in line] == [
         "error[unknown-node]", "error[unknown-leaf]",
     ]  # fmt: skip
@@ -221,21 +221,31 @@ answers: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -=
         (["--set", "zones_left"], "'zones_left' is not FACT=VALUE"),
         (["--max-states", "none"], "'none' is not a whole number above 0"),
         (["--properties", "nowhere.yaml"], "cannot read nowhere.yaml"),
-        (["--properties", "{folder}/wrong.yaml"], "wrong.yaml:1:1: error[unknown-key]"),
-        (["--properties", "{folder}/slip.yaml"], "did you mean 'starts'?"),
-        (["--tree", "Other"], "Other"),
+        (["--tree", "Other"], "sar-compile: there is no tree 'Other'; the file has"),
     ],
 )
-def test_wrong_usage_and_wrong_files_have_status_2(run, arguments, said):
-    files = {"wrong": "proprties: {}", "slip": "properties: {p: {never: AdvanceZone strts}}"}
-    status, out, err = run(FINE, *arguments, **files)
+def test_wrong_usage_has_status_2(run, arguments, said):
+    status, out, err = run(FINE, *arguments)
     assert (status, out) == (2, "")
     assert said in err
 
 
-def test_an_invalid_tree_has_status_2_and_its_findings(run):
+@pytest.mark.parametrize(
+    ("properties", "said"),
+    [
+        ("proprties: {}", "p.yaml:1:1: error[unknown-key]"),
+        ("properties: {p: {never: AdvanceZone strts}}", "did you mean 'starts'?"),
+    ],
+)
+def test_a_mistake_in_the_properties_has_status_1(run, properties, said):
+    status, out, err = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
+    assert (status, out) == (1, "")
+    assert said in err
+
+
+def test_an_invalid_tree_has_status_1_and_its_findings(run):
     status, out, err = run(FINE.replace("AdvanceZone", "AdvnceZone"))
-    assert (status, out) == (2, "")
+    assert (status, out) == (1, "")
     assert "error[unknown-node]" in err
 
 
@@ -331,8 +341,8 @@ def test_which_of_two_trees_cannot_be_verified_is_said(run):
     only_before = "properties: {p: {never: Again starts}}"
     named = FINE.replace("<DetectSurvivor/>", '<DetectSurvivor name="Again"/>')
     status, out, err = run(named, *AGAINST, before=FINE, p=only_before)
-    assert (status, out) == (2, "")
-    assert err.endswith("before.xml cannot be verified like this\n")
+    assert (status, out) == (1, "")
+    assert "before.xml cannot be verified like this\n" in err
     model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
     described = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
     status, _, err = run(FINE, *AGAINST, before=described, p="properties: {}")

@@ -98,8 +98,8 @@ def written(command):
     """Return the files that a command writes."""
     flags = {"-o", "--output", "--report"}
     outputs = {value for flag, value in pairwise(command.words) if flag in flags}
-    if program(command) == "sar-journal" and "--to" in command.words:  # of `convert` it is the form
-        behind = command.words[command.words.index("--to") + 1 :]
+    if program(command) == "sar-journal" and "-o" in command.words:  # several files
+        behind = command.words[command.words.index("-o") + 1 :]
         outputs.update(takewhile(lambda word: not word.startswith("-"), behind))
     return outputs
 

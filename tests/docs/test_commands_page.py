@@ -84,6 +84,8 @@ def page():
     """Return the page, as the parsers make it."""
     project = argparse.ArgumentParser(add_help=False)
     add_project_options(project)
+    for parser in PARSERS:
+        parser.show_all()
     every = [section(parser, f"## {parser.prog}", parser.prog) for parser in PARSERS]
     return "\n".join([HEAD, *every, f"{SHARED}{table(project, '')}\n"])
 
@@ -133,11 +135,11 @@ def table(parser, prog):
 
 def arguments(parser):
     """Return the arguments of a parser that no other command has just so."""
-    others = (argparse._SubParsersAction, argparse._HelpAction)
     return [
         each
         for each in parser._actions
-        if not isinstance(each, others) and "--version" not in each.option_strings
+        if not isinstance(each, argparse._SubParsersAction)
+        and not {"--help", "--help-all", "--version"} & {*each.option_strings}
     ]
 
 

@@ -34,8 +34,8 @@ def wait_for_flights(sweep, count):
 @pytest.mark.ros
 @pytest.mark.slow
 def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_is_flown_again(start):
-    mixes = ["--faults", "none", "--faults", f"{REFUSED} detect_survivor:delay=1"]
-    wanted = ["--param", "zone_order=[zone_a]", "--runs", 1, "--jobs", 2, "--format", "json"]
+    mixes = ["--fault", "none", "--fault", f"{REFUSED} detect_survivor:delay=1"]
+    wanted = ["-o", "small.sh", "--vary", "zone_order=[zone_a]", "--runs", 1, "--jobs", 2, "--format", "json"]
     sweep = start("sar-sim", "sweep", "search_and_rescue", *mixes, *wanted)
     os.kill(wait_for_flights(sweep, 1)[0], signal.SIGKILL)
     assert sweep.end() == 1, sweep.output
@@ -45,7 +45,7 @@ def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_i
     assert [row["means"]["survivors reported"] for row in rows] == [1.0, 0.0]
     assert rows[0]["labels"] == {"faults": "none", "zone_order": "[zone_a]"}
     assert "did not acknowledge" in result["smallest"]["failure"]
-    script = Path("search_and_rescue_failing.sh").read_text(encoding="utf-8")
+    script = Path("small.sh").read_text(encoding="utf-8")
     command = "exec sar-run search_and_rescue --sim disaster_zone --speed 20 --fault report_survivor:refuse=1 --seed 0"
     assert script.splitlines()[-1] == f"{command} --ros-args -p 'zone_order:=[zone_a]'"
 
@@ -64,8 +64,8 @@ def test_a_signal_stops_the_flights_and_shows_what_is_known(start):
     ("arguments", "words"),
     [
         (["--world", "moon"], "there is no world file 'moon'"),
-        (["--faults", "report_survivor:drp=1"], "did you mean 'drop'?"),
-        (["--param", "zone_order"], "'zone_order' is not NAME=VALUE,VALUE"),
+        (["--fault", "report_survivor:drp=1"], "did you mean 'drop'?"),
+        (["--vary", "zone_order"], "'zone_order' is not NAME=VALUE,VALUE"),
     ],
 )
 def test_what_cannot_be_flown_is_said_before_anything_starts(arguments, words, capsys):

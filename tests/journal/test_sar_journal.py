@@ -95,7 +95,7 @@ def test_what_is_no_journal_is_said(tmp_path, capsys, content, words):
 
 def test_a_journal_in_which_nothing_has_begun_has_a_report_too(tmp_path):
     JournalFile.create(tmp_path / "m.journal").close()
-    assert main(["report", str(tmp_path / "m.journal"), "--to", str(tmp_path / "r.html")]) == 0
+    assert main(["report", str(tmp_path / "m.journal"), "-o", str(tmp_path / "r.html")]) == 0
     assert "not begun" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
@@ -106,8 +106,8 @@ def test_a_report_is_written_of_a_journal_in_each_form_that_is_asked_for(tmp_pat
     journal.end(Ending.OVER, 0)
     journal.close()
     out = tmp_path / "r.html", tmp_path / "r.json"
-    assert main(["report", str(tmp_path / "m.journal"), "--to", *map(str, out)]) == 0
+    assert main(["report", str(tmp_path / "m.journal"), "-o", *map(str, out)]) == 0
     assert "zone_a" in out[0].read_text(encoding="utf-8")
     assert json.loads(out[1].read_text(encoding="utf-8"))["facts"][0]["data"] == {"zone": "zone_a"}
-    assert main(["report", str(tmp_path / "m.journal"), "--to", str(tmp_path / "r.cot")]) == 2
+    assert main(["report", str(tmp_path / "m.journal"), "-o", str(tmp_path / "r.cot")]) == 2
     assert "takes georeference" in capsys.readouterr().err

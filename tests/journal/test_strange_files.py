@@ -112,7 +112,7 @@ def test_a_number_that_is_not_finite_is_null_in_every_json(place, tmp_path, caps
     assert main(["show", str(place), "--all", "--format", "json"]) == 0
     (pose,) = strictly(capsys.readouterr().out)["watched"]
     assert pose["data"] == {"x": None, "y": None, "yaw": 0.5}
-    assert main(["report", str(place), "--to", str(tmp_path / "r.json"), str(tmp_path / "r.html")]) == 0
+    assert main(["report", str(place), "-o", str(tmp_path / "r.json"), str(tmp_path / "r.html")]) == 0
     facts = strictly((tmp_path / "r.json").read_text("utf-8"))["facts"]
     (strange,) = (fact for fact in facts if fact["kind"] == "pose")
     assert strange["data"] == {"x": None, "y": None, "yaw": 0.5}

@@ -59,16 +59,21 @@ def fault_of(tree_id: str) -> NameFault | None:
     return None
 
 
+class UnknownTreeError(TreeError):
+    """The file has no tree of the name that was asked for; nothing need be wrong with it."""
+
+
 def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
     """Return the tree to execute.
 
     Raises:
-        TreeError: If there is no such tree, or the file does not name one of several.
+        UnknownTreeError: If there is no such tree.
+        TreeError: If the file does not name one of several.
     """
     tree = forest.main_tree(tree_id)
     if tree is not None:
         return tree
-    raise TreeError([_missing(forest, tree_id)])
+    raise (TreeError if tree_id is None else UnknownTreeError)([_missing(forest, tree_id)])
 
 
 def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:

@@ -1,0 +1,90 @@
+"""What all commands have in common: names that are nearly right, options that few need, names of before, `-` for standard input."""
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main
+from sar_compiler.commands import CommandParser
+from tests.trees import document
+
+TREE = document("<Sequence><NavigateToZone/><NavigateToBase/></Sequence>")
+
+
+@pytest.fixture
+def parser():
+    made = CommandParser("fly", "Fly.")
+    made.add_argument("--speed", type=int, default=1, help="how fast")
+    made.hide(made.add_argument("--engine", help="what ticks"))
+    made.rename("--pace", "--speed")
+    return made
+
+
+@pytest.fixture
+def typed(monkeypatch):
+    """Put a text on standard input."""
+
+    def put(text):
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
+
+    return put
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        (["validate", "--formt", "json"], "did you mean '--format'?"),
+        (["show", "tree.xml", "--treee", "Main"], "did you mean '--tree'?"),
+        (["validate", "tree.xml", "--quux"], "unrecognized arguments: --quux\n"),
+    ],
+)
+def test_an_option_that_there_is_not_is_told_in_two_lines_with_what_was_meant(capsys, line, meant):
+    with pytest.raises(SystemExit) as end:
+        main(line)
+    usage, error = capsys.readouterr().err.splitlines(keepends=True)
+    assert (end.value.code, usage.startswith(f"usage: sar-compile {line[0]} [options] FILE")) == (2, True)
+    assert meant in error
+
+
+def test_an_option_that_few_need_is_known_and_shown_by_help_all_alone(parser, capsys):
+    assert parser.parse_args(["--engine", "own"]).engine == "own"
+    assert "--engine" not in parser.format_help()
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--help-all"])
+    assert "--engine ENGINE  what ticks" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["--pace", "3"], ["--pace=3"]])
+def test_an_option_of_before_does_what_it_did_with_a_note(parser, capsys, words):
+    assert parser.parse_args(words).speed == 3
+    assert capsys.readouterr().err == "note: --pace is called --speed now\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "shown"),
+    [
+        (["validate", "-"], "<stdin>: no findings"),
+        (["show", "-"], "--> NavigateToZone"),
+        (["simulate", "-"], "NavigateToZone"),
+        (["verify", "-", "--jobs", "1"], "states"),
+        (["convert", "-", "--to", "yaml"], "- NavigateToZone"),
+        (["format", "-"], "<NavigateToZone/>"),
+        (["diff", "-", "-"], ""),
+    ],
+)
+def test_each_command_reads_a_tree_from_standard_input(typed, capsysbinary, line, shown):
+    typed(TREE)
+    assert main(line) in (0, 1)
+    out, err = map(bytes.decode, capsysbinary.readouterr())
+    assert shown in out
+    assert "error" not in err
+
+
+def test_what_is_formatted_from_standard_input_goes_to_standard_output(typed, capsysbinary, tmp_path):
+    typed(TREE)
+    assert main(["format", "-"]) == 0
+    canonical = capsysbinary.readouterr().out
+    Path(tmp_path, "tree.xml").write_bytes(canonical)
+    assert main(["format", "--check", str(tmp_path / "tree.xml")]) == 0
