@@ -85,7 +85,7 @@ class TreeStepper:
         return {
             f"{node.behaviour.name}.{name}": values[at]
             for node in self._own
-            for at, cell in node.own
+            for at, cell in zip(node.own, node.behaviour.cells, strict=True)
             for name, held in vars(node.behaviour).items()
             if held is cell
         }

@@ -2,9 +2,10 @@
 
 from typing import Any, Final
 
-from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import (
     ControlNode,
+    InTurnNode,
     Part,
     Ticker,
     TreeNode,
@@ -42,17 +43,8 @@ class IfThenElseNode(ControlNode):
             if cells[self.chosen] < len(self.children):
                 return self.tick_child(self.children[cells[self.chosen]], ticker)
             cells[self.chosen] = _NONE
-            cells[self.at] = FAILURE
-            return FAILURE
-        if outcome == RUNNING:
-            return RUNNING
-        cells[self.chosen] = _NONE
-        reset_all(self.children, ticker)
-        return self.pass_on(ticker, outcome)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which branch was chosen."""
-        ticker.cells[self.chosen] = _NONE
+            return self.come_to(ticker, FAILURE)
+        return RUNNING if outcome == RUNNING else self.finish(ticker, outcome)
 
 
 class WhileDoElseNode(ControlNode):
@@ -85,14 +77,7 @@ class WhileDoElseNode(ControlNode):
                 cells[self.branch] = branch
                 return self.tick_child(self.children[branch], ticker)
         cells[self.branch] = _NONE
-        if outcome == RUNNING:
-            return RUNNING
-        reset_all(self.children, ticker)
-        return self.pass_on(ticker, outcome)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        ticker.cells[self.branch] = _NONE
+        return RUNNING if outcome == RUNNING else self.finish(ticker, outcome)
 
 
 class SwitchNode(ControlNode):
@@ -143,19 +128,13 @@ class SwitchNode(ControlNode):
             if outcome == SKIPPED:
                 return SKIPPED
             reset_all(self.children, ticker)
-        cells[self.at] = outcome
-        return outcome
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which child was running."""
-        ticker.cells[self.running] = _NONE
+        return self.come_to(ticker, outcome)
 
 
-class TryCatchNode(ControlNode):
+class TryCatchNode(InTurnNode):
     """Ticks its children in order but for the last one, which is ticked when one of them has failed.
 
     Attributes:
-        position: The cell with the index of the child in hand.
         skips: The cell with the number of children that were skipped.
         catching: The cell with 1 while the last child is in hand.
         catches: Whether the last child is to be ticked once because the node is stopped.
@@ -165,54 +144,43 @@ class TryCatchNode(ControlNode):
         super().__init__(part)
         self.last = len(self.children) - 1
         self.catches = False
-        self.position, self.skips, self.catching = part.cell(), part.cell(), part.cell()
+        self.skips, self.catching = part.cell(), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
         """Go on with the child in hand."""
-        cells = ticker.cells
-        if cells[self.at] != RUNNING:
+        if ticker.cells[self.at] != RUNNING:
             self.forget(ticker)
             self.behaviour.feedback_message = ""
-        cells[self.at] = RUNNING
-        return self.resume(ticker, INVALID)
+        return super().begin(ticker)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
+    def next_child(self, ticker: Ticker) -> int:
+        """Return the index of the child in hand; -1 if nothing has failed."""
+        if ticker.cells[self.catching]:
+            return self.last
+        index = super().next_child(ticker)
+        return index if index < self.last else -1
+
+    def take(self, ticker: Ticker, outcome: int) -> int:
+        """Go on to the last child after a failure, and to the next one after anything else."""
         cells = ticker.cells
-        while True:
-            if outcome == INVALID:
-                index = self.last if cells[self.catching] else cells[self.position]
-                if index == self.last and not cells[self.catching]:
-                    return self.succeed(ticker)
-                child = self.children[index]
-                self.behaviour.current_child = child.behaviour
-                outcome = child.tick(ticker)
-            if outcome in (RUNNING, CALLED):
-                return outcome
-            if cells[self.catching]:
-                self.forget(ticker)
-                reset_all(self.children, ticker)
-                cells[self.at] = FAILURE
-                return FAILURE
-            if outcome == FAILURE:
-                failed = self.children[cells[self.position]].behaviour
-                self.behaviour.feedback_message = f"{failed.name} failed"
-                cells[self.catching] = 1
-                reset_all(self.children, ticker)
-            else:
-                cells[self.position] += 1
-                cells[self.skips] += int(outcome == SKIPPED)
-            outcome = INVALID
+        if outcome == RUNNING:
+            return RUNNING
+        if cells[self.catching]:
+            return self.finish(ticker, FAILURE)
+        if outcome == FAILURE:
+            failed = self.children[cells[self.position]].behaviour
+            self.behaviour.feedback_message = f"{failed.name} failed"
+            cells[self.catching] = 1
+            reset_all(self.children, ticker)
+        else:
+            cells[self.position] += 1
+            cells[self.skips] += int(outcome == SKIPPED)
+        return INVALID
 
-    def succeed(self, ticker: Ticker) -> int:
+    def end(self, ticker: Ticker) -> int:
         """End because nothing has failed."""
         all_skipped = ticker.cells[self.skips] == self.last
-        self.forget(ticker)
-        reset_all(self.children, ticker)
-        if all_skipped:
-            return SKIPPED
-        ticker.cells[self.at] = SUCCESS
-        return SUCCESS
+        return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Return the running children; if the last one is to be ticked once, only those before it."""
@@ -243,7 +211,3 @@ class TryCatchNode(ControlNode):
         """Forget which child was in hand, and tell py_trees."""
         self.forget(ticker)
         self.behaviour.current_child = None
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which child was in hand."""
-        ticker.cells[self.position] = ticker.cells[self.skips] = ticker.cells[self.catching] = 0

@@ -2,7 +2,7 @@
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, reset_all
+from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker
 
 
 class ThresholdError(SarError):
@@ -31,7 +31,7 @@ class CountingNode(ControlNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.through, self.successes, self.failures = part.cell(), part.cell(), part.cell()
-        self.current, self.skips = part.cell(), part.cell()
+        self.current, self.skips = part.cell(of_tick=True), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child that has not ended."""
@@ -98,20 +98,12 @@ class CountingNode(ControlNode):
     def leave(self, ticker: Ticker, outcome: int) -> int:
         """Leave the tick with an outcome; with SUCCESS or FAILURE the node's work is over."""
         cells = ticker.cells
-        cells[self.current] = cells[self.skips] = 0
-        if outcome & ENDED:
-            message = f"{cells[self.successes]} succeeded, {cells[self.failures]} failed"
-            self.behaviour.feedback_message = message
-            self.forget(ticker)
-            reset_all(self.children, ticker)
-            cells[self.at] = outcome
-        return outcome
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which children have ended."""
-        cells = ticker.cells
-        cells[self.through] = cells[self.successes] = cells[self.failures] = 0
-        cells[self.current] = cells[self.skips] = 0
+        if not outcome & ENDED:
+            self.break_off(ticker)
+            return outcome
+        message = f"{cells[self.successes]} succeeded, {cells[self.failures]} failed"
+        self.behaviour.feedback_message = message
+        return self.finish(ticker, outcome)
 
 
 class ParallelNode(CountingNode):
@@ -125,7 +117,8 @@ class ParallelNode(CountingNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.enough, self.too_many, self.counts_skips = part.cell(), part.cell(), part.cell()
+        self.enough, self.too_many = part.cell(of_tick=True), part.cell(of_tick=True)
+        self.counts_skips = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Read the thresholds, and begin with the first child that has not ended."""
@@ -155,12 +148,6 @@ class ParallelNode(CountingNode):
             self.behaviour.feedback_message = f"{cells[self.successes]} of {cells[self.enough]}"
         return SKIPPED if cells[self.skips] == len(self.children) else RUNNING
 
-    def leave(self, ticker: Ticker, outcome: int) -> int:
-        """Leave the tick with an outcome."""
-        cells = ticker.cells
-        cells[self.enough] = cells[self.too_many] = cells[self.counts_skips] = 0
-        return super().leave(ticker, outcome)
-
 
 class ParallelAllNode(CountingNode):
     """One that waits for all children before it decides.
@@ -171,7 +158,7 @@ class ParallelAllNode(CountingNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.too_many = part.cell()
+        self.too_many = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Read the threshold, and begin with the first child that has not ended."""
@@ -182,12 +169,10 @@ class ParallelAllNode(CountingNode):
         """Return how it ends, RUNNING if a child runs, and SKIPPED if all children were skipped."""
         cells, count = ticker.cells, len(self.children)
         skips, ended = cells[self.skips], cells[self.successes] + cells[self.failures]
-        too_many = cells[self.too_many]
-        cells[self.too_many] = 0
         if skips == count:
             return SKIPPED
         if skips + ended == count:
-            return FAILURE if cells[self.failures] >= too_many else SUCCESS
+            return FAILURE if cells[self.failures] >= cells[self.too_many] else SUCCESS
         if ticker.tells:
             self.behaviour.feedback_message = f"{ended} of {count}"
         return RUNNING

@@ -193,7 +193,7 @@ class RememberingNode(LeafNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.kept = part.value(self.saved())
+        self.kept = part.value(self.saved(), keeps=True)
 
     def saved(self) -> Any:
         """Return what the leaf remembers, as a value that can be hashed."""
@@ -281,7 +281,7 @@ class UpdateCheckNode(TreeNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.entry = watched_entry(part.behaviour)
-        self.seen = part.cell()
+        self.seen = part.cell(keeps=True)
         part.watch(self.entry, self.seen)
 
     def tick(self, ticker: Ticker) -> int:

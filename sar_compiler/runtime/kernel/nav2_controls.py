@@ -3,8 +3,8 @@
 from typing import Final
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, is_reset, reset, reset_all
+from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.tree_nodes import ControlNode, InTurnNode, Part, Ticker, reset, reset_all
 
 _USUAL_RETRIES: Final = 1
 """How often to recover where the number is less than 0."""
@@ -25,7 +25,7 @@ class RecoveringNode(ControlNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.current, self.retries, self.wanted = part.cell(), part.cell(), part.cell()
+        self.current, self.retries, self.wanted = part.cell(), part.cell(), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Read how many recoveries are allowed, and go on with the child in hand."""
@@ -52,7 +52,7 @@ class RecoveringNode(ControlNode):
             return self.end(ticker, outcome)
         reset(self.children[0], ticker)
         cells[self.current] = 1
-        return self.tick_child(self.children[cells[self.current]], ticker)
+        return self.tick_child(self.children[1], ticker)
 
     def after_recovery(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the second child has ended or was skipped."""
@@ -63,223 +63,150 @@ class RecoveringNode(ControlNode):
         cells[self.current] = 0
         if outcome == SKIPPED:
             cells[self.wanted] = 0
-            cells[self.at] = FAILURE
-            return FAILURE
+            return self.come_to(ticker, FAILURE)
         cells[self.retries] += 1
         if ticker.tells:
             self.behaviour.feedback_message = f"recovery {cells[self.retries]} of {cells[self.wanted]}"
-        return self.tick_child(self.children[cells[self.current]], ticker)
+        return self.tick_child(self.children[0], ticker)
 
     def end(self, ticker: Ticker, outcome: int) -> int:
         """End, or be skipped, with all forgotten."""
-        self.forget(ticker)
-        reset_all(self.children, ticker)
         ticker.cells[self.at] = INVALID
-        return self.pass_on(ticker, outcome)
-
-    def break_off(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        ticker.cells[self.wanted] = 0
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which child was in hand, and the recoveries."""
-        ticker.cells[self.current] = ticker.cells[self.retries] = ticker.cells[self.wanted] = 0
+        return self.finish(ticker, outcome)
 
 
-class PipelineNode(ControlNode):
+class PipelineNode(InTurnNode):
     """Ticks every child again in each tick, up to the furthest one that was reached, whether those before it run or not.
 
     Attributes:
-        position: The cell with the index of the child in hand, in a tick.
         furthest: The cell with the index of the furthest child that has run.
         skips: The cell with the number of children that were skipped, in a tick.
     """
 
     def __init__(self, part: Part) -> None:
-        super().__init__(part)
-        self.position, self.furthest, self.skips = part.cell(), part.cell(), part.cell()
+        super().__init__(part, of_tick=True)
+        self.furthest, self.skips = part.cell(), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child."""
-        ticker.cells[self.position] = ticker.cells[self.skips] = 0
+        self.break_off(ticker)
         return self.resume(ticker, INVALID)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
-        cells, children = ticker.cells, self.children
-        while True:
-            index = cells[self.position]
-            if outcome == INVALID:
-                if index == len(children):
-                    return self.end(ticker, SKIPPED if cells[self.skips] == index else SUCCESS)
-                self.behaviour.current_child = children[index].behaviour
-                outcome = children[index].tick(ticker)
-                if outcome == CALLED:
-                    return CALLED
-            if outcome == FAILURE:
-                return self.end(ticker, FAILURE)
-            if outcome == RUNNING and index >= cells[self.furthest]:
-                self.break_off(ticker)
-                cells[self.furthest] = index
-                cells[self.at] = RUNNING
-                return RUNNING
-            cells[self.skips] += int(outcome == SKIPPED)
-            cells[self.position] = index + 1
-            outcome = INVALID
+    def take(self, ticker: Ticker, outcome: int) -> int:
+        """Fail with the child in hand, or run with the furthest one; else go on to the next one."""
+        cells, index = ticker.cells, ticker.cells[self.position]
+        if outcome == FAILURE:
+            return self.finish(ticker, FAILURE)
+        if outcome == RUNNING and index >= cells[self.furthest]:
+            self.break_off(ticker)
+            cells[self.furthest] = index
+            return self.come_to(ticker, RUNNING)
+        cells[self.skips] += int(outcome == SKIPPED)
+        cells[self.position] = index + 1
+        return INVALID
 
-    def end(self, ticker: Ticker, outcome: int) -> int:
-        """End, or be skipped; children that still run are halted."""
-        self.forget(ticker)
-        reset_all(self.children, ticker)
-        return self.pass_on(ticker, outcome)
-
-    def break_off(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        ticker.cells[self.position] = ticker.cells[self.skips] = 0
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which child was the furthest."""
-        self.break_off(ticker)
-        ticker.cells[self.furthest] = 0
+    def end(self, ticker: Ticker) -> int:
+        """Succeed, or be skipped if all children were; children that still run are halted."""
+        all_skipped = ticker.cells[self.skips] == len(self.children)
+        return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
 
-class RoundRobinNode(ControlNode):
+class RoundRobinNode(InTurnNode):
     """Ticks one child after another until one succeeds, and continues with the next one when it is started again.
 
-    Where it does not wrap around, any end of the last child ends it without a success.
+    Where it does not wrap around, any end of the last child ends it without a success. After a success it remembers whose turn
+    it is.
 
     Attributes:
-        current: The cell with the index of the child in hand; it outlasts a success.
         failures: The cell with the number of children that have failed.
         skips: The cell with the number of children that were skipped, in a tick.
     """
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.current, self.failures, self.skips = part.cell(), part.cell(), part.cell()
+        self.failures, self.skips = part.cell(), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Go on with the child in hand."""
-        ticker.cells[self.at] = RUNNING
         ticker.cells[self.skips] = 0
-        return self.resume(ticker, INVALID)
+        return super().begin(ticker)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Tick children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
-        cells, children = ticker.cells, self.children
-        count = len(children)
-        while True:
-            if outcome == INVALID:
-                if cells[self.failures] + cells[self.skips] >= count:
-                    return self.give_up(ticker)
-                child = children[cells[self.current]]
-                self.behaviour.current_child = child.behaviour
-                outcome = child.tick(ticker)
-                if outcome == CALLED:
-                    return CALLED
-            if outcome == RUNNING:
-                cells[self.skips] = 0
-                return RUNNING
-            is_last = cells[self.current] + 1 == count
-            cells[self.failures] += int(outcome == FAILURE)
-            cells[self.skips] += int(outcome == SKIPPED)
-            if is_last and not self.behaviour.wrap_around.get():
-                return self.give_up(ticker)
-            cells[self.current] = 0 if is_last else cells[self.current] + 1
-            if outcome == SUCCESS:
-                cells[self.failures] = cells[self.skips] = 0
-                reset_all(children, ticker)
-                cells[self.at] = SUCCESS
-                return SUCCESS
-            outcome = INVALID
+    def next_child(self, ticker: Ticker) -> int:
+        """Return the index of the child in hand; -1 if all have had their turn."""
+        cells = ticker.cells
+        is_over = cells[self.failures] + cells[self.skips] >= len(self.children)
+        return -1 if is_over else cells[self.position]
 
-    def give_up(self, ticker: Ticker) -> int:
+    def take(self, ticker: Ticker, outcome: int) -> int:
+        """Succeed with the child in hand, or run with it; else go on to the next one, if there is one."""
+        cells = ticker.cells
+        if outcome == RUNNING:
+            cells[self.skips] = 0
+            return RUNNING
+        is_last = cells[self.position] + 1 == len(self.children)
+        cells[self.failures] += int(outcome == FAILURE)
+        cells[self.skips] += int(outcome == SKIPPED)
+        if is_last and not self.behaviour.wrap_around.get():
+            return self.end(ticker)
+        position = 0 if is_last else cells[self.position] + 1
+        if outcome == SUCCESS:
+            self.finish(ticker, SUCCESS)
+        cells[self.position] = position
+        return SUCCESS if outcome == SUCCESS else INVALID
+
+    def end(self, ticker: Ticker) -> int:
         """End without a success; be skipped if all children were."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
-        self.forget(ticker)
-        reset_all(self.children, ticker)
         ticker.cells[self.at] = INVALID
-        return self.pass_on(ticker, SKIPPED if all_skipped else FAILURE)
-
-    def break_off(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        ticker.cells[self.skips] = 0
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget whose turn it was."""
-        ticker.cells[self.current] = ticker.cells[self.failures] = ticker.cells[self.skips] = 0
+        return self.finish(ticker, SKIPPED if all_skipped else FAILURE)
 
 
-class NonblockingNode(ControlNode):
+class NonblockingNode(InTurnNode):
     """Ticks all children in every tick, also those that have succeeded, until none of them runs or one fails.
 
     Attributes:
-        position: The cell with the index of the child in hand, in a tick.
         runs: The cell with 1 if a child runs, in a tick.
     """
 
     def __init__(self, part: Part) -> None:
-        super().__init__(part)
-        self.position, self.runs = part.cell(), part.cell()
+        super().__init__(part, of_tick=True)
+        self.runs = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child."""
         self.forget(ticker)
         return self.resume(ticker, INVALID)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked.
+    def take(self, ticker: Ticker, outcome: int) -> int:
+        """Fail with the child in hand; else go on to the next one.
 
         Raises:
-            Nav2ControlError: If a child is skipped.
+            Nav2ControlError: If the child was skipped.
         """
-        cells, children = ticker.cells, self.children
-        while True:
-            index = cells[self.position]
-            if outcome == INVALID:
-                if index == len(children):
-                    return self.end(ticker, RUNNING if cells[self.runs] else SUCCESS)
-                self.behaviour.current_child = children[index].behaviour
-                outcome = children[index].tick(ticker)
-                if outcome == CALLED:
-                    return CALLED
-            if outcome == FAILURE:
-                return self.end(ticker, FAILURE)
-            if outcome == SKIPPED:
-                name = children[index].behaviour.name
-                message = f"'{name}' was skipped, which '{self.behaviour.name}' takes for an error"
-                raise Nav2ControlError(message)
-            cells[self.runs] |= int(outcome == RUNNING)
-            cells[self.position] = index + 1
-            outcome = INVALID
+        cells, index = ticker.cells, ticker.cells[self.position]
+        if outcome == FAILURE:
+            return self.finish(ticker, FAILURE)
+        if outcome == SKIPPED:
+            name = self.children[index].behaviour.name
+            message = f"'{name}' was skipped, which '{self.behaviour.name}' takes for an error"
+            raise Nav2ControlError(message)
+        cells[self.runs] |= int(outcome == RUNNING)
+        cells[self.position] = index + 1
+        return INVALID
 
-    def end(self, ticker: Ticker, outcome: int) -> int:
-        """Leave the tick; with SUCCESS or FAILURE the node's work is over."""
+    def end(self, ticker: Ticker) -> int:
+        """Run if a child does, else succeed."""
+        if not ticker.cells[self.runs]:
+            return self.finish(ticker, SUCCESS)
         self.forget(ticker)
-        if outcome & ENDED:
-            reset_all(self.children, ticker)
-        ticker.cells[self.at] = outcome
-        return outcome
-
-    def break_off(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        self.forget(ticker)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        ticker.cells[self.position] = ticker.cells[self.runs] = 0
+        return self.come_to(ticker, RUNNING)
 
 
-class PersistentNode(ControlNode):
-    """A sequence whose place is a key of the blackboard, which outlasts a halt.
-
-    Attributes:
-        position: The cell with the index of the child in hand, in a tick.
-    """
+class PersistentNode(InTurnNode):
+    """A sequence whose place is a key of the blackboard, which outlasts a halt."""
 
     def __init__(self, part: Part) -> None:
-        super().__init__(part)
-        self.position = part.cell()
+        super().__init__(part, of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Read the place, and go on there.
@@ -292,45 +219,29 @@ class PersistentNode(ControlNode):
             message = f"'{self.behaviour.name}' is to begin with child {place}; they are counted from 0"
             raise Nav2ControlError(message)
         ticker.cells[self.position] = place
-        ticker.cells[self.at] = RUNNING
-        return self.resume(ticker, INVALID)
+        return super().begin(ticker)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
-        cells, children = ticker.cells, self.children
-        while True:
-            index = cells[self.position]
-            if outcome == INVALID:
-                if index >= len(children):
-                    return self.end(ticker, SUCCESS)
-                self.behaviour.current_child = children[index].behaviour
-                outcome = children[index].tick(ticker)
-            if outcome == CALLED:
-                return CALLED
-            if outcome == RUNNING:
-                cells[self.position] = 0
-                return RUNNING
-            if outcome == FAILURE:
-                return self.end(ticker, FAILURE)
-            cells[self.position] = index + 1
-            self.behaviour.current_child_idx.set(index + 1)
-            outcome = INVALID
+    def take(self, ticker: Ticker, outcome: int) -> int:
+        """Fail with the child in hand, or run with it; else go on to the next one."""
+        cells = ticker.cells
+        if outcome == RUNNING:
+            cells[self.position] = 0
+            return RUNNING
+        if outcome == FAILURE:
+            return self.start_over(ticker, FAILURE)
+        cells[self.position] += 1
+        self.behaviour.current_child_idx.set(cells[self.position])
+        return INVALID
 
-    def end(self, ticker: Ticker, outcome: int) -> int:
-        """End; the next start is with the first child."""
-        self.forget(ticker)
-        reset_all(self.children, ticker)
+    def end(self, ticker: Ticker) -> int:
+        """Succeed."""
+        return self.start_over(ticker, SUCCESS)
+
+    def start_over(self, ticker: Ticker, outcome: int) -> int:
+        """End with an outcome; the next start is with the first child."""
+        self.finish(ticker, outcome)
         self.behaviour.current_child_idx.set(0)
-        ticker.cells[self.at] = outcome
         return outcome
-
-    def break_off(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        self.forget(ticker)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        ticker.cells[self.position] = 0
 
 
 _RESUMED: Final = 0
@@ -351,16 +262,17 @@ class PauseResumeNode(ControlNode):
         mode: The cell with the mode, which is the index of its child.
     """
 
+    asks_whether_it_starts = True
+
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.asked, self.branches = part.children[0], part.children[1:]
-        self.asking, self.mode = part.cell(), part.cell(_RESUMED)
-        self.is_reset = self.heeds_end = is_reset(part.behaviour)
+        self.asking, self.mode = part.cell(of_tick=True), part.cell(_RESUMED)
 
     def begin(self, ticker: Ticker) -> int:
         """Ask what was requested."""
         cells = ticker.cells
-        if cells[self.at] == INVALID or (cells[self.at] != RUNNING and not self.is_reset):
+        if self.starts(ticker):
             cells[self.mode] = _RESUMED
         cells[self.at] = RUNNING
         cells[self.asking] = 1
@@ -377,8 +289,7 @@ class PauseResumeNode(ControlNode):
         if outcome == RUNNING:
             return RUNNING
         if outcome == FAILURE or cells[self.mode] == _RESUMED:
-            cells[self.at] = FAILURE if outcome == FAILURE else SUCCESS
-            return cells[self.at]
+            return self.come_to(ticker, FAILURE if outcome == FAILURE else SUCCESS)
         return self.next_mode(ticker)
 
     def answered(self, ticker: Ticker, outcome: int) -> int:
@@ -391,20 +302,9 @@ class PauseResumeNode(ControlNode):
             cells[self.mode] = _ON_PAUSE if pauses else _ON_RESUME
         if cells[self.mode] >= len(self.branches):
             return self.next_mode(ticker)
-        child = self.branches[cells[self.mode]]
-        self.behaviour.current_child = child.behaviour
-        outcome = child.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+        return self.tick_child(self.branches[cells[self.mode]], ticker)
 
     def next_mode(self, ticker: Ticker) -> int:
         """Go on to the mode after this one, if there is one, and run."""
         ticker.cells[self.mode] = _NEXT[ticker.cells[self.mode]]
         return RUNNING
-
-    def break_off(self, ticker: Ticker) -> None:
-        """Ask no more."""
-        ticker.cells[self.asking] = 0
-
-    def forget(self, ticker: Ticker) -> None:
-        """Be resumed."""
-        ticker.cells[self.mode], ticker.cells[self.asking] = _RESUMED, 0

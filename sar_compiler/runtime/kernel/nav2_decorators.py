@@ -3,9 +3,9 @@
 import math
 from typing import Final
 
-from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SUCCESS
+from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.timing import COUNTING, Countdown
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, OwnNode, Part, Ticker, is_reset
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, OwnNode, Part, Ticker
 
 NO_PERIOD: Final = 0.0
 
@@ -17,21 +17,17 @@ class RateNode(DecoratorNode):
         period: The cell with the period, in seconds, that the last start has read.
     """
 
+    asks_whether_it_starts = True
+
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
         self.period = part.value(NO_PERIOD)
-        self.is_reset = self.heeds_end = is_reset(part.behaviour)
 
     def ways(self, ticker: Ticker) -> int:
         """Return whether the time may be over, or not."""
         waits = not self.starts(ticker) and ticker.cells[self.child.at] != RUNNING
         return self.timer.ways(ticker) if waits else 1
-
-    def starts(self, ticker: Ticker) -> bool:
-        """Return whether a tick is the first one of an activation."""
-        status = ticker.cells[self.at]
-        return status == INVALID or (status != RUNNING and not self.is_reset)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if it is due."""
@@ -44,17 +40,15 @@ class RateNode(DecoratorNode):
             self.behaviour.feedback_message = (
                 self.timer.left(ticker) if cells[self.timer.state] == COUNTING else ""
             )
-            cells[self.at] = RUNNING
-            return RUNNING
+            return self.come_to(ticker, RUNNING)
         self.behaviour.feedback_message = ""
-        cells[self.at] = RUNNING
-        return self.tick_child(self.child, ticker)
+        return super().begin(ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on; a success begins the next period."""
         if outcome == SUCCESS:
             self.wait(ticker)
-        return self.pass_on(ticker, outcome)
+        return self.come_to(ticker, outcome)
 
     def wait(self, ticker: Ticker) -> None:
         """Begin a period; one without an end is never over."""
@@ -69,11 +63,6 @@ class RateNode(DecoratorNode):
         super().rest(ticker)
         self.forget(ticker)
 
-    def forget(self, ticker: Ticker) -> None:
-        """Stop the timer."""
-        self.timer.stop(ticker)
-        ticker.values[self.period] = NO_PERIOD
-
 
 class SingleTriggerNode(DecoratorNode):
     """Lets its child end once; ticked again before its parent has reset it, it fails.
@@ -82,36 +71,28 @@ class SingleTriggerNode(DecoratorNode):
         done: The cell with 1 when the child has ended.
     """
 
+    asks_whether_it_starts = True
+
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.done = part.cell()
-        self.is_reset = self.heeds_end = is_reset(part.behaviour)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it has ended."""
-        cells = ticker.cells
-        if cells[self.at] == INVALID or (cells[self.at] != RUNNING and not self.is_reset):
-            cells[self.done] = 0
-        if cells[self.done]:
-            cells[self.at] = FAILURE
-            return FAILURE
-        cells[self.at] = RUNNING
-        return self.tick_child(self.child, ticker)
+        if self.starts(ticker):
+            self.forget(ticker)
+        return self.come_to(ticker, FAILURE) if ticker.cells[self.done] else super().begin(ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on."""
         if outcome & ENDED:
             ticker.cells[self.done] = 1
-        return self.pass_on(ticker, outcome)
+        return self.come_to(ticker, outcome)
 
     def rest(self, ticker: Ticker) -> None:
         """Forget how the node has ended."""
         super().rest(ticker)
         self.forget(ticker)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget that the child has ended."""
-        ticker.cells[self.done] = 0
 
 
 class AskingNode(OwnNode):
@@ -127,7 +108,7 @@ class AskingNode(OwnNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.asked, self.child = part.children
-        self.asking = part.cell()
+        self.asking = part.cell(of_tick=True)
         self.waits = False
 
     def ask(self, ticker: Ticker) -> int:
@@ -144,34 +125,30 @@ class AskingNode(OwnNode):
             return self.answered(ticker, outcome)
         if outcome & ENDED:
             self.child.rest(ticker)
-        return self.pass_on(ticker, outcome)
+        return self.come_to(ticker, outcome)
 
     def answered(self, ticker: Ticker, outcome: int) -> int:
         """Return the outcome, given the answer of the leaf."""
         raise NotImplementedError
 
-    def break_off(self, ticker: Ticker) -> None:
-        """Ask no more."""
-        ticker.cells[self.asking] = 0
-
     def forget(self, ticker: Ticker) -> None:
         """Ask no more."""
-        ticker.cells[self.asking] = 0
+        super().forget(ticker)
         self.asked.rest(ticker)
 
 
 class WhenDueNode(AskingNode):
     """Ticks its child when it starts, while that runs, and when it is due; asks only where that decides."""
 
+    asks_whether_it_starts = True
+
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.waits = True
-        self.is_reset = self.heeds_end = is_reset(part.behaviour)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, or ask whether it is due."""
-        cells = ticker.cells
-        starts = cells[self.at] == INVALID or (cells[self.at] != RUNNING and not self.is_reset)
+        cells, starts = ticker.cells, self.starts(ticker)
         cells[self.at] = RUNNING
         if starts or cells[self.child.at] == RUNNING:
             return self.tick_child(self.child, ticker)
@@ -188,37 +165,30 @@ class DistanceNode(AskingNode):
     It asks in every tick, and fails if the robot does not know where it is; a child that runs stays as it is then.
 
     Attributes:
-        starts: The cell with 1 in the first tick of an activation, while it asks.
+        is_first: The cell with 1 in the first tick of an activation, while it asks.
     """
+
+    asks_whether_it_starts = True
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.starts = part.cell()
-        self.is_reset = self.heeds_end = is_reset(part.behaviour)
+        self.is_first = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Ask where the robot is."""
-        cells = ticker.cells
-        status = cells[self.at]
-        cells[self.starts] = int(status == INVALID or (status != RUNNING and not self.is_reset))
-        cells[self.at] = RUNNING
+        ticker.cells[self.is_first] = int(self.starts(ticker))
+        ticker.cells[self.at] = RUNNING
         return self.ask(ticker)
 
     def answered(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if that is due."""
         cells = ticker.cells
-        starts, cells[self.starts] = cells[self.starts], 0
+        starts, cells[self.is_first] = cells[self.is_first], 0
         if outcome == FAILURE:
-            cells[self.at] = FAILURE
-            return FAILURE
+            return self.come_to(ticker, FAILURE)
         if starts or cells[self.child.at] == RUNNING or outcome == SUCCESS:
             return self.tick_child(self.child, ticker)
         return RUNNING
-
-    def break_off(self, ticker: Ticker) -> None:
-        """Ask no more."""
-        super().break_off(ticker)
-        ticker.cells[self.starts] = 0
 
 
 class LongerPathNode(AskingNode):
@@ -232,7 +202,7 @@ class LongerPathNode(AskingNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.seen = part.cell()
+        self.seen = part.cell(keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Ask how long the path is, if there is another one to compare it with."""
@@ -241,12 +211,10 @@ class LongerPathNode(AskingNode):
         if cells[self.seen]:
             return self.ask(ticker)
         cells[self.seen] = 1
-        cells[self.at] = SUCCESS
-        return SUCCESS
+        return self.come_to(ticker, SUCCESS)
 
     def answered(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if the path has become longer."""
         if outcome == SUCCESS:
             return self.tick_child(self.child, ticker)
-        ticker.cells[self.at] = SUCCESS
-        return SUCCESS
+        return self.come_to(ticker, SUCCESS)

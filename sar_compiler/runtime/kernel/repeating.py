@@ -4,8 +4,8 @@ from collections import deque
 from typing import Any, Final
 
 from sar_compiler.runtime.frozen import freeze, thaw
-from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, number_of
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, is_reset, reset
+from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SKIPPED, SUCCESS, number_of
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, reset
 from sar_compiler.runtime.queues import QueueError, queue_items
 from sar_compiler.runtime.tokens import excerpt
 
@@ -98,13 +98,11 @@ class AgainNode(DecoratorNode):
     def end(self, ticker: Ticker, outcome: int) -> int:
         """End with an outcome."""
         self.forget(ticker)
-        ticker.cells[self.at] = outcome
-        return outcome
+        return self.come_to(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
         """Forget how often the child was ticked."""
-        cells = ticker.cells
-        cells[self.done] = cells[self.wanted] = cells[self.before] = 0
+        super().forget(ticker)
         self.told = 0
 
 
@@ -139,37 +137,34 @@ class LoopNode(DecoratorNode):
         child_runs: The cell with 1 while the child runs.
     """
 
+    asks_whether_it_starts = True
+
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         queue = part.behaviour.queue
         self.literal: Any = _frozen(self.read(queue.get())) if queue.entry is None else _UNSEEN
         self.left, self.child_runs = part.value(_UNSEEN), part.cell()
-        self.is_reset = self.heeds_end = is_reset(part.behaviour)
 
     def begin(self, ticker: Ticker) -> int:
         """Write the next item, unless the child runs, and tick the child."""
         cells = ticker.cells
-        status = cells[self.at]
-        if status == INVALID or (status != RUNNING and not self.is_reset):
+        if self.starts(ticker):
             ticker.values[self.left] = self.literal
             cells[self.child_runs] = 0
         if not cells[self.child_runs] and not self.next_item(ticker):
             return self.end(ticker)
-        cells[self.at] = RUNNING
-        return self.tick_child(self.child, ticker)
+        return super().begin(ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Fail if the child did, else run."""
-        cells = ticker.cells
-        cells[self.child_runs] = int(outcome == RUNNING)
-        cells[self.at] = FAILURE if outcome == FAILURE else RUNNING
-        return cells[self.at]
+        ticker.cells[self.child_runs] = int(outcome == RUNNING)
+        return self.come_to(ticker, FAILURE if outcome == FAILURE else RUNNING)
 
     def end(self, ticker: Ticker) -> int:
         """Answer what is wanted when no item is left."""
         behaviour = self.behaviour
         behaviour.feedback_message = "no item left"
-        return self.pass_on(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
+        return self.come_to(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
 
     def next_item(self, ticker: Ticker) -> bool:
         """Write the next item to the output, if there is one."""
@@ -216,11 +211,6 @@ class LoopNode(DecoratorNode):
         if ticker.values[self.left] == _UNSEEN:
             ticker.values[self.left] = _frozen(self.read(held))
         return None
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget what is left of the queue."""
-        ticker.values[self.left] = _UNSEEN
-        ticker.cells[self.child_runs] = 0
 
 
 def _frozen(items: Any) -> tuple[Any, ...]:

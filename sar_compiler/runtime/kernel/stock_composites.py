@@ -92,10 +92,6 @@ class StockSequenceNode(StockNode):
         """Make the child in hand the current one."""
         self.point_at(ticker.cells[self.position])
 
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which child was in hand."""
-        ticker.cells[self.position] = 0
-
 
 class StockSelectorNode(StockNode):
     """A Selector, with memory or without.
@@ -160,10 +156,6 @@ class StockSelectorNode(StockNode):
         cells[self.current] = 0
         cells[self.at] = status
         return status
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget which child was running."""
-        ticker.cells[self.position] = ticker.cells[self.current] = 0
 
 
 class StockParallelNode(StockNode):
@@ -248,10 +240,6 @@ class StockParallelNode(StockNode):
         children = super().stop_first(ticker)
         ended = [child for child in children if cells[child.at] != RUNNING]
         return ended + [child for child in children if cells[child.at] == RUNNING]
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget what belongs to a single tick."""
-        ticker.cells[self.current] = 0
 
 
 def stop_running(children: list[TreeNode], ticker: Ticker) -> None:

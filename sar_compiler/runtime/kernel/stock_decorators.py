@@ -142,10 +142,6 @@ class StockCountingNode(StockDecoratorNode):
         """Forget the count."""
         self.forget(ticker)
 
-    def forget(self, ticker: Ticker) -> None:
-        """Forget the count."""
-        ticker.cells[self.count] = 0
-
 
 class StockRepeatNode(StockCountingNode):
     """A Repeat."""
@@ -196,7 +192,7 @@ class StockOneShotNode(StockDecoratorNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         behaviour = part.behaviour
-        self.final = part.cell(number_of(behaviour.final_status))
+        self.final = part.cell(number_of(behaviour.final_status), keeps=True)
         self.counts: list[int] = [number_of(status) for status in behaviour.policy.value]
 
     def begin(self, ticker: Ticker) -> int:
@@ -266,11 +262,6 @@ class StockForEachNode(StockDecoratorNode):
         """Forget the items."""
         self.forget(ticker)
 
-    def forget(self, ticker: Ticker) -> None:
-        """Forget the items."""
-        ticker.values[self.waiting] = ()
-        ticker.cells[self.has_item] = 0
-
 
 class StockTimeoutNode(StockDecoratorNode):
     """A Timeout of py_trees', on the mission's clock."""
@@ -298,8 +289,4 @@ class StockTimeoutNode(StockDecoratorNode):
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
         """Stop the timer."""
-        self.timer.stop(ticker)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Stop the timer."""
-        self.timer.stop(ticker)
+        self.forget(ticker)

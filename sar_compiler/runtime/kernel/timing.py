@@ -88,10 +88,6 @@ class TimedNode(DecoratorNode):
         """Return whether the time may be over, or not."""
         return self.timer.ways(ticker)
 
-    def forget(self, ticker: Ticker) -> None:
-        """Stop the timer."""
-        self.timer.stop(ticker)
-
 
 class DelayNode(TimedNode):
     """Waits before it ticks its child for the first time."""
@@ -110,14 +106,13 @@ class DelayNode(TimedNode):
             return self.tick_child(self.child, ticker)
         else:
             behaviour.feedback_message = timer.left(ticker)
-        ticker.cells[self.at] = RUNNING
-        return RUNNING
+        return self.come_to(ticker, RUNNING)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on; after an end, the next start waits again."""
         if outcome & ENDED:
             self.timer.stop(ticker)
-        return self.pass_on(ticker, outcome)
+        return self.come_to(ticker, outcome)
 
 
 class TimeoutNode(TimedNode):
@@ -150,15 +145,14 @@ class TimeoutNode(TimedNode):
         self.timer.stop(ticker)
         reset(self.child, ticker)
         self.behaviour.feedback_message = "timed out"
-        ticker.cells[self.at] = FAILURE
-        return FAILURE
+        return self.come_to(ticker, FAILURE)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on."""
         if outcome & ENDED:
             self.timer.stop(ticker)
             self.behaviour.feedback_message = ""
-        return self.pass_on(ticker, outcome)
+        return self.come_to(ticker, outcome)
 
 
 class SleepNode(TreeNode):
@@ -195,10 +189,6 @@ class SleepNode(TreeNode):
         self.forget(ticker)
         self.behaviour.feedback_message = ""
         ticker.cells[self.at] = INVALID
-
-    def forget(self, ticker: Ticker) -> None:
-        """Stop the timer."""
-        self.timer.stop(ticker)
 
     def seconds(self) -> float:
         """Return how long to wait, in seconds."""

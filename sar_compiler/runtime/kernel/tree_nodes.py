@@ -5,7 +5,7 @@ children says in `begin` and `resume` which child it needs next, and the `Ticker
 """
 
 from collections.abc import Hashable
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from py_trees.common import Status
 
@@ -58,17 +58,38 @@ class Part:
         self.behaviour = behaviour
         self.children = children
         self.layout = layout
+        self.forgotten: list[int] = []
+        self.forgotten_values: list[tuple[int, Any]] = []
+        self.of_tick: list[int] = []
 
-    def cell(self, first: int = 0) -> int:
-        """Add a cell with a number that is 0 or more; return its index."""
+    def cell(self, first: int = 0, *, keeps: bool = False, of_tick: bool = False) -> int:
+        """Add a cell with a number that is 0 or more; return its index.
+
+        Args:
+            first: What it holds at first.
+            keeps: Whether it goes on holding what it does when the node ends or is halted; else it is 0 from then on.
+            of_tick: Whether it is 0 as well after a tick that is broken off.
+        """
         cells = self.layout.cells
         cells.append(first)
-        return len(cells) - 1
+        index = len(cells) - 1
+        if not keeps:
+            self.forgotten.append(index)
+        if of_tick:
+            self.of_tick.append(index)
+        return index
 
-    def value(self, first: Hashable) -> int:
-        """Add a cell with any other value that can be hashed; return its index."""
+    def value(self, first: Hashable, *, keeps: bool = False) -> int:
+        """Add a cell with any other value that can be hashed; return its index.
+
+        Args:
+            first: What it holds at first.
+            keeps: As that of `cell`; else it is the first value from then on.
+        """
         values = self.layout.values
         values.append(first)
+        if not keeps:
+            self.forgotten_values.append((len(values) - 1, first))
         return len(values) - 1
 
     def watch(self, entry: Any, cell: int) -> None:
@@ -101,6 +122,8 @@ class TreeNode:
         self.is_skippable: bool = hasattr(part.behaviour, "skipped")
         self.heeds_end = False
         self.first_cell = self.last_cell = self.first_value = self.last_value = 0
+        self._forgotten, self._forgotten_values = part.forgotten, part.forgotten_values
+        self._of_tick = part.of_tick
 
     def tick(self, ticker: "Ticker") -> int:
         """Return the outcome of a tick; CALLED, and itself in `ticker.called`, if that takes more than this call."""
@@ -128,7 +151,10 @@ class TreeNode:
         raise NotImplementedError
 
     def break_off(self, ticker: "Ticker") -> None:
-        """Do what is left to do when a tick is broken off because a node below has raised."""
+        """Do what is left to do when a tick is broken off because a node below has raised: forget what is of the tick."""
+        cells = ticker.cells
+        for cell in self._of_tick:
+            cells[cell] = 0
 
     def stop(self, ticker: "Ticker") -> None:
         """Stop the node as `Behaviour.stop(Status.INVALID)` does, whatever its status is."""
@@ -143,7 +169,12 @@ class TreeNode:
         raise NotImplementedError
 
     def forget(self, ticker: "Ticker") -> None:
-        """Forget where the node was."""
+        """Forget where the node was: all that its cells hold, but for those that keep it."""
+        cells = ticker.cells
+        for cell in self._forgotten:
+            cells[cell] = 0
+        for place, first in self._forgotten_values:
+            ticker.values[place] = first
 
     def rest(self, ticker: "Ticker") -> None:
         """Forget how the node has ended."""
@@ -314,7 +345,22 @@ class OwnNode(TreeNode):
 
     Only one that runs can be halted there; one that has ended keeps what outlasts its end, as RoundRobin whose turn it is.
     py_trees' composites stop what has ended, too, before they start it again: that brings it to rest, and no more.
+
+    Attributes:
+        asks_whether_it_starts: Whether it does something else in the first tick of an activation, see `starts`.
     """
+
+    asks_whether_it_starts: ClassVar[bool] = False
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.is_reset: bool = self.asks_whether_it_starts and is_reset(part.behaviour)
+        self.heeds_end = self.is_reset
+
+    def starts(self, ticker: Ticker) -> bool:
+        """Return whether a tick is the first one of an activation."""
+        status = ticker.cells[self.at]
+        return status == INVALID or (status != RUNNING and not self.is_reset)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Forget where the node was; return its running children, and bring the others back to rest."""
@@ -334,11 +380,17 @@ class OwnNode(TreeNode):
         outcome = child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
-    def pass_on(self, ticker: Ticker, outcome: int) -> int:
+    def come_to(self, ticker: Ticker, outcome: int) -> int:
         """Return an outcome, which is the node's status from now on unless it is SKIPPED."""
         if outcome != SKIPPED:
             ticker.cells[self.at] = outcome
         return outcome
+
+    def finish(self, ticker: Ticker, outcome: int) -> int:
+        """End the node's work with an outcome: forget where it was, and bring the children to rest."""
+        self.forget(ticker)
+        reset_all(self.children, ticker)
+        return self.come_to(ticker, outcome)
 
 
 class ControlNode(OwnNode):
@@ -349,23 +401,75 @@ class ControlNode(OwnNode):
         self.behaviour.current_child = child.behaviour
         return super().tick_child(child, ticker)
 
-    def point_at(self, index: int) -> None:
-        """Make a child, if there is such a one, the current one."""
-        if index < len(self.children):
-            self.behaviour.current_child = self.children[index].behaviour
-
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Forget where the node was; return its running children, and bring the others back to rest."""
         self.behaviour.current_child = None
         return super().stop_first(ticker)
 
 
+class InTurnNode(ControlNode):
+    """A control that ticks one child after the other: `next_child` says which, and `take` what comes of its outcome.
+
+    Args:
+        part: What it is built of.
+        keeps: Whether it remembers which child was in hand when it ends or is halted.
+        of_tick: Whether it begins with the first child in each tick.
+
+    Attributes:
+        position: The cell with the index of the child in hand.
+    """
+
+    def __init__(self, part: Part, *, keeps: bool = False, of_tick: bool = False) -> None:
+        super().__init__(part)
+        self.position = part.cell(keeps=keeps, of_tick=of_tick)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Begin with the child in hand."""
+        ticker.cells[self.at] = RUNNING
+        return self.resume(ticker, INVALID)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the child in hand; INVALID in place of its outcome if it is to be ticked."""
+        behaviour, children = self.behaviour, self.children
+        while True:
+            if outcome == INVALID:
+                index = self.next_child(ticker)
+                if index < 0:
+                    return self.end(ticker)
+                child = children[index]
+                behaviour.current_child = child.behaviour
+                outcome = child.tick(ticker)
+                if outcome == CALLED:
+                    return CALLED
+            outcome = self.take(ticker, outcome)
+            if outcome != INVALID:
+                return outcome
+
+    def next_child(self, ticker: Ticker) -> int:
+        """Return the index of the child that is to be ticked next; -1 if there is none left."""
+        index = ticker.cells[self.position]
+        return index if index < len(self.children) else -1
+
+    def take(self, ticker: Ticker, outcome: int) -> int:
+        """Take the outcome of the child in hand; return that of the node if it decides, else INVALID."""
+        raise NotImplementedError
+
+    def end(self, ticker: Ticker) -> int:
+        """Return the outcome after the last child."""
+        raise NotImplementedError
+
+
 class DecoratorNode(OwnNode):
-    """A decorator: `begin` decides whether its child is ticked, and `made_of` what is made of its outcome."""
+    """A decorator: `begin` decides whether its child is ticked, and `after` what is made of its outcome."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.child = part.children[0]
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child."""
+        ticker.cells[self.at] = RUNNING
+        return self.tick_child(self.child, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the child, which is left at rest if it has ended."""
@@ -375,7 +479,7 @@ class DecoratorNode(OwnNode):
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Return the outcome, given that of the child; as it is if the decorator says nothing else."""
-        return self.pass_on(ticker, outcome)
+        return self.come_to(ticker, outcome)
 
 
 def is_reset(behaviour: Any) -> bool:

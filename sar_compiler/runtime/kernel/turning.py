@@ -3,7 +3,7 @@
 from typing import Any
 
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING, SKIPPED, WORDS, number_of
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode, is_reset
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode
 from sar_compiler.runtime.scripting import NodeScript
 
 
@@ -19,14 +19,9 @@ class TurningNode(DecoratorNode):
         turned: list[int] = [WORDS.index(word) for word in part.behaviour.turned]
         self.turned = [INVALID, RUNNING, *turned]
 
-    def begin(self, ticker: Ticker) -> int:
-        """Tick the child."""
-        ticker.cells[self.at] = RUNNING
-        return self.tick_child(self.child, ticker)
-
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Turn the outcome."""
-        return self.pass_on(ticker, self.turned[outcome])
+        return self.come_to(ticker, self.turned[outcome])
 
 
 class SubTreeNode(DecoratorNode):
@@ -48,21 +43,15 @@ class RunOnceNode(DecoratorNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.answer = part.cell(INVALID)
+        self.answer = part.cell(INVALID, keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it has ended before."""
-        cells = ticker.cells
-        then_skip = self.behaviour.then_skip.get()
-        answer = cells[self.answer]
+        then_skip, answer = self.behaviour.then_skip.get(), ticker.cells[self.answer]
         if answer == INVALID:
-            cells[self.at] = RUNNING
-            return self.tick_child(self.child, ticker)
+            return super().begin(ticker)
         self.behaviour.feedback_message = "has run"
-        if then_skip:
-            return SKIPPED
-        cells[self.at] = answer
-        return answer
+        return SKIPPED if then_skip else self.come_to(ticker, answer)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Keep the outcome if it is an end."""
@@ -91,7 +80,7 @@ class GuardedNode(DecoratorNode):
             self.behaviour.feedback_message = ""
             return self.tick_child(self.child, ticker)
         self.behaviour.feedback_message = self.why_not
-        return self.pass_on(ticker, self.otherwise())
+        return self.come_to(ticker, self.otherwise())
 
     def may_start(self, ticker: Ticker) -> bool:
         """Return whether the child may start."""
@@ -104,11 +93,7 @@ class GuardedNode(DecoratorNode):
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
-        return self.pass_on(ticker, outcome)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Forget that the child ran."""
-        ticker.cells[self.child_runs] = 0
+        return self.come_to(ticker, outcome)
 
 
 class PreconditionNode(GuardedNode):
@@ -145,7 +130,7 @@ class UpdateGuardNode(GuardedNode):
         super().__init__(part)
         self.unless_written = WORDS.index(part.behaviour.unless_written)
         self.entry = watched_entry(part.behaviour)
-        self.seen = part.cell()
+        self.seen = part.cell(keeps=True)
         part.watch(self.entry, self.seen)
 
     def may_start(self, ticker: Ticker) -> bool:
@@ -185,12 +170,13 @@ class ConditionsNode(DecoratorNode):
         was_running: Whether the node was running when it began to be stopped.
     """
 
+    asks_whether_it_starts = True
+
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         behaviour = part.behaviour
         self.before: list[Any] = behaviour._before
         self.goes_on: Any = behaviour._while
-        self.is_reset = self.heeds_end = is_reset(behaviour)
         self.was_running = False
 
     def begin(self, ticker: Ticker) -> int:
@@ -208,7 +194,7 @@ class ConditionsNode(DecoratorNode):
             behaviour.feedback_message = "halted by _while"
             return SKIPPED
         behaviour.feedback_message = ""
-        if status != INVALID and self.is_reset:
+        if not self.starts(ticker):
             return INVALID
         for script, attribute, outcome in self.before:
             if script.holds():
@@ -227,7 +213,7 @@ class ConditionsNode(DecoratorNode):
         """Run the post-conditions, and pass the outcome on."""
         if outcome & ENDED:
             self.behaviour.run_after(outcome)
-        return self.pass_on(ticker, outcome)
+        return self.come_to(ticker, outcome)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Return the node, if it runs."""

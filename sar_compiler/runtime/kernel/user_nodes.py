@@ -16,7 +16,7 @@ from sar_compiler.runtime.kernel.cells import (
 )
 from sar_compiler.runtime.kernel.choices import UnsteadyError
 from sar_compiler.runtime.kernel.timing import Countdown
-from sar_compiler.runtime.kernel.tree_nodes import OwnNode, Part, Ticker, TreeNode, reset, reset_all
+from sar_compiler.runtime.kernel.tree_nodes import OwnNode, Part, Ticker, TreeNode, reset
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 _INVALID: Final[Any] = Status.INVALID
@@ -72,7 +72,8 @@ class UserNode(OwnNode):
         super().__init__(part)
         self.in_hand = part.cell()
         self.timer = Countdown(part)
-        self.own = [(part.value(cell.first), cell) for cell in part.behaviour.cells]
+        # The cells that the behaviour has asked for, in their order.
+        self.own = [part.value(cell.first, keeps=cell.keeps) for cell in part.behaviour.cells]
         self.claim: Claim | None = None
         self._places = {id(child.behaviour): place for place, child in enumerate(part.children)}
         self._tick = Tick(self)
@@ -141,24 +142,14 @@ class UserNode(OwnNode):
             self.claim.check_outcome(self, outcome)
         if outcome == RUNNING:
             return RUNNING
-        self.forget(ticker)
-        reset_all(self.children, ticker)
         ticker.cells[self.at] = INVALID
-        return self.pass_on(ticker, outcome)
+        return self.finish(ticker, outcome)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Forget where the node was; return its running children, and bring the others back to rest."""
         if self._has_current:
             self.behaviour.current_child = None
         return super().stop_first(ticker)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Have the cells hold what they held at first, but for those that outlast an end."""
-        ticker.cells[self.in_hand] = 0
-        self.timer.stop(ticker)
-        for at, cell in self.own:
-            if not cell.keeps:
-                ticker.values[at] = cell.first
 
     def _attributes(self, ticker: Ticker) -> Any:
         """Return the attributes of the behaviour where all runs are gone through, which puts back its cells alone."""
@@ -202,12 +193,12 @@ class Tick:
 
     def __getitem__(self, cell: Any) -> Any:
         """Return what a cell holds."""
-        return self.ticker.values[self._node.own[cell.number][0]]
+        return self.ticker.values[self._node.own[cell.number]]
 
     def __setitem__(self, cell: Any, value: Any) -> None:
         """Have a cell hold something, which must have a hash."""
         hash(value)
-        self.ticker.values[self._node.own[cell.number][0]] = value
+        self.ticker.values[self._node.own[cell.number]] = value
 
     @property
     def place(self) -> int:
