@@ -27,6 +27,8 @@ PARSERS = [
     server_parser(*server_commands.DETECT),
     server_parser(*server_commands.REPORT),
 ]
+for each in PARSERS:
+    each.show_all()
 # The pages that say more, by command, or command and option.
 MORE = {
     "sar-compile validate": ["writing_a_tree.md", "configuration.md"],
@@ -84,8 +86,6 @@ def page():
     """Return the page, as the parsers make it."""
     project = argparse.ArgumentParser(add_help=False)
     add_project_options(project)
-    for parser in PARSERS:
-        parser.show_all()
     every = [section(parser, f"## {parser.prog}", parser.prog) for parser in PARSERS]
     return "\n".join([HEAD, *every, f"{SHARED}{table(project, '')}\n"])
 
