@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.values import Milliseconds as Milliseconds
     from sar_compiler.nodes.values import Seconds as Seconds
     from sar_compiler.nodes.values import at_least as at_least
+    from sar_compiler.ros.clock import Deadline as Deadline
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf as ActionLeaf
-    from sar_compiler.ros.leaves.deadline import Deadline as Deadline
-    from sar_compiler.ros.leaves.errors import LeafDefinitionError as LeafDefinitionError
     from sar_compiler.ros.leaves.goal import describe_status as describe_status
-    from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED as SUCCEEDED
+    from sar_compiler.ros.leaves.goals import SUCCEEDED as SUCCEEDED
     from sar_compiler.ros.leaves.interfaces import find_interface as find_interface
     from sar_compiler.ros.leaves.interfaces import qos_profile as qos_profile
+    from sar_compiler.ros.leaves.leaf import LeafDefinitionError as LeafDefinitionError
     from sar_compiler.ros.leaves.leaf import RosLeaf as RosLeaf
     from sar_compiler.ros.leaves.leaf import alive as alive
     from sar_compiler.ros.leaves.service_leaf import ServiceLeaf as ServiceLeaf
@@ -73,12 +73,11 @@ _MODULES = {
     "nodes.spec": ("Kind", "Use"),
     "nodes.values": ("Milliseconds", "Seconds", "at_least"),
     "ros.leaves.action_leaf": ("ActionLeaf",),
-    "ros.leaves.deadline": ("Deadline",),
-    "ros.leaves.errors": ("LeafDefinitionError",),
+    "ros.clock": ("Deadline",),
     "ros.leaves.goal": ("describe_status",),
-    "ros.leaves.goal_statuses": ("SUCCEEDED",),
+    "ros.leaves.goals": ("SUCCEEDED",),
     "ros.leaves.interfaces": ("find_interface", "qos_profile"),
-    "ros.leaves.leaf": ("RosLeaf", "alive"),
+    "ros.leaves.leaf": ("LeafDefinitionError", "RosLeaf", "alive"),
     "ros.leaves.service_leaf": ("ServiceLeaf",),
     "ros.leaves.standstill": ("Standstill",),
     "ros.leaves.topic_leaf": ("TopicLeaf",),

@@ -1,4 +1,4 @@
-"""The clocks: a node's as that of its trees, which may stand still and may jump; and the time in which this process has run.
+"""The clocks: a node's as that of its trees, which may stand still and may jump; the time in which this process has run; deadlines.
 
 Limits for others are counted in the latter. A process that is stopped, or that the machine has no time for, hears nobody meanwhile.
 What it then finds late is not others' fault, and DDS may have to find them anew.
@@ -11,10 +11,13 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.of_node import of_node
+from sar_compiler.runtime.clock import WallClock
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.timer import Timer
+
+    from sar_compiler.runtime.clock import Clock
 
 # An executor that is turned again and again has not been for so long: nothing of this process has gone on, seconds.
 _STANDSTILL_SEC = 2.0
@@ -207,3 +210,41 @@ def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "T
     from rclpy.clock import Clock, ClockType
 
     return node.create_timer(period_sec, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+# After this time without an advance, simulated time counts as stopped: long before most deadlines, which are ten.
+_DEADLINES_PATIENCE_SEC = 3.0
+# A fast simulation does not make the machine's network faster: a limit of 10 s takes at least one of these.
+_DEADLINES_FASTEST = 10.0
+
+
+def deadline_clock(node: "Node") -> "Clock":
+    """Return the clock of deadlines on a node: simulated time where there is any, else the machine's.
+
+    Simulated time counts at most ten times as fast as the machine's; the machine's counts while it stands still. What passes
+    while this process stands still counts in neither.
+    """
+    return NodeTime(node, patience_sec=_DEADLINES_PATIENCE_SEC, fastest=_DEADLINES_FASTEST, steady=AWAKE.now)
+
+
+class Deadline:
+    """A time limit.
+
+    Args:
+        seconds: The time until it passes, in seconds.
+        clock: The clock that counts; by default the machine's steady one.
+    """
+
+    def __init__(self, seconds: float, clock: "Clock | None" = None) -> None:
+        self._clock = clock or WallClock()
+        self._at = self._clock.now() + seconds
+
+    @property
+    def left(self) -> float:
+        """The seconds until it passes; 0 from then on."""
+        return max(0.0, self._at - self._clock.now())
+
+    @property
+    def passed(self) -> bool:
+        """Whether it has passed."""
+        return self._clock.now() >= self._at

@@ -18,7 +18,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from sar_compiler.ros.companion import Companion
-from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
+from sar_compiler.ros.leaves.goals import GoalNews, goals_under_way
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -174,7 +174,7 @@ def _cancel(node: "Node", active: Mapping[str, "CancelPort"]) -> bool:
     """Cancel what is active, until the ends are seen; return whether all were."""
     from rclpy.executors import SingleThreadedExecutor
 
-    from sar_compiler.ros.leaves.goal_statuses import end_in_words
+    from sar_compiler.ros.leaves.goals import end_in_words
     from sar_compiler.ros.left_goals import LeftGoal
 
     def tell_end(action: str, status: int) -> None:

@@ -15,8 +15,7 @@ from unique_identifier_msgs.msg import UUID
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT
-from sar_compiler.ros.leaves.goal_statuses import FINAL, UNKNOWN
-from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
+from sar_compiler.ros.leaves.goals import FINAL, UNKNOWN, GoalNews, goals_under_way
 from sar_compiler.ros.readiness import Requirement
 
 # A cancel that is not answered, or not followed, is repeated after so many seconds of the steady clock.

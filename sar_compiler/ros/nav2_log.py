@@ -5,7 +5,7 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.ros.leaves.lifecycle import DRIVING_NODES
+from sar_compiler.ros.lifecycle import DRIVING_NODES
 from sar_compiler.ros.of_node import of_node
 
 if TYPE_CHECKING:

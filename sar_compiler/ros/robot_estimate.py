@@ -6,19 +6,18 @@ Leaves, watch, readiness, journal and the end of a run read it. What it subscrib
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.ros.clock import AWAKE, ClockedTime
-from sar_compiler.ros.leaves.deadline import deadline_clock
+from sar_compiler.ros.clock import AWAKE, ClockedTime, deadline_clock
 from sar_compiler.ros.leaves.interfaces import qos_profile
+from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
 from sar_compiler.ros.of_node import of_node
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.poses import yaw_of
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-    from sar_compiler.ros.lifecycle_state import LifecycleState
 
 # Slower than this a robot stands, m/s and rad/s, once it has been for so long, seconds of its own clock.
 _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
@@ -127,10 +126,13 @@ class RobotEstimate:
             return ""
         return f"No transform from 'map' has come for {TRANSFORM_SEC:g} s: the localisation has stopped"
 
-    def lifecycle(self, name: str) -> "LifecycleState":
-        """Return what is known of a lifecycle node, by its relative name: the same object in every call."""
-        from sar_compiler.ros.lifecycle_state import LifecycleState
+    @cached_property
+    def driving_nodes(self) -> LifecycleNodes:
+        """The lifecycle nodes that a drive needs."""
+        return LifecycleNodes([self.lifecycle(name) for name in DRIVING_NODES])
 
+    def lifecycle(self, name: str) -> LifecycleState:
+        """Return what is known of a lifecycle node, by its relative name: the same object in every call."""
         if name not in self._states:
             self._states[name] = LifecycleState(self._node, name)
         return self._states[name]

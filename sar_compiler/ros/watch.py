@@ -12,13 +12,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.clock import AWAKE, steady_timer
-from sar_compiler.ros.leaves.deadline import deadline_clock
-from sar_compiler.ros.leaves.goal_statuses import goal_statuses_of
-from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
+from sar_compiler.ros.clock import AWAKE, deadline_clock, steady_timer
+from sar_compiler.ros.leaves.goals import GoalNews, goal_statuses_of, goals_under_way
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
-from sar_compiler.ros.lifecycle_state import with_full_name
+from sar_compiler.ros.lifecycle import NAV2_NODES, with_full_name
 from sar_compiler.ros.poses import estimated_pose, yaw_of
 from sar_compiler.ros.readiness import SHADOW_SEC, OneServer
 from sar_compiler.ros.robot_estimate import robot_estimate

@@ -13,7 +13,7 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 
 from sar_compiler.ros.faults import NavigationFaults
-from sar_compiler.ros.leaves.goal_statuses import ABORTED, CANCELED, SUCCEEDED
+from sar_compiler.ros.leaves.goals import ABORTED, CANCELED, SUCCEEDED
 from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.bt_navigator import (
     ACTIVATION_SEC,

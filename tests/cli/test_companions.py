@@ -146,7 +146,7 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
 ) -> None:
     from sar_compiler.cli.run_mission_tree import TreeRun
     from sar_compiler.cli.supervision import ADRIFT
-    from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+    from sar_compiler.ros.leaves.goals import goals_under_way
 
     goals_under_way(stage.node).sending(SimpleNamespace(uuid=[1] * 16), "/drive/_action/cancel_goal")
     leaf: Any = Running("drive")

@@ -21,7 +21,7 @@ from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, A
 from sar_compiler.missions.search_and_rescue.record import SurvivorReport
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.ros.leaves.errors import MissingNodeError
+from sar_compiler.ros.leaves.leaf import MissingNodeError
 from sar_compiler.runtime.leaf_protocol import Settling
 
 if TYPE_CHECKING:

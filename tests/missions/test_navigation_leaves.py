@@ -10,6 +10,7 @@ from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
 from sar_compiler.missions.search_and_rescue.failsafes import NavigationAvailable
+from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
@@ -472,8 +473,7 @@ class TestTheMeans:
         server.error_code = code
         leaf = drive(stage)
         under_way(stage, leaf, server)
-        assert leaf._lifecycle is not None
-        stage.until(lambda: leaf._lifecycle.look() or leaf._lifecycle._known, "the node")  # type: ignore[union-attr]
+        stage.until(lambda: robot_estimate(leaf.node).lifecycle(name).is_there, "the node")
         server.order("abort")
         stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
         assert f"{name}/get_state" not in stage.record.navigation_lost
@@ -488,9 +488,9 @@ class TestTheMeans:
         from geometry_msgs.msg import TransformStamped
         from tf2_msgs.msg import TFMessage
 
-        from sar_compiler.ros import robot_estimate
+        from sar_compiler.ros import robot_estimate as estimate
 
-        monkeypatch.setattr(robot_estimate, "TRANSFORM_SEC", 0.3)
+        monkeypatch.setattr(estimate, "TRANSFORM_SEC", 0.3)
         server, leaf = stage.nav_server(), drive(stage)
         frame, publisher = TransformStamped(), stage.host().node.create_publisher(TFMessage, "/tf", 10)
         frame.header.frame_id, frame.child_frame_id = "map", "odom"

@@ -8,8 +8,9 @@ import pytest
 from py_trees.common import ClearingPolicy, Status
 
 from sar_compiler.leaves import ActionLeaf, Input, Kind, Output, ServiceLeaf, TopicLeaf, Use, register
-from sar_compiler.ros.leaves.deadline import Deadline
-from sar_compiler.ros.leaves.errors import LeafDefinitionError
+from sar_compiler.ros.clock import Deadline
+from sar_compiler.ros.leaves.leaf import LeafDefinitionError
+from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.clock import ManualClock
 
@@ -371,9 +372,7 @@ def lifecycle(stage: "Stage", name: str) -> Lifecycle:
 def knowing(stage: "Stage", name: str) -> DriveTo:
     """Return a leaf that has seen a lifecycle node of Nav2."""
     leaf = driver(stage, DriveWithNav2)
-    nodes = leaf._lifecycle
-    assert nodes is not None
-    (node,) = [each for each in nodes._nodes if each.name == name]
+    node = robot_estimate(leaf.node).lifecycle(name)
     stage.until(lambda: node.is_there, name)
     return leaf
 

@@ -475,7 +475,7 @@ class TestNav2:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
-        from sar_compiler.ros.lifecycle_state import PolledService
+        from sar_compiler.ros.lifecycle import PolledService
         from sar_compiler.ros.robot_estimate import robot_estimate
 
         monkeypatch.setattr(PolledService, "deadline_sec", 0.2)

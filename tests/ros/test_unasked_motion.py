@@ -24,7 +24,7 @@ class Robot:
         from nav_msgs.msg import Odometry
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+        from sar_compiler.ros.leaves.goals import goals_under_way
         from sar_compiler.ros.robot_estimate import robot_estimate
         from sar_compiler.ros.watch import UnaskedMotion
 

@@ -216,7 +216,6 @@ def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Sce
 
 
 def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_that_is(ros: Ros) -> None:
-    from sar_compiler.ros.leaves.lifecycle import driving_nodes
     from sar_compiler.ros.robot_estimate import robot_estimate
 
     Nav2(ros)
@@ -227,7 +226,7 @@ def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_
     ros.spin_until(lambda: start.missing() is None, "its state")
     assert (amcl.state, amcl.is_awaited()) == ("active", False)
     assert amcl.age_sec < 60.0
-    drives = driving_nodes(node)
+    drives = robot_estimate(node).driving_nodes
     ros.spin_until(lambda: drives.obstacle() == "", "the states of both")
     drives.ask_anew()
     # What was known before does not count any more, and one question is enough for all.

@@ -6,12 +6,12 @@ from typing import Any, cast
 from py_trees.common import Status
 
 from sar_compiler.nodes.spec import MARK, Use
+from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
-from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, describe_status
-from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
-from sar_compiler.ros.leaves.lifecycle import NAVIGATOR, LifecycleNodes, driving_nodes
+from sar_compiler.ros.leaves.goals import SUCCEEDED
 from sar_compiler.ros.leaves.standstill import Standstill
+from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 
 _NAV2 = "nav2_msgs."
@@ -75,7 +75,6 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._port: ActionPort | None = None
-        self._lifecycle: LifecycleNodes | None = None
         self._goals_given_up: list[ActionGoal] = []
         self._hold: Deadline | None = None
         self._held: ActionGoal | None = None
@@ -132,7 +131,6 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if self._port is not None and self.settled():
             self._port.release()
         self._port = None
-        self._lifecycle = None
         super().shutdown()
 
     def settled(self) -> bool:
@@ -155,8 +153,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     def _connect(self) -> None:
         self._port = ActionPort(self.node, self.interface, self.action_name)
         if self._needs_nav2:
-            self._lifecycle = driving_nodes(self.node)
             self._robot = robot_estimate(self.node)
+            self._robot.driving_nodes.look()
 
     @property
     def _needs_nav2(self) -> bool:
@@ -179,8 +177,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
 
     def _begin(self) -> Status:
         self._has_asked = False
-        if self._lifecycle is not None:
-            self._lifecycle.look()
+        if self._robot is not None:
+            self._robot.driving_nodes.look()
         if self._pause is not None and not self._pause.passed:
             self._exchange = None
             self.feedback_message = (
@@ -199,8 +197,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             return Status.RUNNING
         if exchange.rejected or (exchange.answer is not None and exchange.answer.status != SUCCEEDED):
             return self._fail_or_hold(exchange)
-        if exchange.trouble and self._lifecycle is not None:
-            return self._hold_on_for_server(exchange, self._lifecycle)
+        if exchange.trouble and self._robot is not None:
+            return self._hold_on_for_server(exchange, self._robot.driving_nodes)
         if exchange.answer is not None:
             self._failures = 0
             self.on_available()
@@ -234,8 +232,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         """Go by what keeps the server from taking goals: wait until it is over and send again, or fail at once."""
         if not self._has_asked:
             self._has_asked = True
-            if self._lifecycle is not None:
-                self._lifecycle.ask_anew()
+            if self._robot is not None:
+                self._robot.driving_nodes.ask_anew()
         obstacle = self._obstacle()
         if obstacle is None:
             return Status.RUNNING
@@ -266,9 +264,9 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         port = cast("ActionPort", self._port)
         if port.statuses.has_foreign_goal:
             return f"another client's goal is under way on '{port.name}'"
-        if self._lifecycle is None or self._robot is None:
+        if self._robot is None:
             return ""
-        obstacle = self._lifecycle.obstacle()
+        obstacle = self._robot.driving_nodes.obstacle()
         return self._robot.lost_transforms() if obstacle == "" else obstacle
 
     def _count_failure(self, goal: ActionGoal) -> None:

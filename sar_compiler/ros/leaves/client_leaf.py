@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from py_trees.common import Status
 
-from sar_compiler.ros.leaves.deadline import Deadline, deadline_clock
-from sar_compiler.ros.leaves.errors import LeafDefinitionError, MissingNodeError
+from sar_compiler.ros.clock import Deadline, deadline_clock
 from sar_compiler.ros.leaves.interfaces import find_interface
-from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.ros.leaves.leaf import LeafDefinitionError, MissingNodeError, RosLeaf
 from sar_compiler.runtime.clock import WallClock
 
 if TYPE_CHECKING:

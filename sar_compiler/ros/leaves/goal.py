@@ -13,17 +13,22 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakMethod
 
-from sar_compiler.ros.clock import AWAKE
+from sar_compiler.ros.clock import AWAKE, Deadline
 from sar_compiler.ros.leaves.client_leaf import Exchange
-from sar_compiler.ros.leaves.deadline import Deadline
-from sar_compiler.ros.leaves.goal_statuses import ABORTED, CANCELED, SUCCEEDED, UNKNOWN, goal_statuses_of
-from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+from sar_compiler.ros.leaves.goals import (
+    ABORTED,
+    CANCELED,
+    SUCCEEDED,
+    UNKNOWN,
+    goal_statuses_of,
+    goals_under_way,
+)
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.leaves.pulse import Pulse
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
     from rclpy.action.client import ClientGoalHandle
+    from rclpy.client import Client
     from rclpy.node import Node
     from rclpy.task import Future
 
@@ -42,6 +47,8 @@ _UNANSWERED = 2
 _LATEST = 4.0
 # A navigator that answers nothing for so long is dead if it sends no feedback either, seconds in which this process ran.
 _QUIET_SEC = 2.0
+# How often a server is asked whether it lives, seconds.
+_PULSE_SEC = 1.0
 # How often a goal that was given up is asked after, seconds.
 _CHASE_SEC = 1.0
 
@@ -138,6 +145,56 @@ class GoalDeadlines:
     def silence_sec(self) -> float:
         """How long a server that sends no feedback may leave questions unanswered."""
         return self.server_sec if self.feedback_sec is None else self.feedback_sec
+
+
+class Pulse:
+    """Heartbeat: requests the result of an unknown goal, which a live server refuses at once.
+
+    A server that works in the only thread that it has answers nothing meanwhile. So it counts as dead only after it
+    has answered once.
+
+    Args:
+        prober: A client of the action's result service.
+        limit_sec: How long an answer may take, seconds.
+        clock: The clock of the limits.
+    """
+
+    def __init__(self, prober: "Client", limit_sec: float, clock: "Clock") -> None:
+        self._prober, self._limit_sec, self._clock = prober, limit_sec, clock
+        self._question: Future | None = None
+        self._has_answered = False
+        self._due = Deadline(0.0, clock)
+        self._limit = Deadline(limit_sec, clock)
+
+    def has_stopped(self) -> bool:
+        """Ask if it is due; return whether the server, which has answered before, has not for too long."""
+        if self._question is None:
+            if self._due.passed:
+                self._ask()
+        elif self._question.done():
+            self._has_answered = True
+            self.rest()
+        elif self._limit.passed:
+            self._drop()
+            return self._has_answered
+        return False
+
+    def rest(self) -> None:
+        """Ask no more for a while: the server has been heard."""
+        self._drop()
+        self._due = Deadline(_PULSE_SEC, self._clock)
+
+    def _ask(self) -> None:
+        request: Any = self._prober.srv_type.Request()
+        request.goal_id.uuid = list(uuid.uuid4().bytes)
+        self._limit = Deadline(self._limit_sec, self._clock)
+        self._question = self._prober.call_async(request)
+
+    def _drop(self) -> None:
+        question, self._question = self._question, None
+        if question is not None:
+            # Without this the client would wait for the answer for good.
+            self._prober.remove_pending_request(question)
 
 
 class ActionGoal(Exchange):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.leaves.errors import LeafDefinitionError
+from sar_compiler.ros.leaves.leaf import LeafDefinitionError
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
 if TYPE_CHECKING:

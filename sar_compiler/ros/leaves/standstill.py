@@ -1,7 +1,7 @@
 """A leaf's wait for a robot that is to stand."""
 
-from sar_compiler.ros.leaves.deadline import Deadline
-from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+from sar_compiler.ros.clock import Deadline
+from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.leaf_protocol import Wake

@@ -1,17 +1,24 @@
-"""What is known of a lifecycle node, which is asked again and again without blocking; `RobotEstimate.lifecycle` has one for each."""
+"""What is known of lifecycle nodes, which are asked again and again without blocking; `RobotEstimate.lifecycle` has one for each."""
 
 import math
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-
-from lifecycle_msgs.msg import State
-from lifecycle_msgs.srv import GetState
 
 from sar_compiler.ros.clock import AWAKE
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.task import Future
+
+NAV2_NODES = ("amcl", "bt_navigator")
+"""The lifecycle nodes of Nav2 that localise and navigate, by their relative names."""
+
+NAVIGATOR = NAV2_NODES[-1]
+"""The one of these whose actions drive the robot."""
+
+DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
+"""Those that a drive needs: while one is not active, or answers nothing, the end of a goal says nothing of its place."""
 
 _ASK_PERIOD_SEC = 0.5
 # How long a client that was made anew may take to find its server.
@@ -109,7 +116,8 @@ def with_full_name(name: str, resolved: str) -> str:
     return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
 
 
-_STATES = {State.PRIMARY_STATE_ACTIVE: "active", State.PRIMARY_STATE_INACTIVE: "inactive"}
+# By the constants of lifecycle_msgs/msg/State.
+_STATES = {3: "active", 2: "inactive"}
 
 
 class LifecycleState(PolledService):
@@ -124,6 +132,8 @@ class LifecycleState(PolledService):
     """
 
     def __init__(self, node: "Node", name: str) -> None:
+        from lifecycle_msgs.srv import GetState
+
         super().__init__(node, GetState, f"{name}/get_state")
         self.name = name
         self._service = node.resolve_service_name(f"{name}/get_state")
@@ -162,3 +172,34 @@ class LifecycleState(PolledService):
 def _state_name(state: Any) -> str:
     """Return a lifecycle state's name; some servers fill in only its number."""
     return state.label or _STATES.get(state.id, f"number {state.id}")
+
+
+class LifecycleNodes:
+    """Lifecycle nodes that must be active.
+
+    A node that was never there is not asked for: there are servers without a lifecycle.
+
+    Args:
+        nodes: The nodes.
+    """
+
+    def __init__(self, nodes: Sequence[LifecycleState]) -> None:
+        self._nodes = nodes
+        self._known: set[LifecycleState] = set()
+        self._since = -math.inf
+
+    def look(self) -> None:
+        """Note which of the nodes are there."""
+        self._known.update(each for each in self._nodes if each.is_there)
+
+    def ask_anew(self) -> None:
+        """Let only what the nodes answer from now on count."""
+        self._since = AWAKE.now()
+
+    def obstacle(self) -> str | None:
+        """Return what is missing, in words; empty if nothing is, None if not all have answered yet."""
+        self.look()
+        missing = [each.missing(self._since) for each in self._nodes if each in self._known]
+        if any(each.is_awaited(self._since) for each in self._known):
+            return None
+        return "; ".join(line for line in missing if line is not None)
