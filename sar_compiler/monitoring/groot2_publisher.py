@@ -1,9 +1,14 @@
-"""A tree for Groot2: its nodes, their statuses and its blackboards, over ZeroMQ."""
+"""A tree for Groot2: its nodes, their statuses and its blackboards, over ZeroMQ.
 
+The protocol is version 2, byte by byte; numbers are little-endian. A request is a header (version, kind, the sender's number) and, for
+some, a second frame. The reply is the header again with the tree's id, and a second frame for some; or `error` and a text.
+"""
+
+import struct
 import time
 import uuid
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from threading import Lock, Thread
 from typing import Protocol
@@ -14,20 +19,8 @@ from py_trees.visitors import VisitorBase
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.monitoring.groot2_requests import (
-    Groot2Hooks,
-    Hook,
-    Request,
-    RequestError,
-    RequestKind,
-    header,
-    read_request,
-    reply,
-    snapshot,
-    snapshot_status,
-    transition,
-)
-from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
+from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, Hook, RequestError
+from sar_compiler.monitoring.numbered_tree import IDLE, NumberedTree, StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.runtime.blackboard import MissingEntryError
 
@@ -41,6 +34,15 @@ _PATIENCE_SEC = 5.0
 # How often a publisher with hooks looks whether requests still come.
 _LOOK_MSEC = 100
 _STOPPED = b"stopped"
+_VERSION = 2
+_HEADER = struct.Struct("<BBI")
+_STATUS = struct.Struct("<HB")
+# A status in a snapshot from here on: IDLE, and before that it was so much less.
+_WAS = 10
+_BREAKPOINT_REACHED = ord("N")
+
+_Responder = Callable[[Sequence[bytes]], bytes | None]
+"""Returns the second frame of a reply to a request with these frames after its header; None for a reply without."""
 
 
 class Ticking(Protocol):
@@ -91,19 +93,19 @@ class Groot2Publisher:
         self._is_recording = False
         self._may_hook = hooks
         self._hooks = Groot2Hooks(self._tree, self._tell_of, tell, patience_sec)
-        self._answers: Mapping[RequestKind, Callable[[Request], bytes | None]] = {
-            RequestKind.FULL_TREE: lambda _: self._xml,
-            RequestKind.STATUS: self._statuses,
-            RequestKind.BLACKBOARD: self._blackboards,
-            RequestKind.TOGGLE_RECORDING: self._toggle_recording,
-            RequestKind.GET_TRANSITIONS: self._take_transitions,
-            RequestKind.BREAKPOINT_REACHED: _not_asked,
-            RequestKind.HOOK_INSERT: self._changing_hooks(self._hooks.insert),
-            RequestKind.HOOK_REMOVE: self._changing_hooks(self._hooks.remove),
-            RequestKind.BREAKPOINT_UNLOCK: self._changing_hooks(self._hooks.unlock),
-            RequestKind.HOOKS_DUMP: lambda _: self._hooks.dump().encode(),
-            RequestKind.REMOVE_ALL_HOOKS: lambda _: self._hooks.remove_all(),
-            RequestKind.DISABLE_ALL_HOOKS: lambda _: self._hooks.enable(enabled=False),
+        # By the kinds of requests.
+        self._answers: Mapping[bytes, _Responder] = {
+            b"T": lambda _: self._xml,
+            b"S": self._statuses,
+            b"B": self._blackboards,
+            b"r": self._toggle_recording,
+            b"t": self._take_transitions,
+            b"I": self._changing_hooks(self._hooks.insert),
+            b"R": self._changing_hooks(self._hooks.remove),
+            b"U": self._changing_hooks(self._hooks.unlock),
+            b"D": lambda _: self._hooks.dump().encode(),
+            b"A": lambda _: self._hooks.remove_all(),
+            b"X": lambda _: self._hooks.enable(enabled=False),
         }
         self._context = zmq.Context()
         try:
@@ -160,17 +162,18 @@ class Groot2Publisher:
 
     def _note(self, change: StatusChange) -> None:
         with self._lock:
-            self._shown[change.uid - 1] = snapshot_status(change.before, change.status)
+            self._shown[change.uid - 1] = _WAS + change.before if change.status == IDLE else change.status
             if self._is_recording:
-                now = (time.monotonic_ns() - self._recording_began) // 1000
-                self._transitions.append(transition(now, change.uid, change.status))
+                microseconds = (time.monotonic_ns() - self._recording_began) // 1000
+                moment = microseconds.to_bytes(6, "little")
+                self._transitions.append(moment + _STATUS.pack(change.uid, change.status))
 
     def _tell_of(self, hook: Hook) -> None:
         """Report a hook that the tick has reached; all others who use this socket have ended, or not begun."""
         self._changes.run_around(hook.uid)
-        number = uuid.uuid4().int & 0xFFFFFFFF
+        header = _HEADER.pack(_VERSION, _BREAKPOINT_REACHED, uuid.uuid4().int & 0xFFFFFFFF)
         with suppress(zmq.ZMQError):
-            self._publisher.send_multipart([header(RequestKind.BREAKPOINT_REACHED, number), b"%d" % hook.uid])
+            self._publisher.send_multipart([header, b"%d" % hook.uid])
 
     def _serve(self) -> None:
         poller = zmq.Poller()
@@ -187,31 +190,39 @@ class Groot2Publisher:
 
     def _reply(self, frames: list[bytes]) -> list[bytes]:
         try:
-            request = read_request(frames)
-            return reply(request, self._id, self._answers[request.kind](request))
+            return self._answer(*frames)
         except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
             return [b"error", str(error).encode("utf-8", "replace")]
 
-    def _changing_hooks(self, change: Callable[[str], None]) -> Callable[[Request], None]:
+    def _answer(self, header: bytes, *rest: bytes) -> list[bytes]:
+        if len(header) != _HEADER.size:
+            raise RequestError("wrong request header")
+        answer = self._answers.get(header[1:2])
+        if answer is None:
+            raise RequestError("Request not recognized")
+        second = answer(rest)
+        return [bytes([_VERSION]) + header[1:] + self._id, *([] if second is None else [second])]
+
+    def _changing_hooks(self, change: Callable[[str], None]) -> _Responder:
         """Return the answer to a request that changes hooks; to remove them all is always possible."""
 
-        def answer(request: Request) -> None:
+        def answer(rest: Sequence[bytes]) -> None:
             if not self._may_hook:
                 raise RequestError(
                     "hooks are not allowed here: sar-run --groot2-hooks, or Groot2Publisher(..., hooks=True)"
                 )
-            change(request.payload)
+            change(_text(rest))
 
         return answer
 
-    def _statuses(self, _: Request) -> bytes:
+    def _statuses(self, _: Sequence[bytes]) -> bytes:
         with self._lock:  # not for longer: the tick waits for it
             shown = [*self._shown]
         return snapshot(shown)
 
-    def _blackboards(self, request: Request) -> bytes:
+    def _blackboards(self, rest: Sequence[bytes]) -> bytes:
         found: dict[str, object] = {}
-        for name in filter(None, request.payload.split(";")):
+        for name in filter(None, _text(rest).split(";")):
             path = "" if name == self._tree.name else name
             if path in self._tree.scopes:
                 found[name] = self._entries(path)
@@ -227,8 +238,8 @@ class Groot2Publisher:
                 found[key] = _plain(entry.read())
         return found
 
-    def _toggle_recording(self, request: Request) -> bytes | None:
-        word = request.payload
+    def _toggle_recording(self, rest: Sequence[bytes]) -> bytes | None:
+        word = _text(rest)
         with self._lock:
             if word == "start":
                 self._recording_began = time.monotonic_ns()
@@ -236,15 +247,30 @@ class Groot2Publisher:
             self._is_recording = word == "start" or (self._is_recording and word != "stop")
         return b"%d" % (time.time_ns() // 1000) if word == "start" else None
 
-    def _take_transitions(self, _: Request) -> bytes:
+    def _take_transitions(self, _: Sequence[bytes]) -> bytes:
         with self._lock:
             taken = b"".join(self._transitions)
             self._transitions.clear()
         return taken
 
 
-def _not_asked(_: Request) -> None:
-    raise RequestError("Request not recognized")
+def _text(rest: Sequence[bytes]) -> str:
+    """Return the second frame of a request, which has to have one.
+
+    Raises:
+        RequestError: If there is none, or it is no text.
+    """
+    if len(rest) != 1:
+        raise RequestError("must be 2 parts message")
+    try:
+        return rest[0].decode()
+    except UnicodeDecodeError as error:
+        raise RequestError(f"the second part is no text in UTF-8: {error}") from error
+
+
+def snapshot(statuses: Iterable[int]) -> bytes:
+    """Return the statuses of nodes, those from the number 1 on."""
+    return b"".join(_STATUS.pack(uid, status) for uid, status in enumerate(statuses, 1))
 
 
 def _plain(value: object) -> object:

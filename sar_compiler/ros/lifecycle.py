@@ -193,7 +193,7 @@ class LifecycleNodes:
         self._known.update(each for each in self._nodes if each.is_there)
 
     def ask_anew(self) -> None:
-        """Let only what the nodes answer from now on count."""
+        """Ignore what the nodes have answered until now."""
         self._since = AWAKE.now()
 
     def obstacle(self) -> str | None:

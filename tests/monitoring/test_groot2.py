@@ -21,7 +21,7 @@ import sar_compiler
 from sar_compiler import Groot2Publisher, SarError
 from sar_compiler.leaves import Clock, Kind, register
 from sar_compiler.monitoring import groot2_publisher
-from sar_compiler.monitoring.groot2_requests import snapshot
+from sar_compiler.monitoring.groot2_publisher import snapshot
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.blackboard import Entry
 from sar_compiler.testing import ManualClock

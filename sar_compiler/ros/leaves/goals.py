@@ -1,4 +1,4 @@
-"""The goals of a node that may be active, and what servers publish of theirs: the second witness of how a goal has ended."""
+"""The goals of a node that may be active, and the statuses that servers publish: another source for how a goal has ended."""
 
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any, NamedTuple
