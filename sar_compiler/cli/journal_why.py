@@ -122,9 +122,8 @@ class Explanation(NamedTuple):
 
     @property
     def is_of_a_failure(self) -> bool:
-        """Whether a page tells it at the end of the run: it has failed."""
-        reasons = self.reasons
-        return bool(reasons.chain) and not reasons.went_on and reasons.outcome != "complete"
+        """Whether a page tells it at the end of the run: it is not complete, and something has failed."""
+        return self.reasons.first is not None and self.reasons.outcome != "complete"
 
     def text(self) -> str:
         """Return it in words."""

@@ -1,23 +1,27 @@
 """The page of a run of `sar-run`, and of journals; what it takes is imported only where somebody wants one."""
 
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.commands import print_error
-from sar_compiler.journal.journal_entries import RUN_ENDED, JournalEntry
+from sar_compiler.journal.condition import RunProcess
+from sar_compiler.journal.journal_entries import ORDERED, RUN_ENDED, JournalEntry
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
-from sar_compiler.web.page_server import PageServer
+from sar_compiler.web.page_server import OrderGiver, PageServer
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun, Verb
+    from sar_compiler.missions.verb_calls import VerbCalls
     from sar_compiler.project import Workspace
 
 # How often journals of other processes are looked at, in seconds; they are written once a second.
@@ -42,30 +46,51 @@ class RunPage(Companion):
         from sar_compiler.ros.clock import NodeTime
 
         verbs = mission.verbs()
-        calls = VerbCalls(node, verbs)
+        calls = VerbCalls(
+            node, verbs, lambda verb, by: journal.watch(ORDERED, verb=verb.name, label=verb.label, by=by)
+        )
         # Its own, for it is read in the server's thread; the mission's says what becomes of it.
         clock = NodeTime(node)
 
         def beat() -> dict[str, object]:
             try:
-                return {"time": clock.now(), "verbs": calls.available()}
+                return {"time": clock.now(), "verbs": [calls.available()]}
             except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
                 return {}
 
-        robots, forms = [node.get_fully_qualified_name()], [_form(verb) for verb in verbs]
+        robots, forms = [node.get_fully_qualified_name()], [[_form(verb) for verb in verbs]]
         feed = LiveFeed({"robots": robots, "verbs": forms}, beat)
         for entry in journal.earlier():
             feed.take(entry)
         # Apart: a page on which nobody says why goes on.
         for listener in (feed.take, _TellsWhy(feed).take):
             journal.listen(listener)
-        self._server = PageServer(feed, port, calls)
+        self._server = PageServer(feed, port, _OwnOrders(calls))
         self._server.start()
         print_error(f"The page of this run: {self._server.url}")
 
     def end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is served from before that on
         """Serve it no more."""
         self._server.close()
+
+
+class _OwnOrders:
+    """The orders to the robot of this process.
+
+    Args:
+        calls: Who carries them out.
+    """
+
+    def __init__(self, calls: "VerbCalls") -> None:
+        self._calls = calls
+
+    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
+        """Give an order; see `VerbCalls.give`.
+
+        Raises:
+            VerbError: If it is none.
+        """
+        return self._calls.give(verb, values, giver.name)
 
 
 def replay_journals(paths: Sequence[Path], port: int | None) -> None:
@@ -96,17 +121,19 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
 
     followers = [JournalFollower(path) for path in paths]
     hello: dict[str, object] = {"robots": _names(paths)}
-    running = [False for _ in paths]
-    feed = LiveFeed(hello, lambda: {"running": running}, len(paths))
+    feed = LiveFeed(hello, dict, len(paths))
+    heard = [time.monotonic() for _ in paths]
     with _told_of(feed, port) as server:
         while not server.wait(_LOOK_SEC):
             for robot, follower in enumerate(followers):
                 # Between two looks, in this thread: it takes away the locks of whoever reads the file in this process.
-                running[robot] = is_locked(follower.path)
+                is_gone = not is_locked(follower.path)
                 for entry in follower.news():
+                    heard[robot] = time.monotonic()
                     feed.take(entry, robot)
                     if entry.kind == RUN_ENDED and (why := _why_of(_explained(follower.path))) is not None:
                         feed.tell_why(why, robot)
+                feed.know(RunProcess(is_gone, time.monotonic() - heard[robot]), robot)
 
 
 def _explained(path: Path, workspace: "Workspace | None" = None) -> Explanation:
@@ -164,5 +191,6 @@ def _form(verb: "Verb") -> dict[str, Any]:
         "label": verb.label,
         "help": verb.help,
         "confirm": verb.confirm,
+        "role": verb.role,
         "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields],
     }

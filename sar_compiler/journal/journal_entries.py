@@ -15,6 +15,9 @@ RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
 """Kinds that a stream has beside facts and what was watched: what the mission is, with `run`, what the run has of its own;
 `ending`, `status` and `reason`."""
 
+ORDERED = "ordered"
+"""The kind of an order that was given on a page: its `verb`, its `label`, and `by` whom, as far as they have said."""
+
 OF_ROBOT = ("pose", "plan", "map", "log")
 """Kinds that are watched of the robot's topics."""
 

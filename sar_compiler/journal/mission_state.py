@@ -8,12 +8,28 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
-from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
-from sar_compiler.journal.situation import CHANGED, FactTime, MissionPhase, Situation, fact_words, position
+from sar_compiler.journal.journal_entries import (
+    GOAL_ENDED,
+    GOAL_SENT,
+    ORDERED,
+    RUN_BEGAN,
+    RUN_ENDED,
+    JournalEntry,
+)
+from sar_compiler.journal.situation import (
+    CHANGED,
+    FactTime,
+    Level,
+    MissionPhase,
+    Situation,
+    fact_words,
+    position,
+)
 
 RUNNING, SUCCESS, FAILURE = "RUNNING", "SUCCESS", "FAILURE"
 _RESTING = ("IDLE", "HALTED")
 _WARN = 30
+_OF_PHASE = (RUN_BEGAN, RUN_ENDED, GOAL_ENDED, CHANGED, "progress", "lacks")
 
 
 class Instant(NamedTuple):
@@ -184,9 +200,12 @@ class MissionState:
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
             `height` in cells, and the image `png`; empty if there is none.
         warnings: Warnings and errors of the log.
+        orders: What was ordered on a page, and by whom.
         goals: The goals that may be active: their actions, by id.
         tick: The number of the last tick in which anything has changed.
         now: The moment of the last entry.
+        since_phase: When the present phase began.
+        finished: When each landmark was done or given up in the last run, by kind and name.
     """
 
     def __init__(self) -> None:
@@ -204,10 +223,13 @@ class MissionState:
         self.lacks = ""
         self.map: Mapping[str, Any] = {}
         self.warnings: list[Told] = []
+        self.orders: list[Told] = []
         self.goals: dict[str, str] = {}
         self.tick = 0
-        self.now = Instant(1, 0.0, 0.0)
+        self.now = self.since_phase = Instant(1, 0.0, 0.0)
+        self.finished: dict[tuple[str, str], Instant] = {}
         self._starts: dict[int, float] = {}
+        self._phase, self._told_drive = "", 0.0
 
     @classmethod
     def of(cls, stream: Iterable[JournalEntry]) -> "MissionState":
@@ -229,8 +251,15 @@ class MissionState:
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
                 pass  # somebody else's entry of that kind
             else:
+                if entry.kind in _OF_PHASE:
+                    self._look_at_phase(anew=entry.kind == RUN_BEGAN)
                 return
         self.facts.append(KnownFact(self.now, entry.kind, entry.data, fact_words(entry.kind, entry.data)))
+
+    def _look_at_phase(self, *, anew: bool) -> None:
+        name = self.phase.name
+        if anew or name != self._phase:
+            self._phase, self.since_phase = name, self.now
 
     def instant(self, time: FactTime) -> Instant:
         """Return a moment of the mission's clock as one of its run."""
@@ -261,6 +290,29 @@ class MissionState:
         return told._replace(name="working" if self.drive is None else "driving")
 
     @property
+    def likely_end(self) -> float | None:
+        """About when the mission is complete, by what is left of this drive and the mean of what was done; None without a mean.
+
+        Seconds of the mission's clock since the run's beginning.
+        """
+        places = [each for each in self.situation.landmarks.values() if not each.corners]
+        to_come = sum(
+            each.level < Level.DONE and not self.situation.kind_of(each).is_found for each in places
+        )
+        if not self.finished or not to_come:
+            return None
+        last = max(each.time for each in self.finished.values())
+        mean = last / len(self.finished)
+        arrival = self._told_drive + (self.drive.time_left or 0.0) if self.drive else 0.0
+        return max(last + mean, arrival) + mean * (to_come - 1)
+
+    @property
+    def time_limit_sec(self) -> float | None:
+        """How long the run may take; None for no limit."""
+        limit = self.parameters.get("time_limit_sec")
+        return float(limit) if isinstance(limit, int | float) and limit > 0 else None
+
+    @property
     def parameters(self) -> Mapping[str, Any]:
         """The parameters of the last run, by name."""
         given = self.runs[-1].about.get("parameters") if self.runs else None
@@ -269,6 +321,7 @@ class MissionState:
     def _run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick, self.lacks = None, [], 0, ""
+        self.finished = {}
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
 
@@ -302,6 +355,7 @@ class MissionState:
         self.plan = [position(*point) for point in points] if frame == "map" else []
 
     def _progress(self, target: str, distance: float, time_left: float | None) -> None:
+        self._told_drive = self.now.time
         self.drive = DriveLeft(str(target), float(distance), None if time_left is None else float(time_left))
 
     def _lacks(self, text: str) -> None:
@@ -310,7 +364,10 @@ class MissionState:
     def _map(self, **data: Any) -> None:
         self.map = data
 
-    def _log(self, node: str, level: int, text: str) -> None:
+    def _ordered(self, verb: str, label: str, by: str) -> None:
+        self.orders.append(Told(self.now, f"{label or verb}", str(by)))
+
+    def _log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
             self.warnings.append(Told(self.now, str(text), str(node), int(level)))
 
@@ -321,9 +378,21 @@ class MissionState:
             situation.take(kinds)
             self.is_told = True
         situation.take(**data)
+        self._finish(data.get("landmarks", ()))
         self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
         if said and self.facts:
             self.facts[-1] = self.facts[-1]._replace(text=str(said))
+
+    def _finish(self, landmarks: Iterable[Mapping[str, Any]]) -> None:
+        for kind, name in ((each["kind"], each["name"]) for each in landmarks):
+            landmark = self.situation.landmarks[kind, name]
+            # What was so when the run began was done before.
+            if (
+                landmark.level >= Level.DONE
+                and not self.situation.kind_of(landmark).is_found
+                and self.now.time
+            ):
+                self.finished.setdefault((kind, name), self.now)
 
     _KINDS: ClassVar[Mapping[str, Callable[..., None]]] = {
         RUN_BEGAN: _run_began,
@@ -338,6 +407,7 @@ class MissionState:
         "lacks": _lacks,
         "map": _map,
         "log": _log,
+        ORDERED: _ordered,
     }
 
 

@@ -144,7 +144,7 @@ class MissionPhase(NamedTuple):
     """What a mission is at, as far as the mission alone knows.
 
     Attributes:
-        name: `held`, `working`, or what else it is, in a word; empty for what the run says (driving, waiting, over).
+        name: `held`, `aborted`, `working`, or what else it is, in a word; empty for what the run says (driving, waiting, over).
         reason: Why, in words.
         place: Where it is at work: the name of a landmark; empty for nowhere.
     """

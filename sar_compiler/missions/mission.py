@@ -60,6 +60,8 @@ class Verb(NamedTuple):
         fields: The values that come with it.
         confirm: What is asked before it is carried out; empty for what does no harm.
         fill: Fills the service's request with the values.
+        role: Where pages put it: `stop` ends the mission where the robot stands, `hold` has the robot stand and `release` has it go on.
+            Empty for any other.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Verb(NamedTuple):
     fields: Sequence[VerbField] = ()
     confirm: str = ""
     fill: Callable[[Any, Mapping[str, Any]], None] = lambda _request, _values: None
+    role: Literal["", "stop", "hold", "release"] = ""
 
     def check(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of an order.

@@ -18,9 +18,13 @@ class VerbCalls:
     Args:
         node: The mission's node, which has the services as well.
         verbs: What can be ordered.
+        on_send: Is called with a verb and whoever has ordered it, in the executor's thread, right before its service is.
     """
 
-    def __init__(self, node: "Node", verbs: Sequence[Verb]) -> None:
+    def __init__(
+        self, node: "Node", verbs: Sequence[Verb], on_send: Callable[[Verb, str], object] = lambda *_: None
+    ) -> None:
+        self._on_send = on_send
         self._verbs = {verb.name: verb for verb in verbs}
         self._clients = {
             verb.name: node.create_client(
@@ -36,8 +40,13 @@ class VerbCalls:
         """Return the verbs whose services are there: those that the tree's leaves heed."""
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
-    def give(self, verb: str, values: Mapping[str, Any]) -> "Future[tuple[bool, str]]":
+    def give(self, verb: str, values: Mapping[str, Any], by: str = "") -> "Future[tuple[bool, str]]":
         """Give an order, from any thread.
+
+        Args:
+            verb: The name of a verb.
+            values: The values that come with it.
+            by: Who orders it; may be empty.
 
         Returns:
             Whether it was accepted, and what was said to it; it can be cancelled until it is sent.
@@ -55,7 +64,7 @@ class VerbCalls:
         request = client.srv_type.Request()
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()
-        self._waiting.append(lambda: self._send(client, request, answer))
+        self._waiting.append(lambda: self._send(known, client, request, answer, by))
         self._bell.trigger()
         return answer
 
@@ -63,11 +72,13 @@ class VerbCalls:
         while self._waiting:
             self._waiting.popleft()()
 
-    @staticmethod
-    def _send(client: Any, request: Any, answer: "Future[tuple[bool, str]]") -> None:
+    def _send(
+        self, verb: Verb, client: Any, request: Any, answer: "Future[tuple[bool, str]]", by: str
+    ) -> None:
         # Whoever has given up an order has been told that it was not carried out; from here on nobody can.
         if not answer.set_running_or_notify_cancel():
             return
+        self._on_send(verb, by)
 
         def take(called: Any) -> None:
             try:

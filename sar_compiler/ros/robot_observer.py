@@ -76,8 +76,8 @@ class RobotObserver:
     - `map`: `png`, an image in base64 of `width` and `height` pixels of `resolution` metres, whose lower left corner is at `x`, `y`
       (m), turned by `yaw` (rad), from `map`; where it is another one than before
     - `lacks`: `text`, why the robot cannot drive (Nav2 is not active, transforms have stopped), empty when it can again
-    - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`; of other nodes than the mission's own only warnings and
-      errors
+    - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`, and when it was said, `stamp` (s since 1970): a line comes later than what
+      happens meanwhile; of other nodes than the mission's own only warnings and errors
 
     Args:
         node: The mission's node.
@@ -175,7 +175,8 @@ class RobotObserver:
             if self._others > _OTHERS:
                 return
         text = message.msg if len(message.msg) <= _LONGEST else f"{message.msg[:_LONGEST]} [...]"
-        self._journal.watch("log", node=message.name, level=message.level, text=text)
+        stamp = message.stamp.sec + message.stamp.nanosec * 1e-9
+        self._journal.watch("log", node=message.name, level=message.level, text=text, stamp=stamp)
 
     def _is_due(self, kind: str) -> bool:
         now = self._journal.clock.now()

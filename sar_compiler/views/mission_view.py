@@ -5,6 +5,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from sar_compiler.journal.condition import clock_text
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
 from sar_compiler.journal.situation import CHANGED, Landmark, fact_words
@@ -47,13 +48,6 @@ Line = list[Piece]
 def sign(status: str) -> str:
     """Return the sign of a status; for one outside the present activation, another sign."""
     return _SIGNS.get(status, "[-]")
-
-
-def clock_text(seconds: float) -> str:
-    """Return a duration as minutes and seconds, and hours if there are any: `1:05`, `2:00:00`."""
-    whole = max(0, int(seconds))
-    hours, minutes = divmod(whole // 60, 60)
-    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
 
 
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:

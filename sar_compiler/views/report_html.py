@@ -12,11 +12,12 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
+from sar_compiler.journal.condition import clock_text
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, RobotPose
 from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.mission_report import georeference, outcome
-from sar_compiler.views.mission_view import clock_text, sign
+from sar_compiler.views.mission_view import sign
 
 _NONE = "-"
 _POSITION = ("x, y in map (m)", "latitude, longitude")

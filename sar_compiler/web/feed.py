@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from sar_compiler.journal.condition import RunProcess
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.web.page_state import PageState, all_changes
@@ -127,6 +128,10 @@ class LiveFeed:
     def tell_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
         """Queue why a robot's mission has failed, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].tell_why(why))
+
+    def know(self, process: RunProcess, robot: int = 0) -> None:
+        """Queue what is known of a robot's process; from any thread, without blocking."""
+        self._news.append(lambda: self._states[robot].know(process))
 
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""

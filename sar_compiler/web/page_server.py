@@ -6,12 +6,13 @@ import math
 import secrets
 import socket
 import threading
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
 from functools import partial
 from hmac import compare_digest
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
+from urllib.parse import unquote
 
 import uvicorn
 from starlette.applications import Starlette
@@ -28,7 +29,7 @@ from sar_compiler.web.feed import Feed, ReplayFeed
 
 # Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
-_LONGEST_ORDER = 10_000
+_LONGEST_ORDER, _LONGEST_NAME = 10_000, 60
 # How long an order may take, in seconds; the page waits somewhat longer (`orders.js`).
 _ANSWER_SEC = 10.0
 
@@ -46,11 +47,28 @@ _HEADERS = {
 }
 
 
+class OrderGiver(NamedTuple):
+    """Who gives an order, and to which robot.
+
+    Attributes:
+        name: What whoever gives it is called; empty if they have not said that.
+        robot: The robot's place among those of the page.
+    """
+
+    name: str = ""
+    robot: int = 0
+
+
 class Orders(Protocol):
     """Carries out the operator's orders."""
 
-    def give(self, verb: str, values: Mapping[str, Any]) -> "Future[tuple[bool, str]]":
+    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
         """Give an order, from any thread.
+
+        Args:
+            verb: What is ordered.
+            values: What comes with it.
+            giver: By whom, to which robot.
 
         Returns:
             Whether it was accepted, and what was said to it; cancelled, it is not carried out.
@@ -70,8 +88,11 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
     """
     static = {path.name: path.read_bytes() for path in files(__package__).joinpath("static").iterdir()}
 
-    async def page(_: Request) -> Response:
-        return _static("index.html", static["index.html"])
+    def page(name: str) -> Callable[[Request], Awaitable[Response]]:
+        async def answer(_: Request) -> Response:
+            return _static(name, static[name])
+
+        return answer
 
     async def file(request: Request) -> Response:
         name = request.path_params["name"]
@@ -89,10 +110,17 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
         if not compare_digest(given.encode(), f"Bearer {token}".encode()):
             return _answer(403, "this page may only look: open the address that the run has printed")
         values = await _values(request)
-        return await _give_order(orders, request.path_params["verb"], values)
+        try:
+            robot = int(request.query_params.get("robot", 0))
+        except ValueError:
+            raise HTTPException(400) from None
+        by = unquote(request.headers.get("x-operator", ""))[:_LONGEST_NAME]
+        giver = OrderGiver("".join(filter(str.isprintable, by)).strip(), robot)
+        return await _give_order(orders, request.path_params["verb"], values, giver)
 
     routes = [
-        Route("/", page),
+        Route("/", page("operator.html")),
+        Route("/tree", page("tree.html")),
         Route("/static/{name}", file),
         Route("/events", events),
         Route("/moment", partial(_moment, feed)),
@@ -156,9 +184,9 @@ async def _values(request: Request) -> Mapping[str, Any]:
     return values
 
 
-async def _give_order(orders: Orders, verb: str, values: Mapping[str, Any]) -> Response:
+async def _give_order(orders: Orders, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> Response:
     try:
-        given = orders.give(verb, values)
+        given = orders.give(verb, values, giver)
         accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
     except SarError as error:
         return _answer(400, str(error))

@@ -1,15 +1,27 @@
 """The state of a robot's mission for a page, as JSON values, and its changes."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple
 
-from sar_compiler.journal.journal_entries import GOAL_ENDED, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.condition import RunProcess, condition
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.journal_entries import (
+    GOAL_ENDED,
+    GOAL_SENT,
+    ORDERED,
+    RUN_BEGAN,
+    RUN_ENDED,
+    JournalEntry,
+)
 from sar_compiler.journal.mission_state import FAILURE, RUNNING, MissionState
 from sar_compiler.journal.situation import CHANGED, FactTime, Landmark
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
 # A longer log keeps its last lines, and of those before them facts and warnings; a longer trail loses every second point.
 _LOG, _RECENT, _IMPORTANT, _TRAIL = 2000, 300, 1400, 1000
+# The log of ROS comes so many lines later than what happened meanwhile, at most.
+_LATE = 50
 
 PageChange = dict[str, Any]
 """What has changed of a page's state, as JSON values: what `PageState.change` returns."""
@@ -52,10 +64,14 @@ class GrowingList:
         self.values: list[Any] = []
         self._told = 0
 
-    def append(self, value: Any) -> int:
-        """Add a value; return its place."""
+    def append(self, value: Any) -> None:
+        """Add a value."""
         self.values.append(value)
-        return len(self.values) - 1
+
+    def insert(self, place: int, value: Any) -> None:
+        """Add a value at a place."""
+        self.values.insert(place, value)
+        self._told = min(self._told, place)
 
     def put(self, place: int, value: Any) -> None:
         """Replace a value."""
@@ -75,9 +91,9 @@ class GrowingList:
 class PageState:
     """What a page shows of a robot after some entries.
 
-    Its parts, as a page has them: `run`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `lacks`, `map`, `kinds` by name, `landmarks` by kind and
-    name (null for one that is gone), `figures`, `gauges`, `alarms`, `phase`, `why`, `log` and `trail`, from a place on. With `begin` nothing of
-    what was known before holds.
+    Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `map`, `times` of these,
+    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `figures`, `gauges`, `alarms`, `why`, `log` and `trail`, from a
+    place on. With `begin` nothing of what was known before holds.
 
     Args:
         robot: Whose state it is: its place among the robots of a page.
@@ -93,7 +109,11 @@ class PageState:
         self._mission = MissionState()
         self._statuses: dict[int, ShownStatus] = {}
         self._why: Mapping[str, Any] | None = None
+        self._process = RunProcess()
+        self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
+        # When the last lines of the log were said, in seconds since 1970.
+        self._walls: list[float] = []
         # Where the last fact is in the log; what it says in a sentence comes behind it.
         self._fact: int | None = None
         self.tell_anew()
@@ -123,6 +143,9 @@ class PageState:
             happen = self._KINDS.get(entry.kind)
             if happen is not None:
                 happen(self, entry)
+            if entry.kind in self._TIMED:
+                self._times[entry.kind] = mission.now.time
+                self._touched.add("times")
         self._passed = 0.0
         self._touched.add("time")
 
@@ -135,6 +158,13 @@ class PageState:
         """Add why the mission has failed, as JSON values."""
         self._why = why
         self._touched.add("why")
+
+    def know(self, process: RunProcess) -> None:
+        """Take what is known of the process that runs the mission."""
+        before = condition(self._mission, self._process)
+        self._process = process
+        if condition(self._mission, process) != before:
+            self._touched.add("condition")
 
     def change(self) -> PageChange | None:
         """Return what has changed since the last call; None for nothing."""
@@ -169,7 +199,7 @@ class PageState:
         return ("log", self._log), ("trail", self._trail)
 
     def _run_began(self, entry: JournalEntry) -> None:
-        self._began, self._why = entry.time, None
+        self._began, self._why, self._times = entry.time, None, {}
         self._statuses, self._nodes = {}, set()
         node = self._mission.runs[-1].about.get("node")
         self._tell("fact", f"The run began{f' on {node}' if node else ''}.")
@@ -211,7 +241,12 @@ class PageState:
 
     def _log_line(self, entry: JournalEntry) -> None:
         self._mission.warnings.clear()
-        self._tell(_LEVELS.get(entry.data["level"], "info"), str(entry.data["text"]))
+        data = entry.data
+        self._tell(_LEVELS.get(data["level"], "info"), str(data["text"]), data.get("stamp"))
+
+    def _ordered(self, entry: JournalEntry) -> None:
+        data = entry.data
+        self._tell("fact", f"{data['by'] or 'somebody'}, on the page: {data['label']}")
 
     def _changed(self, entry: JournalEntry) -> None:
         data = entry.data
@@ -225,12 +260,20 @@ class PageState:
             *when, _ = self._log.values[self._fact]
             self._log.put(self._fact, [*when, str(said)])
 
-    def _tell(self, level: str, text: str) -> int:
-        now = self._mission.now
-        place = self._log.append([now.run, now.time, level, text])
-        if place < _LOG:
+    def _tell(self, level: str, text: str, stamp: float | None = None) -> int:
+        """Add a line to the log, one with a stamp in front of what came later; return its place."""
+        now, lines, walls = self._mission.now, self._log.values, self._walls
+        wall = now.wall if stamp is None else min(now.wall, stamp)
+        of_run = sum(1 for line in lines[-len(walls) :] if line[0] == now.run) if walls else 0
+        later = 0 if stamp is None else next((n for n in range(of_run) if walls[-1 - n] <= wall), of_run)
+        place = len(lines) - later
+        self._log.insert(place, [now.run, lines[place][1] if later else now.time, level, text])
+        walls.insert(len(walls) - later, wall)
+        del walls[:-_LATE]
+        if self._fact is not None and place <= self._fact:
+            self._fact += 1
+        if len(lines) <= _LOG:
             return place
-        lines = self._log.values
         kept = [line for line in lines[:-_RECENT] if line[2] != "info"]
         self._log.renew([*kept[-_IMPORTANT:], *lines[-_RECENT:]])
         self._fact = None
@@ -243,6 +286,7 @@ class PageState:
         return {
             "number": run.number,
             "began": self._began,
+            "wall": self._mission.runs[0].began.wall,
             "mission": self._mission.title,
             "is_simulated": bool(about.get("simulated")),
             "node": str(run.about.get("node") or ""),
@@ -284,6 +328,11 @@ class PageState:
         moment = self._mission.instant(value)
         return {"run": moment.run, "time": moment.time}
 
+    def _north(self) -> float | None:
+        """Return where north is: an angle in the frame `map`, radians from its x axis; None if nobody knows."""
+        place = Georeference.among(self._mission.parameters)
+        return None if place is None else math.radians(place.heading)
+
     def _alarms(self) -> list[PageChange]:
         mission = self._mission
         return [
@@ -297,22 +346,37 @@ class PageState:
 
     # What entries of a kind change, and what else is to be done with them.
     _PARTS: ClassVar[Mapping[str, tuple[str, ...]]] = {
-        RUN_BEGAN: ("run", "nodes", "plan", "drive", "lacks", "why", "phase"),
-        RUN_ENDED: ("run", "drive", "lacks", "phase"),
-        GOAL_ENDED: ("drive", "plan", "phase"),
+        RUN_BEGAN: (
+            "run",
+            "nodes",
+            "plan",
+            "drive",
+            "why",
+            "condition",
+            "place",
+            "estimate",
+            "times",
+            "north",
+        ),
+        RUN_ENDED: ("run", "drive", "condition", "place", "estimate"),
+        GOAL_SENT: ("condition",),
+        GOAL_ENDED: ("drive", "plan", "condition", "estimate"),
+        CHANGED: ("condition", "place", "estimate"),
         "pose": ("pose",),
         "plan": ("plan",),
-        "progress": ("drive", "phase"),
-        "lacks": ("lacks", "phase"),
+        "progress": ("drive", "condition", "estimate"),
+        "lacks": ("condition",),
         "map": ("map",),
     }
-    _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms", "phase"))
+    _TIMED = ("pose", "plan", "map")
+    _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms"))
     _KINDS: ClassVar[Mapping[str, Callable[..., None]]] = {
         RUN_BEGAN: _run_began,
         RUN_ENDED: _run_ended,
         "status": _status,
         "pose": _pose,
         "log": _log_line,
+        ORDERED: _ordered,
         CHANGED: _changed,
     }
     # The parts that are replaced as they are, in the order in which they are told.
@@ -323,7 +387,11 @@ class PageState:
         "pose": _pose_values,
         "plan": lambda self: self._mission.plan,
         "drive": lambda self: self._mission.drive and self._mission.drive._asdict(),
-        "lacks": lambda self: self._mission.lacks,
+        "condition": lambda self: condition(self._mission, self._process)._asdict(),
+        "place": lambda self: self._mission.situation.phase.place,
+        "estimate": lambda self: {"end": self._mission.likely_end, "limit": self._mission.time_limit_sec},
+        "times": lambda self: self._times,
+        "north": _north,
         "map": lambda self: self._mission.map or None,
         "kinds": lambda self: {name: each._asdict() for name, each in self._mission.situation.kinds.items()},
         "figures": lambda self: [
@@ -331,7 +399,6 @@ class PageState:
         ],
         "gauges": lambda self: [each._asdict() for each in self._mission.situation.gauges.values()],
         "alarms": _alarms,
-        "phase": lambda self: self._mission.phase._asdict(),
         "why": lambda self: self._why,
     }
 

@@ -18,8 +18,9 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sar_compiler.journal import mission_state, situation
-from sar_compiler.journal.database import JournalFile, StreamPlace
+from sar_compiler.journal import condition, mission_state, situation
+from sar_compiler.journal.condition import RunProcess
+from sar_compiler.journal.database import JournalFile, StreamPlace, is_locked
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.reserve import SUFFIX
 from sar_compiler.journal.situation import CHANGED
@@ -97,6 +98,8 @@ class ReplayTrack:
 
     def __init__(self, path: Path, explain: Explain, add_display: AddDisplay) -> None:
         self._path = path
+        # First of all: it takes away the locks of whoever reads the file in this process.
+        self._is_written = is_locked(path)
         self.shift = 0.0
         self.first: float | None = None
         self.why: Mapping[str, Any] | None = None
@@ -152,7 +155,10 @@ class ReplayTrack:
             self._go_on(until)
             self._state.let_pass(until - self._place.end)
         self._state.robot = robot
-        if self.why is not None and self._place.entry >= self.last.entry:
+        is_last = self._place.entry >= self.last.entry
+        # Of a run that has ended the journal itself says that.
+        self._state.know(RunProcess(is_gone=is_last and not self._is_written))
+        if self.why is not None and is_last:
             self._state.tell_why(self.why)
         return self._state
 
@@ -235,7 +241,7 @@ def _unpack(packed: bytes | memoryview) -> PageState:
 
 
 # What a packed state is made of.
-_MODULES = (page_state, mission_state, situation)
+_MODULES = (page_state, mission_state, situation, condition)
 _CLASSES = {
     (each.__module__, each.__qualname__): each
     for module in _MODULES

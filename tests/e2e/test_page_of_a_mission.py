@@ -14,10 +14,11 @@ pytestmark = pytest.mark.ros
 
 
 def address(command):
-    """Return the address of the page that a command serves."""
+    """Return the address of the engineer's page that a command serves, and its port."""
     found = re.search(r"http://127\.0\.0\.1:(\d+)/\S*", command.wait_for("http://").output)
     assert found
-    return found[0], found[1]
+    whole, _, token = found[0].partition("#")
+    return f"{whole}tree#{token}" if token else f"{whole}tree", found[1]
 
 
 class Told(Browser):
@@ -72,7 +73,7 @@ def story(tmp_path_factory):
         run = fly("--web-port", free_port())
         url, port = address(run)
         page.open(url).order("pause", "Pause: done")
-        page.wait_for("#state", "live: held by the operator")
+        page.wait_for("#condition strong", "paused").wait_for("#condition", "by the operator")
         page.wait_for_rest()
         page.wait(
             lambda: page.js("return document.querySelectorAll('#map image, #map .robot').length") == 2,
@@ -88,20 +89,20 @@ def story(tmp_path_factory):
         page.order("resume", "Resume: done")
         page.wait_for("#now", "navigating to zone_b")
         page.order("pause", "Pause: done")
-        page.wait_for("#state", "live: held by the operator")
+        page.wait_for("#condition strong", "paused").wait_for("#condition", "by the operator")
         run.send(signal.SIGINT)
         seen["stopped"] = run.end()
-        page.wait_for("#state", "stopped, status 130")
+        page.wait_for("#condition strong", "stopped")
 
         again = fly("--resume", "--web-port", port)
-        page.wait_for("#clock", "run 2").wait_for("#state", "live: held by the operator")
+        page.wait_for("#clock", "run 2").wait_for("#condition strong", "paused")
         seen["resumed"] = page.zone("zone_a")
         page.order("resume", "this page may only look")
         page.open(address(again)[0])
         page.order("resume", "Resume: done")
         page.wait_for("#now", "navigating to zone_b")
         seen["ended"] = again.end()
-        page.wait_for("#state", "ended, status 1: ")
+        page.wait_for("#condition strong", "failed")
         seen["last"] = page.text("#progress")
 
         replay = start("sar-journal", "replay", journal, "--web-port", 0)
@@ -109,7 +110,7 @@ def story(tmp_path_factory):
         page.js(
             "const time = document.getElementById('time'); time.value = time.max; time.dispatchEvent(new Event('input'))"
         )
-        page.wait_for("#state", "ended, status 1: ")
+        page.wait_for("#condition strong", "failed")
         seen["replayed"] = page.text("#progress"), [page.zone(name) for name in ("zone_a", "zone_b")]
         seen["why"] = page.text("#why")
         seen["of replay"] = replay.stop()

@@ -2,9 +2,10 @@
 
 import pytest
 
+from sar_compiler.journal.condition import clock_text
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.views.mission_view import change_text, clock_text, screen
+from sar_compiler.views.mission_view import change_text, screen
 
 
 def node(name, *children):

@@ -110,8 +110,8 @@ class Live:
         self.journal = Journal()
         self.journal.attach(Patrol(), KINDS)
         self.verbs = list(verbs)
-        hello: dict[str, object] = {"verbs": self.verbs}
-        self.feed = LiveFeed(hello, lambda: {"verbs": [verb["name"] for verb in self.verbs]})
+        hello: dict[str, object] = {"verbs": [self.verbs]}
+        self.feed = LiveFeed(hello, lambda: {"verbs": [[verb["name"] for verb in self.verbs]]})
         self.journal.listen(self.feed.take)
         self.server = PageServer(self.feed, port, orders)
         self.server.start()

@@ -24,15 +24,21 @@ from tests.web.test_page_server import Operator
 
 pytestmark = pytest.mark.unmeasured
 
-PAUSE = {"name": "pause", "label": "Pause", "help": "Stops it.", "confirm": "", "fields": []}
+PAUSE = {"name": "pause", "label": "Pause", "help": "Stops it.", "confirm": "", "role": "", "fields": []}
 SKIP = {**PAUSE, "name": "pause", "label": "Skip", "confirm": "Nobody goes there."}
+
+
+def tree_of(server):
+    """Return the address of the engineer's page."""
+    address, _, token = server.url.partition("#")
+    return f"{address}tree#{token}"
 
 
 def order_button(browser):
     """Return the button of the order, once it can be pressed."""
-    button = browser.driver.find_element("css selector", "[data-verb=pause]")
-    browser.wait(button.is_enabled, "the button")
-    return button
+    button = "[data-verb=pause]:enabled"
+    browser.wait(lambda: browser.js("return !!document.querySelector(arguments[0])", button), "the button")
+    return browser.driver.find_element("css selector", button)
 
 
 def test_a_browser_that_comes_late_sees_the_truth(live, browser):
@@ -40,7 +46,7 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     run.status(0, "RUNNING")
     run.status(1, "RUNNING", "3 m left")
     run.journal.note("point_reached", point="north")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     assert browser.rows() == [
         "Mission, Sequence, RUNNING",
         "Drive, Drive, RUNNING, 3 m left",
@@ -48,12 +54,6 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     ]
     assert "Drive" in browser.text("#now")
     assert browser.text("#progress") == "points visited 1 of 2 · finds 0 · battery 89 %"
-    run.journal.note("alarmed", text="a find at no usable position")
-    browser.wait_for("#state", "live: a find at no usable position")
-    run.journal.note("alarmed", text="the link is lost")
-    browser.wait_for("#state", "live: a find at no usable position; the link is lost")
-    run.journal.note("alarmed", text="the link is lost", is_over=True)
-    browser.wait(lambda: "lost" not in browser.text("#state"), "the link's return")
     label = browser.driver.find_element("id", "map").get_attribute("aria-label")
     assert label is not None
     assert "north visited; east open" in label
@@ -63,32 +63,11 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     browser.wait_for("#now", "2 m left")
 
 
-def test_what_is_left_of_a_drive_is_shown_until_it_ends(live, browser):
-    run = live().begin()
-    run.status(1, "RUNNING")
-    run.journal.watch("progress", target="east", distance=3.14159, time_left=14.0)
-    browser.open(run.server.url)
-    assert browser.text("#drive") == "east in 3.1 m, 14 s left"
-    run.journal.watch("goal_ended", goal="a", status=4)
-    browser.wait(lambda: browser.text("#drive") == "", "the end of the drive")
-
-
-def test_of_a_robot_that_cannot_drive_the_page_says_why_and_not_what_is_left_of_the_drive(live, browser):
-    run = live().begin()
-    run.journal.watch("progress", target="east", distance=5.6, time_left=14.0)
-    run.journal.watch("lacks", text="Nav2 is not active: node amcl: not there")
-    browser.open(run.server.url)
-    browser.wait_for("#state", "live: Nav2 is not active: node amcl: not there")
-    assert browser.text("#drive") == ""
-    run.journal.watch("lacks", text="")
-    browser.wait(lambda: browser.text("#state") == "live", "its return")
-
-
 def test_a_reload_shows_the_same_again(live, browser):
     run = live().begin()
     run.status(0, "RUNNING")
     run.status(1, "FAILURE", "no way there")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     before = browser.rows()
     assert before[1] == "Drive, Drive, FAILURE, no way there"
     browser.driver.refresh()
@@ -98,27 +77,27 @@ def test_a_reload_shows_the_same_again(live, browser):
 def test_a_run_that_takes_the_place_of_another_is_shown_by_itself(live, browser):
     run = live(port=free_port()).begin()
     run.status(1, "FAILURE", "no way there")
-    browser.open(run.server.url)
-    browser.wait_for("#state", "live")
+    browser.open(tree_of(run.server))
+    browser.wait_for("#condition", "working")
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     run.close()
-    browser.wait_for("#state", "not connected")
+    browser.wait_for("#condition", "No word for")
     again = live(port=run.server.port).begin({**ABOUT, "mission": "second"})
     again.status(1, "SUCCESS")
     browser.wait_for("#mission", "second")
-    browser.wait_for("#state", "live")
+    browser.wait_for("#condition", "working")
     assert browser.rows()[1] == "Drive, Drive, SUCCESS"
 
 
 def test_the_end_of_a_run_stays_on_the_page(live, browser):
     run = live().begin()
     run.status(0, "FAILURE", "")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     run.journal.note("alarmed", text="a find at no usable position")
     run.journal.end(Ending.OVER, 1, "No point is left. north was not visited.")
     run.close()
-    browser.wait_for("#state", "ended, status 1: No point is left.")
+    browser.wait_for("#condition strong", "failed").wait_for("#condition", "No point is left.")
     assert "north was not visited" in browser.text("#log")
     assert "a find at no usable position" in browser.text("#progress")
 
@@ -127,7 +106,7 @@ def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
     run = live()
     run.journal.listen(_TellsWhy(run.feed).take)
     run.begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     assert not browser.driver.find_element("id", "why").is_displayed()
     run.status(1, "FAILURE", "no way there")
     run.status(0, "FAILURE")
@@ -145,14 +124,14 @@ def test_nobody_asks_why_a_mission_has_succeeded(live, browser):
     run.begin()
     run.status(0, "SUCCESS")
     run.journal.end(Ending.OVER, 0)
-    browser.open(run.server.url).wait_for("#state", "ended")
+    browser.open(tree_of(run.server)).wait_for("#condition", "complete")
     assert not browser.driver.find_element("id", "why").is_displayed()
 
 
 def test_a_node_has_the_sign_that_the_journal_says(live, browser):
     run = live()
     run.journal.begin(ABOUT, {"looks": [["sequence", "→"], ["action", ""], ["condition", ""]]})
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.wait_for("#tree", "→ MissionDriveSearch")
 
 
@@ -164,7 +143,7 @@ def test_texts_from_outside_are_texts(live, browser):
     run.status(1, "RUNNING", evil)
     run.journal.watch("log", node="patrol", level=40, text=evil)
     run.journal.note("found", name=evil, x=0.0, y=0.0)
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     assert evil in browser.text("#log")
     assert evil in browser.text("#tree")
     assert evil in browser.text("#map")
@@ -175,7 +154,7 @@ def test_texts_from_outside_are_texts(live, browser):
 def test_an_order_is_given_by_a_button_and_its_answer_is_shown(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[PAUSE]).begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     order_button(browser).click()
     browser.wait_for("#answer", "Pause: done")
     assert operator.given == [("pause", {})]
@@ -184,11 +163,11 @@ def test_an_order_is_given_by_a_button_and_its_answer_is_shown(live, browser):
 def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[PAUSE]).begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     first = browser.driver.current_window_handle
     for _ in range(7):
         browser.driver.switch_to.new_window("tab")
-        browser.open(run.server.url)
+        browser.open(tree_of(run.server))
     run.journal.note("came_back")
     for tab in [each for each in browser.driver.window_handles if each != first][1:]:
         browser.driver.switch_to.window(tab)
@@ -207,7 +186,7 @@ def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
 def test_a_grave_order_asks_first_and_can_be_left(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[SKIP]).begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     button = order_button(browser)
     button.click()
     assert "Nobody goes there." in browser.text("#ask")
@@ -233,7 +212,7 @@ def test_enter_in_a_field_gives_the_order(live, browser):
         "longest": 200,
     }
     run = live(orders=operator, verbs=[{**PAUSE, "fields": [name]}]).begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     button = order_button(browser)
     button.click()
     browser.click("#ask .no")
@@ -256,7 +235,7 @@ ADD: dict[str, Any] = {
 def test_a_place_is_shown_on_the_map_or_not(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[ADD]).begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     button = order_button(browser)
     button.click()
     browser.click("#ask label ~ button")
@@ -281,7 +260,7 @@ def dock(browser):
 
 def test_the_map_is_moved_by_the_mouse_and_by_nothing_else(live, browser):
     run = live().begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     x, y = middle(browser, "#map")
     touch = {"enabled": True}
     browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", touch)
@@ -307,15 +286,16 @@ def test_the_map_is_moved_by_the_mouse_and_by_nothing_else(live, browser):
 
 def test_who_has_no_token_can_only_look(live, browser):
     run = live(orders=Operator(), verbs=[PAUSE]).begin()
-    browser.open(run.server.url.partition("#")[0])
+    browser.open(tree_of(run.server).partition("#")[0])
     browser.wait_for("#answer", "open the address that the run has printed")
+    browser.wait_for("#verbs", "Pause")
     assert not browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled()
 
 
 def test_the_tree_is_walked_and_folded_by_keyboard(live, browser):
     run = live().begin()
     run.status(1, "FAILURE", "no way there")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.type("#tree", Keys.ARROW_DOWN)
     assert "no way there" in browser.text("#details")
     assert "trees/mission.xml:4" in browser.text("#details")
@@ -344,7 +324,7 @@ def middle(browser, selector):
 def test_a_row_that_changes_while_it_is_pressed_is_clicked(live, browser):
     run = live().begin()
     run.status(1, "RUNNING", "9 m left")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     place = middle(browser, "#tree [data-id='1']")
     mouse(browser, "mousePressed", *place)
     run.status(1, "FAILURE", "no way there")
@@ -355,7 +335,7 @@ def test_a_row_that_changes_while_it_is_pressed_is_clicked(live, browser):
 
 def test_the_tree_is_folded_by_the_mouse(live, browser):
     run = live().begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     for count in (1, 3):
         place = middle(browser, "#tree .twist")
         mouse(browser, "mousePressed", *place)
@@ -368,7 +348,7 @@ def test_a_status_is_told_by_shape_and_letter_as_well(live, browser):
     statuses = ("RUNNING", "SUCCESS", "FAILURE")
     for node, status in enumerate(statuses):
         run.status(node, status)
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     signs = browser.js(
         "return [...document.querySelectorAll('#tree .badge')].map((b) => [b.textContent, b.firstChild.getAttribute('d')])"
     )
@@ -390,7 +370,7 @@ def test_of_a_large_tree_only_what_is_in_sight_is_drawn(live, browser, count):
     run = live().begin({**ABOUT, "tree": wide_tree(count)})
     run.status(0, "RUNNING")
     run.status(16, "RUNNING", "here")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     assert "leaf 1.3, Drive, RUNNING, here" in browser.rows()
     browser.click("#unfold")
     assert len(browser.rows()) < 60
@@ -414,7 +394,7 @@ def test_the_deepest_name_is_in_a_narrow_window(live, browser):
     run = live().begin({**ABOUT, "tree": deep_tree(120)})
     run.status(120, "RUNNING")
     browser.size(400, 640)
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.type("#tree", Keys.END)
     browser.wait(lambda: browser.rows()[-1].startswith("Drive"), "the leaf")
     name = "return [...document.querySelectorAll('#tree .name')].at(-1).getBoundingClientRect().right"
@@ -424,7 +404,7 @@ def test_the_deepest_name_is_in_a_narrow_window(live, browser):
 def test_what_is_selected_of_a_node_stays_selected(live, browser):
     run = live().begin()
     run.status(1, "RUNNING", "9 m left")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.type("#tree", Keys.ARROW_DOWN)
     browser.js(
         "const place = [...document.querySelectorAll('#details dd')].find((dd) => dd.textContent.includes('mission.xml'));"
@@ -438,7 +418,7 @@ def test_what_is_selected_of_a_node_stays_selected(live, browser):
 def test_nothing_is_folded_unseen_while_something_is_searched(live, browser):
     run = live().begin()
     browser.size(400, 640)
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.click("nav [data-view=map]")
     browser.type("#map", "/")
     browser.type("#search", "Mission")
@@ -450,7 +430,7 @@ def test_nothing_is_folded_unseen_while_something_is_searched(live, browser):
 
 def test_who_listens_to_the_tree_is_told_where_in_it_a_node_is(live, browser):
     run = live().begin({**ABOUT, "tree": wide_tree(1_000)})
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.click("#unfold")
     browser.type("#tree", Keys.END)
     current = "return document.getElementById('tree').getAttribute('aria-activedescendant')"
@@ -491,8 +471,8 @@ def go(browser, seconds):
 
 
 def test_a_replay_goes_back_and_forth_through_time(replay, browser):
-    browser.open(replay.url)
-    assert browser.text("#at").endswith("of 20 s")
+    browser.open(tree_of(replay))
+    assert browser.text("#at").endswith("of 0:20")
     for seconds, left, points in (
         (3.5, "7 m left", 0),
         (19.0, "1 m left", 1),
@@ -514,13 +494,13 @@ def test_the_end_of_a_replay_can_be_reached_by_its_slider(tmp_path, browser):
     journal.close()
     with closing(PageServer(ReplayFeed(Replay([place]), {}), 0)) as server:
         server.start()
-        browser.open(server.url)
+        browser.open(tree_of(server))
         browser.type("#time", Keys.END)
-        browser.wait_for("#state", "Complete.")
+        browser.wait_for("#condition", "Complete.")
 
 
 def test_going_back_in_a_replay_keeps_what_is_chosen_and_folded(replay, browser):
-    browser.open(replay.url)
+    browser.open(tree_of(replay))
     go(browser, 15.0)
     browser.wait_for("#clock", "run 2")
     browser.type("#tree", Keys.ARROW_DOWN)
@@ -533,13 +513,13 @@ def test_going_back_in_a_replay_keeps_what_is_chosen_and_folded(replay, browser)
 
 
 def test_a_replay_whose_connection_came_again_is_where_it_was(replay, browser):
-    browser.open(replay.url)
+    browser.open(tree_of(replay))
     go(browser, 13.0)
-    browser.wait_for("#at", "13 s of")
+    browser.wait_for("#at", "0:13 of")
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     feed, port = replay._feed, replay.port
     replay.close()
-    browser.wait_for("#state", "not connected")
+    browser.wait_for("#condition", "not connected")
     go(browser, 14.0)
     go(browser, 13.0)
     feed._ended = False
@@ -548,24 +528,24 @@ def test_a_replay_whose_connection_came_again_is_where_it_was(replay, browser):
         again.start()
         told = "return document.body.dataset.mode === 'replay' && document.body.classList.contains('ready')"
         browser.wait(lambda: browser.js(told), "the connection")
-        assert browser.text("#at") == "13 s of 20 s"
+        assert browser.text("#at") == "0:13 of 0:20"
 
 
 def test_replays_that_are_out_of_sight_keep_no_moment_back(replay, browser):
-    browser.open(replay.url)
+    browser.open(tree_of(replay))
     first = browser.driver.current_window_handle
     for _ in range(7):
         browser.driver.switch_to.new_window("tab")
-        browser.open(replay.url)
-    browser.wait_for("#at", "of 20 s")
+        browser.open(tree_of(replay))
+    browser.wait_for("#at", "of 0:20")
     go(browser, 13.0)
-    browser.wait_for("#at", "13 s of")
+    browser.wait_for("#at", "0:13 of")
     for tab in [each for each in browser.driver.window_handles if each != first]:
         browser.driver.switch_to.window(tab)
         browser.driver.close()
     browser.driver.switch_to.window(first)
     go(browser, 15.0)
-    browser.wait_for("#at", "15 s of")
+    browser.wait_for("#at", "0:15 of")
 
 
 def lines(browser):
@@ -574,7 +554,7 @@ def lines(browser):
 
 def test_the_facts_are_shown_that_many_lines_have_pushed_out(live, browser):
     run = live().begin()
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     run.journal.note("came_back")
     for number in range(450):
         run.journal.watch("log", node="patrol", level=20, text=f"line {number}")
@@ -589,7 +569,7 @@ def test_the_log_has_no_lines_of_the_mission_before(live, browser):
     run = live().begin()
     for number in range(2):
         run.journal.watch("log", node="patrol", level=20, text=f"first {number}")
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     told = [{"node": "patrol", "level": 20, "text": f"second {number}"} for number in range(9)]
     for entry in (("run_began", {**ABOUT, "run": {}}), *(("log", each) for each in told)):
         run.feed.take(JournalEntry(9, 1, 0.0, 0.0, *entry))
@@ -600,7 +580,7 @@ def test_the_log_has_no_lines_of_the_mission_before(live, browser):
 def test_the_log_follows_the_newest_line_unless_somebody_reads_above(live, browser):
     run = live().begin()
     browser.size(400, 800)
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     is_at_end = (
         "const log = document.getElementById('log');"
         "return log.clientHeight > 0 && log.scrollTop + log.clientHeight > log.scrollHeight - 5"
@@ -621,20 +601,20 @@ def test_the_log_follows_the_newest_line_unless_somebody_reads_above(live, brows
 
 
 def test_a_replay_plays_by_itself_to_the_end(replay, browser):
-    browser.open(replay.url)
+    browser.open(tree_of(replay))
     browser.js("document.getElementById('speed').value = '100'")
     browser.type("body", " ")
-    browser.wait_for("#at", "20 s of 20 s")
-    browser.wait_for("#state", "stopped, status 130: Stopped.")
+    browser.wait_for("#at", "0:20 of 0:20")
+    browser.wait_for("#condition strong", "stopped").wait_for("#condition", "Stopped.")
     assert browser.driver.find_element("id", "play").get_attribute("aria-label") == "Play"
 
 
 def test_who_went_back_sees_what_was_seen_on_the_way_there(replay, browser):
-    browser.open(replay.url)
+    browser.open(tree_of(replay))
     seen = []
     for seconds in (12.0, 20.0, 12.0):
         go(browser, seconds)
-        browser.wait_for("#at", f"{seconds:.0f} s of")
+        browser.wait_for("#at", f"0:{seconds:.0f} of")
         seen.append((browser.rows(), browser.text("#log"), browser.text("#clock")))
     assert seen[0] == seen[2]
     assert seen[0] != seen[1]
@@ -661,14 +641,14 @@ def two(tmp_path):
 
 
 def test_two_robots_are_on_one_map_each_with_its_tree(two, browser):
-    browser.open(two.url)
+    browser.open(tree_of(two))
     go(browser, 7.0)
     browser.wait_for("#now", "robot1 7")
-    names = "return [...document.querySelectorAll('#map .robot text')].map((text) => text.textContent)"
-    assert browser.js(names) == ["robot1", "robot2"]
-    browser.click("#robots button:last-child")
+    names = "return [...document.querySelectorAll('#map .label.name')].map((text) => text.textContent)"
+    assert sorted(browser.js(names)) == ["robot1", "robot2"]
+    browser.click("#robots .card:last-child")
     browser.wait_for("#now", "robot2 3").wait_for("#mission", "robot2")
-    assert browser.text("#at") == "7.0 s of 12 s"
+    assert browser.text("#at") == "0:07 of 0:12"
 
 
 FOLD = """
@@ -684,7 +664,7 @@ import('./static/run.js').then(({ Run }) => done(arguments[0].map((changes) => {
 
 
 def test_a_late_browser_knows_what_the_others_know(live, browser):
-    browser.open(live().server.url)
+    browser.open(tree_of(live().server))
     early, late = [], []
     for seed in range(6):
         chance, state = random.Random(seed), PageState()  # noqa: S311
@@ -715,9 +695,10 @@ def test_nothing_sticks_out_of_the_window(live, browser, size):
     run.journal.watch("log", node="patrol", level=30, text="long" * 100)
     run.journal.watch("progress", target="a_point_with_a_long_name", distance=3.14, time_left=100.0)
     browser.size(width, height)
-    browser.open(run.server.url)
+    browser.open(tree_of(run.server))
     browser.wait(
-        lambda: browser.js("return document.querySelectorAll('#verbs :enabled').length") == 7, "the buttons"
+        lambda: browser.js("return document.querySelectorAll('#orders button:enabled').length") == 6,
+        "the buttons",
     )
     for view in ("tree", "map", "log"):
         browser.js("document.querySelector(`nav [data-view=${arguments[0]}]`).click()", view)

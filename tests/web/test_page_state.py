@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
@@ -70,9 +71,9 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     assert {each["text"]: (each["run"], each["time"]) for each in shown["alarms"]} == {
         text: (since.run, since.time) for text, since in mission.since.items()
     }
-    assert shown["phase"] == mission.phase._asdict()
-    assert (shown["lacks"], shown["plan"], shown["map"]) == (
-        mission.lacks,
+    assert shown["condition"] == condition(mission)._asdict()
+    assert (shown["place"], shown["plan"], shown["map"]) == (
+        mission.phase.place,
         [[*point] for point in mission.plan],
         mission.map or None,
     )
@@ -102,6 +103,7 @@ def test_a_change_is_as_large_as_what_has_changed():
         "robot": 0,
         "time": 8.0,
         "pose": {"x": 1.0, "y": 2.0, "yaw": 0.5},
+        "times": {"pose": 8.0},
         "trail": {"at": 0, "values": [[1.0, 2.0]]},
     }
 

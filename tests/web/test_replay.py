@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.journal.condition import RunProcess
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
@@ -69,6 +70,7 @@ def test_every_moment_is_what_all_entries_until_then_come_to(journal):
         for entry in until:
             state.take(entry)
         state.let_pass(time - max(end for end, _ in told if end <= time))
+        state.know(RunProcess(is_gone=len(until) == len(told)))
         shown = whole(replay, time)
         assert shown == folded({}, state.whole())
         marks = MissionState.of(until).situation.landmarks

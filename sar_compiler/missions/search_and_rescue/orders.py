@@ -87,8 +87,8 @@ def _judge(request: Any, values: Mapping[str, Any]) -> None:
 
 
 VERBS = (
-    Verb("pause", "Pause", "The robot stops where it is, and its goal is cancelled."),
-    Verb("resume", "Resume", "The mission goes on."),
+    Verb("pause", "Pause", "The robot stops where it is, and its goal is cancelled.", role="hold"),
+    Verb("resume", "Resume", "The mission goes on.", role="release"),
     Verb(
         "skip_zone",
         "Skip zone",
@@ -136,6 +136,7 @@ VERBS = (
         "Abort",
         "The mission ends where the robot stands.",
         confirm="The mission ends here and now, and the robot stays where it is.",
+        role="stop",
     ),
 )
 """What can be ordered, in the order of the buttons: the services of `operating` and `failsafes`, in words."""

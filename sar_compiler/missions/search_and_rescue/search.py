@@ -139,9 +139,10 @@ class Search(MissionRun):
         )
 
     def _phase(self) -> MissionPhase:
-        held = self.orders.held
-        place = self.record.zone or (BASE if self.record.home else "")
-        return MissionPhase("held" if held else "", "by the operator" if held else "", place)
+        orders, place = self.orders, self.record.zone or (BASE if self.record.home else "")
+        name = "aborted" if "abort" in orders.given else "held" if orders.held else ""
+        why = "by the operator" if name else "called home by the operator" if "recall" in orders.given else ""
+        return MissionPhase(name, why, place)
 
     def _zone(self, zone: Zone) -> Landmark:
         known, name = self.record.of_zone(zone["id"]), zone["id"]

@@ -1,6 +1,6 @@
 // The log, its last lines: what the mission says, and what is true of it.
 
-import { duration, html } from "./shapes.js";
+import { clock, html } from "./shapes.js";
 
 const LINES = 400;
 
@@ -48,5 +48,5 @@ export class LogView {
 
 function line({ time, level, text }) {
   const mark = { warning: "!", error: "✗", fact: "•" }[level] ?? "";
-  return html("li", { class: level }, html("time", {}, duration(time)), html("b", { "aria-label": level }, mark), html("span", {}, text));
+  return html("li", { class: level }, html("time", {}, clock(time)), html("b", mark ? { role: "img", "aria-label": level } : {}, mark), html("span", {}, text));
 }

@@ -1,24 +1,28 @@
-// The map from above: what the robot knows, where it is, where it has been and goes, and the landmarks of its mission.
+// The map from above: what the robots know, where they are, where they have been and go, and the landmarks of their missions.
 
 import { inWords } from "./places_view.js";
-import { LEVELS, sign, svg } from "./shapes.js";
+import { LEVELS, clock, html, icon, mark, say, set, svg } from "./shapes.js";
 
-// What a landmark looks like, by the shape of its kind.
-const SHAPES = {
-  circle: () => svg("circle", { r: 11 }),
-  triangle: () => svg("path", { d: "M0 -11 L11 9 H-11 Z" }),
-  house: () => svg("path", { d: "M-9 9 V-2 L0 -10 L9 -2 V9 Z" }),
-  square: () => svg("path", { d: "M-9 -9 H9 V9 H-9 Z" }),
-};
-const NAMES_ABOVE = ["triangle"];
+const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
+// Where a label may be, beside its mark: x and y of its middle, in its own halves of width and height beyond the mark's radius.
+const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
+const [RADIUS, HEIGHT, FONT] = [13, 16, "600 12.5px system-ui, 'DejaVu Sans', sans-serif"];
+const STEPS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
 export class MapView {
-  constructor(place) {
+  /**
+   * @param {HTMLElement} place where it is drawn.
+   * @param {HTMLElement} [legend] where its signs are explained, with the age of what is shown.
+   */
+  constructor(place, legend) {
     this.place = place;
+    this.legend = legend && new Legend(legend);
     this.zoom = 1;
     this.shift = [0, 0];
     this.picking = null;
     this.canvas = svg("svg", { role: "presentation" });
+    this.pen = html("canvas").getContext("2d");
+    this.pen.font = FONT;
     place.append(this.canvas);
     place.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     place.addEventListener("pointerdown", (event) => this.drag(event));
@@ -26,9 +30,10 @@ export class MapView {
     new ResizeObserver(() => this.again()).observe(place);
   }
 
-  /** Show a run; where there are several, all of them with their names. */
-  show(run, names = [], runs = [run]) {
-    this.shown = [run, names, runs];
+  /** Show the robots of a stream; where there are several, all of them with their names. */
+  show(stream) {
+    this.stream = stream;
+    const { run, runs } = stream;
     const { clientWidth: width, clientHeight: height } = this.place;
     if (!width || !height) return;
     const box = extent(runs);
@@ -36,17 +41,26 @@ export class MapView {
     const [cx, cy] = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
     this.at = (x, y) => [width / 2 + (x - cx) * scale + this.shift[0], height / 2 - (y - cy) * scale + this.shift[1]];
     this.from = (px, py) => [cx + (px - width / 2 - this.shift[0]) / scale, cy - (py - height / 2 - this.shift[1]) / scale];
+    this.taken = [];
+    // The one that is chosen lies above the others.
+    const order = [...runs.filter((each) => each !== run), run];
+    const of = (draw) => order.flatMap((each) => draw(each, each === run ? "" : " other"));
+    const marks = of((each) => this.landmarks(each));
+    const robots = of((each, other) => this.robot(each, other));
     this.canvas.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const of = (draw) => runs.flatMap((each, index) => draw(each, each === run ? "" : " other", names[index]));
     this.canvas.replaceChildren(
       ...this.ground(run.map ? run : (runs.find(({ map }) => map) ?? run), scale),
+      this.grid(width, height, scale),
       ...of((each) => this.areas(each)),
       ...of((each, other) => this.ways(each, other)),
-      ...of((each) => this.landmarks(each)),
-      ...of((each, other, name) => this.robot(each, other, name)),
+      ...marks.map(({ group }) => group),
+      ...robots.map(({ group }) => group),
+      ...this.labels([...robots, ...marks], width, height),
       this.ruler(scale, height),
+      this.north(run, width),
     );
-    this.place.setAttribute("aria-label", `Map. ${described(run)}`);
+    this.place.setAttribute("aria-label", `Map. ${described(stream)}`);
+    this.legend?.show(run);
   }
 
   ground({ map }, scale) {
@@ -60,9 +74,28 @@ export class MapView {
     return [image];
   }
 
+  /** Lines each so many metres, with the numbers that one says over the radio. */
+  grid(width, height, scale) {
+    const step = STEPS.find((each) => each * scale >= 56) ?? 1000;
+    const [[left, top], [right, bottom]] = [this.from(0, 0), this.from(width, height)];
+    const group = svg("g", { class: "grid" });
+    const lines = (from, to) => Array.from({ length: Math.max(0, Math.floor(to / step) - Math.ceil(from / step) + 1) }, (_, at) => (Math.ceil(from / step) + at) * step);
+    for (const x of lines(left, right)) {
+      const [px] = this.at(x, 0);
+      group.append(svg("path", { d: `M${px} 0 V${height}`, class: x === 0 ? "axis" : "" }));
+      if (px > 130 && px < width - 20) group.append(svg("text", { x: px, y: height - 5, "text-anchor": "middle" }, String(x)));
+    }
+    for (const y of lines(bottom, top)) {
+      const [, py] = this.at(0, y);
+      group.append(svg("path", { d: `M0 ${py} H${width}`, class: y === 0 ? "axis" : "" }));
+      if (py > 20 && py < height - 50) group.append(svg("text", { x: 5, y: py + 4 }, String(y)));
+    }
+    return group;
+  }
+
   ways({ trail, plan, pose }, other) {
     const line = (points, name) => svg("polyline", { class: name, points: points.map(([x, y]) => this.at(x, y).map((each) => each.toFixed(1)).join(",")).join(" ") });
-    return [line(trail, `trail${other}`), ...(plan.length ? [line(rest(plan, pose), `plan${other}`)] : [])];
+    return [line(trail, `trail${other}`), ...(plan.length ? [line(rest(plan, pose), `plan under${other}`), line(rest(plan, pose), `plan${other}`)] : [])];
   }
 
   areas(run) {
@@ -75,35 +108,58 @@ export class MapView {
   landmarks(run) {
     const points = [...run.landmarks.values()].filter(({ corners }) => !corners.length);
     // What was found lies on what was known before.
-    return [...points.filter((each) => !run.kindOf(each).is_found), ...points.filter((each) => run.kindOf(each).is_found)].map((each) => this.mark(each, run.kindOf(each)));
+    return [...points.filter((each) => !run.kindOf(each).is_found), ...points.filter((each) => run.kindOf(each).is_found)].map((each) => this.mark(run, each, run.kindOf(each)));
   }
 
-  mark(landmark, kind) {
-    const { x, y, name, level, is_certain: isCertain } = landmark;
-    const [px, py] = this.at(x, y);
-    const known = [LEVELS[level], kind.is_found && "found", isCertain && "certain"].filter(Boolean).join(" ");
-    const shape = (SHAPES[kind.shape] ?? SHAPES.circle)();
-    const group = svg("g", { class: `mark ${known}`, "data-kind": kind.name, transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})` }, svg("title", {}, titled(landmark)), shape);
-    const mark = sign(landmark, kind);
-    if (mark) group.append(svg("text", { class: "sign", y: 4.5, "text-anchor": "middle" }, mark));
-    group.append(svg("text", { class: "label", y: NAMES_ABOVE.includes(kind.shape) ? -15 : 24, "text-anchor": "middle" }, name));
-    return group;
+  mark(run, landmark, kind) {
+    const [px, py] = this.at(landmark.x, landmark.y);
+    const group = mark(landmark, kind);
+    group.prepend(svg("title", {}, titled(landmark)));
+    set(group, { "data-kind": kind.name, transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})` });
+    this.taken.push([px - RADIUS, py - RADIUS, px + RADIUS, py + RADIUS]);
+    return { group, at: [px, py], text: this.stream.nameOf(run, landmark.name), style: "label" };
   }
 
-  robot({ pose }, other, name) {
+  robot(run, other) {
+    const { pose } = run;
     if (!pose) return [];
     const [x, y] = this.at(pose.x, pose.y);
     const turn = (-(pose.yaw ?? 0) * 180) / Math.PI;
-    const arrow = svg("path", { d: "M12 0 L-8 8 L-4 0 L-8 -8 Z", transform: `rotate(${turn.toFixed(1)})` });
-    const group = svg("g", { class: `robot${other}`, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})` }, svg("title", {}, name ?? "the robot"), arrow);
-    if (name) group.append(svg("text", { y: -14, "text-anchor": "middle" }, name));
-    return [group];
+    const name = this.stream.isTeam ? this.stream.names[this.stream.runs.indexOf(run)] : "";
+    const arrow = svg("g", { transform: `rotate(${turn.toFixed(1)})` }, svg("path", { class: "halo", d: ARROW }), svg("path", { class: "arrow", d: ARROW }));
+    const group = svg("g", { class: `robot${other}`, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})` }, svg("title", {}, name || "the robot"), arrow);
+    this.taken.push([x - 15, y - 15, x + 15, y + 15]);
+    return [{ group, at: [x, y], text: name, style: "label name" }];
+  }
+
+  /** The names beside their marks, each where it hides least. */
+  labels(marks, width, height) {
+    return marks.filter(({ text }) => text).map(({ at: [x, y], text, style }) => {
+      const half = this.pen.measureText(text).width / 2 + 2;
+      const boxes = SIDES.map(([right, down]) => {
+        const [cx, cy] = [x + right * (half + RADIUS + 2), y + down * (HEIGHT / 2 + RADIUS + 1)];
+        return [cx - half, cy - HEIGHT / 2, cx + half, cy + HEIGHT / 2];
+      });
+      const cost = boxes.map((box, side) => side * 0.5 + outside(box, width, height) + this.taken.reduce((sum, other) => sum + overlap(box, other), 0));
+      const box = boxes[cost.indexOf(Math.min(...cost))];
+      this.taken.push(box);
+      return svg("text", { class: style, x: ((box[0] + box[2]) / 2).toFixed(1), y: (box[3] - 4).toFixed(1), "text-anchor": "middle" }, text);
+    });
   }
 
   ruler(scale, height) {
-    const metres = [100, 50, 20, 10, 5, 2, 1, 0.5].find((each) => each * scale < 120) ?? 0.5;
-    const text = svg("text", { x: 10, y: height - 18 }, `${metres} m`);
-    return svg("g", { class: "ruler" }, svg("path", { d: `M10 ${height - 16} v6 h${metres * scale} v-6` }), text);
+    const metres = STEPS.findLast((each) => each * scale < 110) ?? STEPS[0];
+    const text = svg("text", { x: 12, y: height - 20 }, `${metres} m`);
+    return svg("g", { class: "ruler" }, svg("path", { d: `M12 ${height - 15} v6 h${metres * scale} v-6` }), text);
+  }
+
+  /** Where north is; where nobody knows, the axes of the map. */
+  north({ north }, width) {
+    const known = Number.isFinite(north);
+    const arrow = known
+      ? svg("g", { transform: `rotate(${((-north * 180) / Math.PI + 90).toFixed(1)})` }, svg("path", { d: "M0 -15 L6 10 L0 5 L-6 10 Z" }), svg("text", { y: -18, "text-anchor": "middle" }, "N"))
+      : svg("g", {}, svg("path", { class: "axes", d: "M-8 -12 V9 H13 M-12 -7 L-8 -13 L-4 -7 M8 5 L14 9 L8 13" }), svg("text", { x: -8, y: -17, "text-anchor": "middle" }, "y"), svg("text", { x: 19, y: 13, "text-anchor": "middle" }, "x"));
+    return svg("g", { class: "north", transform: `translate(${width - 34} 96)` }, svg("title", {}, known ? "north" : "the axes of the map: where north is, is not known"), arrow);
   }
 
   /** Come nearer by a factor, around a point of the screen. */
@@ -122,7 +178,7 @@ export class MapView {
   }
 
   again() {
-    if (this.shown) this.show(...this.shown);
+    if (this.stream) this.show(this.stream);
   }
 
   wheel(event) {
@@ -154,6 +210,7 @@ export class MapView {
   pick(answer) {
     this.picking = answer;
     this.place.classList.add("picking");
+    this.place.scrollIntoView({ block: "nearest" });
     this.place.focus();
   }
 
@@ -174,6 +231,53 @@ export class MapView {
     event.preventDefault();
     this.again();
   }
+}
+
+/** The signs of the map, and how old what they show is. */
+class Legend {
+  constructor(place) {
+    this.place = place;
+    this.ages = {};
+  }
+
+  show(run) {
+    const kinds = Object.values(run.kinds);
+    const key = JSON.stringify([kinds, Boolean(run.map), run.plan.length > 0]);
+    if (key !== this.key) this.draw(key, kinds, run);
+    for (const [name, element] of Object.entries(this.ages)) {
+      const since = run.times[name];
+      say(element, since === undefined ? "" : `${clock(run.time - since)} ago`);
+    }
+  }
+
+  draw(key, kinds, run) {
+    this.key = key;
+    const row = (drawn, text, age) => {
+      const old = html("td");
+      if (age) this.ages[age] = old;
+      return html("tr", {}, html("td", {}, icon(drawn)), html("th", { scope: "row" }, text), old);
+    };
+    this.ages = {};
+    const line = (name) => svg("path", { class: name, d: "M-13 0 H13" });
+    const drawn = kinds.filter((kind) => [...run.landmarks.values()].some((each) => each.kind === kind.name && !each.corners.length) || kind.is_found);
+    this.place.replaceChildren(
+      row(svg("g", { class: "robot" }, svg("path", { class: "arrow", d: ARROW, transform: "scale(.8)" })), "robot", "pose"),
+      row(line("trail"), "way driven"),
+      row(line("plan"), "plan", "plan"),
+      ...(run.map ? [row(svg("path", { class: "wall", d: "M-12 -9 H12 V-3 H-12 Z" }), "wall", "map")] : []),
+      ...drawn.map((kind) => row(mark({ level: 0 }, kind), kind.plural)),
+      ...["in hand", "done", "given up"].map((name, level) => row(mark({ level: level + 1 }, {}), name)),
+    );
+  }
+}
+
+/** How much of a box lies on another, in square pixels. */
+function overlap([left, top, right, bottom], [a, b, c, d]) {
+  return Math.max(0, Math.min(right, c) - Math.max(left, a)) * Math.max(0, Math.min(bottom, d) - Math.max(top, b));
+}
+
+function outside([left, top, right, bottom], width, height) {
+  return left < 0 || top < 0 || right > width || bottom > height ? 500 : 0;
 }
 
 /** What is left of a plan, from where the robot is. */
@@ -204,9 +308,13 @@ function extent(runs) {
 }
 
 /** The map in words. */
-function described({ pose, landmarks }) {
-  const robot = pose ? `The robot is at ${pose.x.toFixed(1)}, ${pose.y.toFixed(1)}.` : "";
-  return [robot, [...landmarks.values()].map(({ name, state, reason }) => [`${name} ${state}`.trim(), reason].filter(Boolean).join(", ")).join("; ")].filter(Boolean).join(" ");
+function described(stream) {
+  return stream.runs.map((run) => {
+    const who = stream.isTeam ? stream.names[stream.runs.indexOf(run)] : "The robot";
+    const robot = run.pose ? `${who} is at ${run.pose.x.toFixed(1)}, ${run.pose.y.toFixed(1)}.` : "";
+    const places = [...run.landmarks.values()].map(({ name, state, reason }) => [`${stream.nameOf(run, name)} ${state}`.trim(), reason].filter(Boolean).join(", "));
+    return [robot, places.join("; ")].filter(Boolean).join(" ");
+  }).join(" ");
 }
 
 function titled(landmark) {

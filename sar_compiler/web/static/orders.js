@@ -1,37 +1,96 @@
-// The operator's orders: a button each, a question where there is something to say or to think over.
+// The operator's orders: STOP, one button for pause and resume, the others; a question where there is something to say or to think over.
 
-import { html, say } from "./shapes.js";
+import { html, say, set } from "./shapes.js";
 
 // The server answers within ten seconds.
 const ANSWER_MS = 12000;
+// How long an answer that is no trouble stays.
+const READ_MS = 6000;
+const NAME = "sar-operator";
 
 export class Orders {
   /**
-   * @param {{bar: HTMLElement, ask: HTMLDialogElement, answer: HTMLElement}} places
+   * @param {HTMLElement} place where the buttons are.
+   * @param {import("./stream.js").Stream} stream what the robots are, and which of them is chosen.
    * @param {(answer: (place: number[] | null) => void) => void} pick has the map asked for a place.
    */
-  constructor(places, pick) {
-    Object.assign(this, places);
-    this.pick = pick;
-    this.buttons = new Map();
+  constructor(place, stream, pick) {
+    Object.assign(this, { place, stream, pick });
+    this.stop = html("button", { type: "button", class: "stop", disabled: true }, "STOP");
+    this.toggle = html("button", { type: "button", class: "toggle", disabled: true });
+    this.more = html("div", { id: "verbs", role: "group", "aria-label": "Other orders" });
+    this.answer = html("p", { id: "answer", role: "status" });
+    this.to = html("h2", { class: "to" });
+    this.by = html("input", { id: "by", autocomplete: "off", maxlength: 60, value: remembered() });
+    this.who = html("label", { class: "by" }, "Your name, for the log ", this.by);
+    place.append(this.to, html("div", { class: "first" }, this.stop, this.toggle), this.answer, this.more, this.who);
+    this.ask = html("dialog", { id: "ask" }, html("form", { method: "dialog" }, html("h2"), html("div"), html("menu", {}, html("button", { type: "button", class: "no" }, "Leave it"), html("button", { value: "yes", class: "yes" }))));
+    document.body.append(this.ask);
     // Not a button that submits: Enter in a field would press the first of these.
     this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
+    this.stop.addEventListener("click", () => this.halt());
+    this.toggle.addEventListener("click", () => this.begin(this.toggled()));
+    this.by.addEventListener("change", () => remember(this.by.value));
+    this.buttons = new Map();
+    this.offered = new Map();
   }
 
-  /** Take the verbs of a run, as the server has them. */
-  offer(verbs) {
-    this.verbs = verbs;
-    this.buttons = new Map(verbs.map((verb) => [verb.name, this.button(verb)]));
-    this.bar.replaceChildren(...this.buttons.values());
-    this.bar.hidden = !verbs.length;
+  get isOpen() {
+    return this.ask.open;
+  }
+
+  /** Forget the verbs of another run. */
+  again() {
+    this.offered = new Map();
+    this.key = "";
     this.token = location.hash.slice(1);
-    if (verbs.length && !this.token) say(this.answer, "To give orders, open the address that the run has printed.");
+    say(this.answer, "");
   }
 
-  /** Enable those that the tree heeds just now. */
-  allow(names, run) {
-    this.run = run;
-    for (const [name, button] of this.buttons) button.disabled = !this.token || !names.includes(name);
+  /** Show the orders to the robot that is chosen: those that its tree has heeded, and can be given just now. */
+  show() {
+    const { chosen, run, verbs, available, names, isTeam, isConnected, isReplay } = this.stream;
+    const now = isConnected && this.token && !run.run.ended ? (available[chosen] ?? []) : [];
+    const offered = this.offered.get(chosen) ?? new Set();
+    for (const name of available[chosen] ?? []) offered.add(name);
+    this.offered.set(chosen, offered);
+    this.now = new Set(now);
+    this.verbs = (verbs[chosen] ?? []).filter(({ name }) => offered.has(name));
+    this.isHeld = run.condition.word === "paused";
+    this.place.hidden = isReplay || !(verbs[chosen] ?? []).length;
+    say(this.to, isTeam ? `Orders to ${names[chosen]}` : "Orders");
+    const key = `${chosen} ${this.verbs.map(({ name }) => name).join(" ")}`;
+    if (key !== this.key) this.draw(key);
+    const may = (verb) => Boolean(verb && this.now.has(verb.name));
+    this.stop.disabled = !may(this.of("stop")) && !may(this.of("hold"));
+    for (const [name, button] of this.buttons) button.disabled = !this.now.has(name);
+    const toggled = this.toggled();
+    this.toggle.hidden = !toggled;
+    if (toggled) {
+      say(this.toggle, toggled.label);
+      set(this.toggle, { title: toggled.help, "data-verb": toggled.name, "data-role": toggled.role });
+      this.toggle.disabled = !may(toggled);
+    }
+  }
+
+  draw(key) {
+    this.key = key;
+    this.stop.hidden = !this.of("stop") && !this.of("hold");
+    this.buttons = new Map(this.verbs.filter(({ role }) => !role).map((verb) => [verb.name, this.button(verb)]));
+    this.more.replaceChildren(...this.buttons.values());
+    this.who.hidden = !this.verbs.length || !this.token;
+    if (!this.token) say(this.answer, "To give orders, open the address that the run has printed.");
+    else if (!this.verbs.length) say(this.answer, "This tree takes no orders.");
+    else if (!this.answer.dataset.kind) say(this.answer, "");
+  }
+
+  /** The verb of a role. */
+  of(wanted) {
+    return this.verbs?.find(({ role }) => role === wanted);
+  }
+
+  toggled() {
+    return (this.isHeld ? this.of("release") : null) ?? this.of("hold");
   }
 
   button(verb) {
@@ -40,15 +99,23 @@ export class Orders {
     return button;
   }
 
+  /** Have the robot stand at once, and ask whether that is the end. */
+  halt() {
+    const [hold, stop] = [this.of("hold"), this.of("stop")];
+    if (hold && this.now.has(hold.name) && !this.isHeld) this.give(hold, {});
+    if (stop && this.now.has(stop.name)) this.begin(stop);
+  }
+
   async begin(verb) {
+    const robot = this.stream.chosen;
     const values = verb.fields.length || verb.confirm ? await this.question(verb, {}) : {};
-    if (values) this.give(verb, values);
+    if (values) this.give(verb, values, robot);
   }
 
   question(verb, given) {
     const fields = new Map(verb.fields.map((field) => [field.name, this.field(field, given[field.name])]));
     const [heading, body, yes] = [this.ask.querySelector("h2"), this.ask.querySelector("div"), this.ask.querySelector(".yes")];
-    say(heading, verb.label);
+    say(heading, this.stream.isTeam ? `${verb.label}: ${this.stream.names[this.stream.chosen]}` : verb.label);
     say(yes, verb.label);
     body.replaceChildren(...(verb.confirm ? [html("p", {}, verb.confirm)] : []), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))));
     const number = (text) => (text === "" ? null : Number(text));
@@ -56,6 +123,7 @@ export class Orders {
     if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read));
     this.ask.returnValue = "no";
     this.ask.showModal();
+    if (!verb.fields.length) this.ask.querySelector(".no").focus();
     return new Promise((answer) => {
       this.ask.onclose = () => answer(this.ask.returnValue === "yes" ? read() : null);
     });
@@ -65,23 +133,24 @@ export class Orders {
     const button = html("button", { type: "button" }, "Show it on the map");
     button.addEventListener("click", () => {
       const values = read();
+      const robot = this.stream.chosen;
       this.ask.close("no");
-      document.querySelector('nav [data-view="map"]').click();
-      say(this.answer, "Click where it is to be; Escape leaves it.");
+      this.tell("Click where it is to be; Escape leaves it.", "asked");
       this.pick(async (place) => {
-        say(this.answer, "");
+        this.tell("");
         if (!place) return;
         const [x, y] = place;
         const all = await this.question(verb, { ...values, x: x.toFixed(2), y: y.toFixed(2) });
-        if (all) this.give(verb, all);
+        if (all) this.give(verb, all, robot);
       });
     });
     return button;
   }
 
   field({ name, kind, choices, optional, longest }, value = "") {
+    const { run } = this.stream;
     if (kind === "choice" || kind === "found") {
-      const known = kind === "found" ? [...this.run.landmarks.values()].filter((each) => this.run.kindOf(each).is_found).map(({ name: each }) => [each, each]) : choices;
+      const known = kind === "found" ? [...run.landmarks.values()].filter((each) => run.kindOf(each).is_found).map(({ name: each }) => [each, each]) : choices;
       const offered = optional ? [["", "–"], ...known] : known;
       return html("select", { name, required: !optional }, ...offered.map(([key, label]) => html("option", { value: key, selected: key === value }, label)));
     }
@@ -89,22 +158,46 @@ export class Orders {
     return html("input", { name, required: !optional, value: kind === "number" && value === "" && !optional ? 0 : value, autocomplete: "off", ...numeric });
   }
 
-  async give(verb, values) {
-    say(this.answer, `${verb.label} …`);
-    let said;
+  async give(verb, values, robot = this.stream.chosen) {
+    const to = this.stream.isTeam ? `${this.stream.names[robot]}: ${verb.label}` : verb.label;
+    this.tell(`${to} …`, "asked");
     try {
-      const response = await fetch(`orders/${encodeURIComponent(verb.name)}`, {
+      const response = await fetch(`orders/${encodeURIComponent(verb.name)}?robot=${robot}`, {
         method: "POST",
-        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}` },
+        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}`, "X-Operator": encodeURIComponent(this.by.value.trim()) },
         body: JSON.stringify(values),
         signal: AbortSignal.timeout(ANSWER_MS),
       });
       const { accepted, message } = await response.json();
-      const unanswered = response.status >= 500;
-      said = accepted ? message || "done" : unanswered ? message : `refused: ${message}`;
+      if (accepted) this.tell(`${to}: ${message || "done"}`, "done");
+      else this.tell(`${to}: ${response.status >= 500 ? message : `refused: ${message}`}`, "trouble");
     } catch (error) {
-      said = error.name === "TimeoutError" ? "no answer: look at the log whether it was given" : "the run cannot be reached";
+      this.tell(`${to}: ${error.name === "TimeoutError" ? "no answer: look at the log whether it was given" : "the run cannot be reached"}`, "trouble");
     }
-    say(this.answer, `${verb.label}: ${said}`);
+  }
+
+  /** Say something to an order; what is done need not stay. */
+  tell(text, kind = "") {
+    clearTimeout(this.fading);
+    say(this.answer, text);
+    this.answer.dataset.kind = kind;
+    if (kind === "done") this.fading = setTimeout(() => this.tell(""), READ_MS);
+  }
+}
+
+/** What the operator is called, as said before. */
+function remembered() {
+  try {
+    return localStorage.getItem(NAME) ?? "";
+  } catch {
+    return "";
+  }
+}
+
+function remember(name) {
+  try {
+    localStorage.setItem(NAME, name);
+  } catch {
+    // Then it is asked for again.
   }
 }

@@ -10,8 +10,9 @@ export class Run {
   /** Forget what is known. */
   begin() {
     Object.assign(this, {
-      run: { number: 0 }, time: 0, nodes: [], states: [], pose: null, plan: [], drive: null, lacks: "", map: null, kinds: {}, landmarks: new Map(),
-      figures: [], gauges: [], alarms: [], phase: {}, why: null, log: [], trail: [],
+      run: { number: 0 }, condition: { word: "", level: "quiet", since: 0, reason: "" }, place: "", estimate: {}, time: 0, nodes: [], states: [],
+      pose: null, plan: [], drive: null, map: null, times: {}, kinds: {}, landmarks: new Map(),
+      figures: [], gauges: [], alarms: [], why: null, log: [], trail: [],
     });
   }
 

@@ -41,6 +41,13 @@ export function duration(seconds) {
   return minutes < 60 ? `${minutes}:${rest}` : `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest}`;
 }
 
+/** Seconds as minutes and seconds, and hours if there are any: what an operator reads, as on the mission's clock. */
+export function clock(seconds) {
+  const whole = Math.max(0, Math.floor(seconds ?? 0));
+  const [hours, minutes, rest] = [Math.floor(whole / 3600), Math.floor(whole / 60), String(whole % 60).padStart(2, "0")];
+  return hours ? `${hours}:${String(minutes % 60).padStart(2, "0")}:${rest}` : `${minutes}:${rest}`;
+}
+
 // Paths in a square of 16.
 const STATUSES = {
   RUNNING: ["R", "M0.5 1.5 H10 L16 8 L10 14.5 H0.5 Z"],
@@ -66,4 +73,26 @@ const SIGNS = ["", "▶", "✓", "✗"];
 /** The sign of a landmark: how far it is; of one that was found, that somebody must see to it. */
 export function sign({ level }, { is_found: isFound }) {
   return isFound && level < 2 ? "!" : (SIGNS[level] ?? "");
+}
+
+// What a landmark looks like, by the shape of its kind.
+const MARKS = {
+  circle: () => svg("circle", { r: 11 }),
+  triangle: () => svg("path", { d: "M0 -12 L12 9 H-12 Z" }),
+  house: () => svg("path", { d: "M-10 10 V-2 L0 -11 L10 -2 V10 Z" }),
+  square: () => svg("path", { d: "M-9 -9 H9 V9 H-9 Z" }),
+};
+
+/** The mark of a landmark, some 24 wide around its middle, as it is on the map and wherever it is named. */
+export function mark(landmark, kind) {
+  const known = [LEVELS[landmark.level], kind.is_found && "found", landmark.is_certain && "certain"].filter(Boolean).join(" ");
+  const group = svg("g", { class: `mark ${known}` }, (MARKS[kind.shape] ?? MARKS.circle)());
+  const text = sign(landmark, kind);
+  if (text) group.append(svg("text", { class: "sign", y: 5, "text-anchor": "middle" }, text));
+  return group;
+}
+
+/** A mark as a picture of its own. */
+export function icon(drawn) {
+  return svg("svg", { viewBox: "-14 -14 28 28", width: 22, height: 22, "aria-hidden": "true" }, drawn);
 }

@@ -1,14 +1,14 @@
-// Why a mission has failed: from the root down to the answers that caused it, and what would have succeeded.
+// Why a mission has failed: the first to look at, from the root down to the answers that caused it, and what would have succeeded.
 
 import { duration, html } from "./shapes.js";
 
-// Of what leaves would have answered after the change, the first.
+// Of what leaves would have answered after the change, and of leaves that have failed without the root, the first.
 const SHOWN = 12;
 
 export class WhyView {
   /**
    * @param {HTMLDetailsElement} place where it is shown.
-   * @param {(id: number) => void} choose called with a node that is asked for.
+   * @param {(id: number) => void} [choose] called with a node that is asked for; without it nodes are no buttons.
    */
   constructor(place, choose) {
     this.place = place;
@@ -16,7 +16,7 @@ export class WhyView {
     this.shown = null;
   }
 
-  show({ why }) {
+  show({ why, condition }) {
     if (this.shown === why) return;
     this.shown = why;
     this.place.hidden = !why;
@@ -24,9 +24,12 @@ export class WhyView {
     const [summary, rest] = this.place.children;
     const [first] = why.answers;
     summary.replaceChildren("Why: ", html("b", {}, first.name), ` ${said(first)}`);
+    const others = why.chain.length ? why.chain : why.answers.slice(0, SHOWN);
+    const heading = why.chain.length ? (why.went_on ? "The root had failed, and went on" : "The root has failed") : "What has failed, the likeliest cause first";
     rest.replaceChildren(
-      html("h2", {}, why.went_on ? "The root had failed, and went on" : "The root has failed"),
-      html("ol", {}, ...why.chain.map((each) => this.line(each, `${each.name} ${said(each)}`, each.since?.time, each.place))),
+      ...(condition.reason ? [html("p", {}, condition.reason)] : []),
+      html("h2", {}, heading),
+      html("ol", {}, ...others.map((each) => this.line(each, `${each.name} ${said(each)}`, each.since?.time, each.place))),
       ...this.otherwise(why.counterfactual),
     );
   }
@@ -45,11 +48,16 @@ export class WhyView {
   }
 
   line({ node, name, depth }, words, time, place) {
-    const button = html("button", { type: "button" }, name);
-    button.addEventListener("click", () => this.choose(node));
-    const line = html("li", {}, time === undefined ? "" : html("time", {}, duration(time)), " ", button, words.slice(name.length), place ? html("span", { class: "place", title: place }, `  ${place.split("/").pop()}`) : "");
+    const line = html("li", {}, time === undefined ? "" : html("time", {}, duration(time)), " ", this.name(node, name), words.slice(name.length), place ? html("span", { class: "place", title: place }, `  ${place.split("/").pop()}`) : "");
     line.style.marginLeft = `${1.2 * depth}em`;
     return line;
+  }
+
+  name(node, name) {
+    if (!this.choose) return html("b", {}, name);
+    const button = html("button", { type: "button" }, name);
+    button.addEventListener("click", () => this.choose(node));
+    return button;
   }
 }
 

@@ -1,0 +1,113 @@
+"""The condition of a mission: in a word, how serious it is, since when, and why. Page, terminal, reports and `sar-journal show` say the same."""
+
+from typing import NamedTuple
+
+from sar_compiler.journal.mission_state import MissionState, RunState
+
+GOOD, QUIET, WARNING, ERROR = "good", "quiet", "warning", "error"
+"""How serious a condition is: as it should be; nothing to say; somebody should look; something is wrong."""
+
+NOT_BEGUN, DRIVING, WORKING, WAITING = "not begun", "driving", "working", "waiting"
+PAUSED, LOST, BROKEN_OFF = "paused", "lost", "broken off"
+COMPLETE, FAILED, STOPPED, ABORTED = "complete", "failed", "stopped", "aborted"
+
+# What the mission itself calls a phase, and what it is called here.
+_PHASES = {"held": (PAUSED, WARNING), "waiting": (WAITING, WARNING), "aborted": (ABORTED, WARNING)}
+_LONG_SILENCE_SEC = 10.0
+_ENDS = {"over": FAILED, "stopped": STOPPED, "failed": FAILED}
+
+
+class RunProcess(NamedTuple):
+    """What is known of the process that runs a mission, beside what it has written.
+
+    Attributes:
+        is_gone: Whether it is there no more.
+        silent_sec: For how long nothing has been heard of it, in seconds.
+    """
+
+    is_gone: bool = False
+    silent_sec: float = 0.0
+
+
+_TELLING = RunProcess()
+
+
+class MissionCondition(NamedTuple):
+    """The condition of a mission.
+
+    Attributes:
+        word: One of the words of this module, or the mission's own for its phase.
+        level: How serious it is: `good`, `quiet`, `warning` or `error`.
+        since: When it began, in seconds of the mission's clock since the run's beginning.
+        reason: Why it is so, in the operator's words; may be empty.
+    """
+
+    word: str = NOT_BEGUN
+    level: str = QUIET
+    since: float = 0.0
+    reason: str = ""
+
+    @property
+    def text(self) -> str:
+        """The condition in one line: `PAUSED: by the operator`."""
+        word = self.word.upper() if self.level in (WARNING, ERROR) else self.word
+        return f"{word}: {self.reason}" if self.reason else word
+
+
+def condition(state: MissionState, process: RunProcess = _TELLING) -> MissionCondition:
+    """Return the condition of a mission.
+
+    Args:
+        state: What is known of it.
+        process: What is known of its process; by default, that it is there and tells what happens.
+    """
+    if not state.runs:
+        return MissionCondition(reason="the run has not begun")
+    run, now = state.runs[-1], state.now.time
+    if run.ending:
+        return _ended(state, run)
+    if process.is_gone:
+        return MissionCondition(BROKEN_OFF, ERROR, now, _last_words(state))
+    # Of a drive something is told every second of the mission's clock.
+    if process.silent_sec > _LONG_SILENCE_SEC and state.drive is not None:
+        return MissionCondition(LOST, ERROR, now, silence(process.silent_sec))
+    phase = state.phase
+    word, level = _PHASES.get(phase.name, (phase.name, GOOD))
+    reason = phase.reason or {DRIVING: _drive(state), WORKING: phase.place}.get(word, "")
+    return MissionCondition(word, level, state.since_phase.time, reason)
+
+
+def silence(seconds: float) -> str:
+    """Return what it means that nothing was heard for so many seconds."""
+    return f"No word for {clock_text(seconds)}. The robot may still be driving."
+
+
+def clock_text(seconds: float) -> str:
+    """Return a duration as minutes and seconds, and hours if there are any: `1:05`, `2:00:00`."""
+    whole = max(0, int(seconds))
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
+
+
+def _ended(state: MissionState, run: RunState) -> MissionCondition:
+    since = run.ended.time if run.ended is not None else state.now.time
+    if run.status == 0:
+        return MissionCondition(COMPLETE, GOOD, since, run.reason)
+    word = _ENDS.get(run.ending, run.ending)
+    if state.situation.phase.name == ABORTED and word == FAILED:
+        word = ABORTED
+    # Who has stopped it knows that, unless a goal is left behind.
+    level = QUIET if word == STOPPED and not state.goals else ERROR
+    left = " A goal may still be active: the robot may be driving." if state.goals else ""
+    return MissionCondition(word, level, since, f"{run.reason}{left}".strip())
+
+
+def _last_words(state: MissionState) -> str:
+    """Return what a process was at that is gone."""
+    place = _drive(state) or state.situation.phase.place
+    driving = "a goal was active: the robot may still be driving" if state.goals else "no goal was active"
+    return ", ".join(filter(None, (f"at {clock_text(state.now.time)}", place, driving)))
+
+
+def _drive(state: MissionState) -> str:
+    return "" if state.drive is None else f"to {state.drive.target}"

@@ -1,0 +1,33 @@
+// The condition of a mission: what the server says of it, unless nothing is heard of the server.
+
+import { clock, html, say, set } from "./shapes.js";
+
+const SIGNS = { good: "●", quiet: "○", warning: "▲", error: "■" };
+const COUNTED = ["paused", "waiting", "lost"];
+
+/** The condition of a run as a page shows it: word, level, reason, and how many seconds it has lasted (null where nobody asks). */
+export function conditionOf(stream, run) {
+  const { silent, isReplay, isTold, trouble } = stream;
+  if (isReplay && silent) return { word: "not connected", level: "error", reason: "no other moment can be shown", lasts: null };
+  if (trouble) return { word: "trouble", level: "error", reason: trouble, lasts: null };
+  if (!isTold) return { word: silent > 4 ? "not connected" : "connecting", level: silent > 4 ? "error" : "quiet", reason: "", lasts: null };
+  const { word, level, reason, since } = run.condition;
+  if (silent && !run.run.ended) return { word: "lost", level: "error", reason: silence(silent), lasts: null };
+  return { word, level, reason, lasts: COUNTED.includes(word) ? run.time - since : null };
+}
+
+/** What is to be said when nothing was heard for so many seconds; null while there is nothing to say. */
+export function silence(seconds) {
+  return `No word for ${clock(seconds)}. The robot may still be driving.`;
+}
+
+/** Show a condition in an element: its sign, its word, how long it lasts, and the reason. */
+export function showCondition(place, { word, level, reason, lasts }, isLong = true) {
+  if (!place.childElementCount) place.append(html("b", { "aria-hidden": "true" }), html("strong"), html("time"), html("span"));
+  const [sign, name, time, why] = place.children;
+  set(place, { "data-level": level, "data-word": word });
+  say(sign, SIGNS[level] ?? "");
+  say(name, word);
+  say(time, lasts === null ? "" : clock(lasts));
+  say(why, isLong ? reason : "");
+}

@@ -1,0 +1,80 @@
+// The operator's page: the map, one state in words, the orders, and what has happened.
+
+import { conditionOf, showCondition } from "./condition_view.js";
+import { LogView } from "./log_view.js";
+import { MapView } from "./map_view.js";
+import { Orders } from "./orders.js";
+import { AlarmsView, CardsView, driveLeft, showFigures, showGauges } from "./panels.js";
+import { PlacesView } from "./places_view.js";
+import { ReplayBar } from "./replay_bar.js";
+import { say } from "./shapes.js";
+import { Stream, drawer } from "./stream.js";
+import { WhyView } from "./why_view.js";
+
+const at = (id) => document.getElementById(id);
+const stream = new Stream({ begin, change: drawer(show) });
+const map = new MapView(at("map"), at("legend").querySelector("table"));
+const orders = new Orders(at("orders"), stream, (answer) => map.pick(answer));
+const alarms = new AlarmsView(at("alarms"), at("sound"));
+const cards = new CardsView(at("robots"));
+const places = new PlacesView(at("places"));
+const log = new LogView(at("log"));
+const why = new WhyView(at("why"));
+const replay = new ReplayBar(at("timeline"), stream);
+log.onlyFacts = true;
+
+function begin() {
+  orders.again();
+  replay.begin();
+  at("replaying").hidden = !stream.isReplay;
+  at("other").href = `tree${location.hash}`;
+}
+
+function show() {
+  const { run } = stream;
+  const condition = conditionOf(stream, run);
+  showCondition(at("condition"), condition);
+  // What is read out changes with the word, and not every second.
+  say(at("said"), `${condition.word}${condition.level === "error" && condition.lasts === null ? "" : `, ${condition.reason}`}`);
+  document.body.dataset.level = condition.level;
+  document.body.classList.toggle("stale", Boolean(stream.silent) && !run.run.ended);
+  orders.show();
+  if (!stream.isTold) return;
+  const { mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
+  say(at("mission"), `${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
+  at("mission").title = node;
+  document.title = `${condition.word}: ${mission}`;
+  say(at("drive"), driveLeft(run));
+  showFigures(at("figures"), run);
+  showGauges(at("gauges"), run);
+  map.show(stream);
+  alarms.show(stream);
+  cards.show(stream);
+  places.show(stream);
+  log.show(run);
+  why.show(run);
+  if (stream.isReplay) replay.show();
+  document.body.classList.add("ready");
+}
+
+for (const button of document.querySelectorAll("[data-zoom]")) {
+  const zoom = { in: () => map.nearer(1.4), out: () => map.nearer(1 / 1.4), fit: () => map.fit() }[button.dataset.zoom];
+  button.addEventListener("click", zoom);
+}
+at("all").addEventListener("change", () => {
+  log.onlyFacts = !at("all").checked;
+  log.again();
+  show();
+});
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && map.picking) map.picked(null);
+  if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea, summary, a") || orders.isOpen) return;
+  if (replay.key(event)) event.preventDefault();
+});
+at("legend").open = matchMedia("(min-width: 821px)").matches;
+document.addEventListener("visibilitychange", () => stream.listen());
+// The address of another run on the same port: with another token.
+window.addEventListener("hashchange", () => location.reload());
+// Who is silent for long is not there.
+setInterval(() => stream.page.change(), 1000);
+stream.listen();

@@ -1,0 +1,164 @@
+// Parts of the operator's page beside the map: gauges and figures, alarms, and a card for each robot.
+
+import { conditionOf, showCondition } from "./condition_view.js";
+import { clock, html, say, set } from "./shapes.js";
+
+const SEEN = "sar-seen";
+// So many alarms are remembered as seen.
+const REMEMBERED = 200;
+
+/** How far the mission is, in figures: its time, about how long it still takes, how long it may, and what it says itself. */
+export function showFigures(place, run) {
+  const { estimate, time, run: { number, ended } } = run;
+  const left = ended || estimate.end == null || estimate.end < time ? null : estimate.end - time;
+  const rows = [
+    ["time", number ? `${clock(time)}${number > 1 ? `, run ${number}` : ""}` : "–"],
+    ...(ended ? [] : [["to go", left == null ? "–" : `about ${clock(left)}`]]),
+    ...(estimate.limit ? [["limit", clock(estimate.limit), !ended && left != null && time + left > estimate.limit]] : []),
+    ...run.figures.map(({ name, value, of, unit }) => [name, `${round(value)}${of == null ? "" : ` of ${round(of)}`}${unit ? ` ${unit}` : ""}`]),
+  ];
+  const key = rows.map(([name]) => name).join("\n");
+  if (place.dataset.key !== key) {
+    place.dataset.key = key;
+    place.replaceChildren(...rows.map(([name]) => html("div", {}, html("dt", {}, name), html("dd"))));
+  }
+  rows.forEach(([, value, isTight], index) => {
+    say(place.children[index].lastChild, value);
+    set(place.children[index], { class: isTight ? "tight" : null });
+  });
+}
+
+/** The gauges, each as a bar where it is known what is full. */
+export function showGauges(place, run) {
+  const gauges = run.gauges.filter(({ value }) => Number.isFinite(value));
+  const key = gauges.map(({ name }) => name).join("\n");
+  place.hidden = !gauges.length;
+  if (place.dataset.key !== key) {
+    place.dataset.key = key;
+    place.replaceChildren(...gauges.map(({ name, unit }) => {
+      const bar = unit === "%" ? html("meter", { min: 0, max: 100, "aria-label": name }) : "";
+      return html("div", { class: "gauge" }, html("span", {}, name), bar, html("b"));
+    }));
+  }
+  gauges.forEach(({ value, unit, least }, index) => {
+    const gauge = place.children[index];
+    const isLow = least != null && value < least;
+    set(gauge, { class: `gauge${isLow ? " low" : ""}` });
+    say(gauge.lastChild, `${isLow ? "▼ " : ""}${round(value)} ${unit}`.trim());
+    const bar = gauge.querySelector("meter");
+    if (bar) set(bar, { value, low: least ?? 0 });
+  });
+}
+
+function round(value) {
+  return Number(value.toFixed(1));
+}
+
+/** What is left of the drive that is under way; the one place of the page that says it. */
+export function driveLeft(run) {
+  if (!run.drive || run.run.ended) return "";
+  const { distance, time_left: left } = run.drive;
+  return `${distance.toFixed(1)} m${left == null ? "" : `, about ${clock(left)}`}`;
+}
+
+/** Alarms, which stay until somebody has seen them. */
+export class AlarmsView {
+  /**
+   * @param {HTMLElement} place where they are.
+   * @param {HTMLInputElement} sound whether a new one is to be heard.
+   */
+  constructor(place, sound) {
+    Object.assign(this, { place, sound });
+    this.seen = new Set(remembered());
+    this.known = new Set();
+  }
+
+  show(stream) {
+    const all = stream.runs.flatMap((run, robot) => run.alarms.map((alarm) => ({ ...alarm, who: stream.isTeam ? stream.names[robot] : "", id: [stream.names[robot], run.run.wall, alarm.run, alarm.text].join("\n") })));
+    const open = all.filter(({ id, is_over: isOver }) => !isOver || !this.seen.has(id)).sort((one, other) => this.seen.has(one.id) - this.seen.has(other.id) || other.run - one.run || other.time - one.time);
+    const told = open.map((each) => ({ ...each, isSeen: this.seen.has(each.id) }));
+    this.ring(told.filter(({ isSeen, id }) => !isSeen && !this.known.has(id)).length);
+    for (const { id } of told) this.known.add(id);
+    const key = JSON.stringify(told);
+    if (key === this.key) return;
+    this.key = key;
+    this.place.hidden = !told.length;
+    this.place.querySelector("ul").replaceChildren(...told.map((alarm) => this.item(alarm, stream)));
+  }
+
+  item({ text, level, is_over: isOver, isSeen, time, who, id }, stream) {
+    const said = [who, text].filter(Boolean).join(": ");
+    const item = html("li", { class: `${level >= 40 ? "error" : "warning"}${isSeen ? " seen" : ""}` }, html("b", { "aria-hidden": "true" }, level >= 40 ? "■" : "▲"), html("span", {}, said, html("small", {}, `at ${clock(time)}${isOver ? ", over" : ""}`)));
+    if (isSeen) return item;
+    const button = html("button", { type: "button", "aria-label": `Seen: ${said}` }, "Seen");
+    button.addEventListener("click", () => {
+      this.seen.add(id);
+      remember([...this.seen].slice(-REMEMBERED));
+      this.show(stream);
+    });
+    item.append(button);
+    return item;
+  }
+
+  /** Two short tones, if there is a new alarm and somebody wants to hear it. */
+  ring(count) {
+    if (!count || !this.sound.checked) return;
+    const audio = new AudioContext();
+    for (const [at, pitch] of [[0, 880], [0.25, 660]]) {
+      const [tone, volume] = [audio.createOscillator(), audio.createGain()];
+      tone.frequency.value = pitch;
+      volume.gain.value = 0.2;
+      tone.connect(volume).connect(audio.destination);
+      tone.start(audio.currentTime + at);
+      tone.stop(audio.currentTime + at + 0.2);
+    }
+  }
+}
+
+function remembered() {
+  try {
+    return JSON.parse(localStorage.getItem(SEEN)) ?? [];
+  } catch {
+    return [];
+  }
+}
+
+function remember(ids) {
+  try {
+    localStorage.setItem(SEEN, JSON.stringify(ids));
+  } catch {
+    // Then they are shown again on another page.
+  }
+}
+
+/** A card for each robot of a team: its condition, gauges, task, and how old its place is; the chosen one is pressed. */
+export class CardsView {
+  constructor(place) {
+    this.place = place;
+  }
+
+  show(stream) {
+    this.place.hidden = !stream.isTeam;
+    if (!stream.isTeam) return;
+    const key = stream.names.join("\n");
+    if (this.place.dataset.key !== key) {
+      this.place.dataset.key = key;
+      this.place.replaceChildren(...stream.names.map((name, index) => this.card(name, index, stream)));
+    }
+    stream.runs.forEach((run, index) => {
+      const card = this.place.children[index];
+      const [, state, task, gauges] = card.children;
+      card.setAttribute("aria-pressed", String(index === stream.chosen));
+      showCondition(state, conditionOf(stream, run), false);
+      say(task, [run.drive ? run.drive.target : run.place, driveLeft(run)].filter(Boolean).join(", "));
+      const age = run.times.pose === undefined ? [] : [`place ${clock(run.time - run.times.pose)} old`];
+      say(gauges, [...run.gauges.filter(({ value }) => Number.isFinite(value)).map(({ name, value, unit }) => `${name} ${round(value)} ${unit}`.trim()), ...age].join(" · "));
+    });
+  }
+
+  card(name, index, stream) {
+    const card = html("button", { type: "button", class: "card" }, html("strong", {}, name), html("span", { class: "state" }), html("span"), html("small"));
+    card.addEventListener("click", () => stream.choose(index));
+    return card;
+  }
+}

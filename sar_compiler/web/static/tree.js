@@ -1,0 +1,153 @@
+// The engineer's page: the tree with the status of each node, what is running, and every line of the log.
+
+import { conditionOf, showCondition } from "./condition_view.js";
+import { showDetails } from "./details.js";
+import { LogView } from "./log_view.js";
+import { MapView } from "./map_view.js";
+import { Orders } from "./orders.js";
+import { CardsView } from "./panels.js";
+import { PlacesView } from "./places_view.js";
+import { ReplayBar } from "./replay_bar.js";
+import { badge, duration, html, say, svg } from "./shapes.js";
+import { Stream, drawer } from "./stream.js";
+import { TreeView } from "./tree_view.js";
+import { WhyView } from "./why_view.js";
+
+// Of more nodes that run at once, the first.
+const SHOWN = 6;
+const at = (id) => document.getElementById(id);
+
+const stream = new Stream({ begin, change: drawer(show) });
+const tree = new TreeView(at("tree"), () => showDetails(at("details"), stream.run, tree.chosen));
+const map = new MapView(at("map"));
+const places = new PlacesView(at("places"));
+const log = new LogView(at("log"));
+const cards = new CardsView(at("robots"));
+const replay = new ReplayBar(at("timeline"), stream);
+const why = new WhyView(at("why"), (id) => {
+  look("tree");
+  tree.select(id);
+});
+const orders = new Orders(at("orders"), stream, (answer) => {
+  look("map");
+  map.pick(answer);
+});
+
+function begin() {
+  orders.again();
+  replay.begin();
+  at("other").href = `./${location.hash}`;
+}
+
+function show() {
+  const { run } = stream;
+  showCondition(at("condition"), conditionOf(stream, run));
+  document.body.classList.toggle("stale", Boolean(stream.silent) && !run.run.ended);
+  orders.show();
+  if (!stream.isTold) return;
+  const { number, mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
+  say(at("mission"), `${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
+  at("mission").title = node;
+  document.title = `${stream.isReplay ? "replay: " : ""}${mission}`;
+  say(at("clock"), number ? `${duration(run.time)}${number > 1 ? `, run ${number}` : ""}` : "");
+  say(at("progress"), progress(run));
+  running(run);
+  tree.show(run);
+  map.show(stream);
+  places.show(stream);
+  cards.show(stream);
+  log.show(run);
+  why.show(run);
+  showDetails(at("details"), run, tree.chosen);
+  if (stream.isReplay) replay.show();
+  document.body.classList.add("ready");
+}
+
+function progress(run) {
+  const gauges = run.gauges.filter(({ value }) => Number.isFinite(value)).map(({ name, value, unit }) => `${name} ${Number(value.toFixed(1))} ${unit}`.trim());
+  const raised = run.alarms.filter((each) => !each.is_over).sort((one, other) => one.run - other.run || one.time - other.time).map(({ text }) => text);
+  return [...run.figures.map(({ text }) => text), ...gauges, ...raised].join(" · ");
+}
+
+function running(run) {
+  const list = at("now").querySelector("ul");
+  const isOver = run.run.ended || run.condition.word === "broken off";
+  const all = isOver ? [] : run.running();
+  const leaves = all.slice(0, SHOWN);
+  const key = all.map((id) => `${id} ${run.nodes[id].name}`).join("\n");
+  if (list.dataset.key !== key || list.childElementCount === 0) {
+    list.dataset.key = key;
+    list.replaceChildren(...leaves.map((id) => runner(run, id)));
+    const rest = all.length - leaves.length;
+    if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : "nobody"));
+  }
+  leaves.forEach((id, index) => {
+    const { since, message } = run.states[id];
+    const item = list.children[index];
+    say(item.querySelector(".for"), `for ${duration(run.time - since)}`);
+    say(item.querySelector(".message"), message);
+  });
+}
+
+function runner(run, id) {
+  const button = html("button", { type: "button" }, svg("svg", { viewBox: "0 0 16 16", width: 14, height: 14, "aria-hidden": "true" }, badge("RUNNING")), run.nodes[id].name);
+  button.addEventListener("click", () => tree.select(id));
+  return html("li", {}, button, html("span", { class: "for" }), html("span", { class: "message" }));
+}
+
+// --- what the user does ----------------------------------------------------------------------------
+
+function look(view) {
+  document.querySelector("main").dataset.view = view;
+  for (const button of document.querySelectorAll("nav button")) button.setAttribute("aria-pressed", button.dataset.view === view);
+  stream.page.change();
+}
+
+for (const button of document.querySelectorAll("nav button")) button.addEventListener("click", () => look(button.dataset.view));
+for (const button of document.querySelectorAll("[data-zoom]")) {
+  const zoom = { in: () => map.nearer(1.4), out: () => map.nearer(1 / 1.4), fit: () => map.fit() }[button.dataset.zoom];
+  button.addEventListener("click", zoom);
+}
+at("fold").addEventListener("click", () => tree.fold());
+at("unfold").addEventListener("click", () => {
+  at("follow").checked = tree.follows = tree.follows && tree.nodes.length <= 200;
+  tree.unfold();
+});
+at("follow").addEventListener("change", () => {
+  tree.follows = at("follow").checked;
+  stream.page.change();
+});
+at("facts").addEventListener("change", () => {
+  log.onlyFacts = at("facts").checked;
+  log.again();
+  stream.page.change();
+});
+at("search").addEventListener("input", () => {
+  const count = tree.search(at("search").value);
+  say(at("found"), at("search").value.trim() ? `${count} of ${stream.run.nodes.length}` : "");
+});
+at("search").addEventListener("keydown", (event) => {
+  if (event.key === "Enter") tree.next();
+  else if (event.key === "Escape") {
+    at("search").value = "";
+    at("search").dispatchEvent(new Event("input"));
+    at("tree").focus();
+  } else return;
+  event.preventDefault();
+});
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && map.picking) map.picked(null);
+  if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea, a") || orders.isOpen) return;
+  if (event.key === "/") {
+    look("tree");
+    at("search").focus();
+  } else if (!replay.key(event)) return;
+  event.preventDefault();
+});
+document.addEventListener("visibilitychange", () => stream.listen());
+// The address of another run on the same port: with another token.
+window.addEventListener("hashchange", () => location.reload());
+// Who is silent for long is not there.
+setInterval(() => stream.page.change(), 1000);
+tree.show(stream.run);
+stream.listen();
