@@ -2,12 +2,46 @@
 
 import argparse
 import math
-from typing import NoReturn
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
 
 from sar_compiler.commands import CommandParser
 
 REPORT_FORMS = "in the form of the file's ending: .html to print and hand on, .json, or in the world's coordinates .geojson, .cot, .cap"
 """What the help says of the files of reports: the endings of `views.mission_report.FORMS`, which take too long to import for it."""
+
+
+class ArgumentKind:
+    """What a word of a command line is: the type of its argument, and what a shell offers for it.
+
+    Args:
+        name: Which function of `cli.completion.COMPLETERS` offers values.
+        read: Makes a value of the word.
+    """
+
+    def __init__(self, name: str, read: Callable[[str], Any] = str) -> None:
+        self.name, self.read = name, read
+
+    def __call__(self, text: str) -> Any:
+        """Return the value of a word."""
+        return self.read(text)
+
+
+def _tree_input(name: str) -> str:
+    """Return the name of a tree file as it is read: for `-` that of standard input."""
+    from sar_compiler.tree.content import STANDARD_INPUT
+
+    return str(STANDARD_INPUT) if name == "-" else name
+
+
+FILE, FOLDER, YAML_FILE = (
+    ArgumentKind("file", Path),
+    ArgumentKind("folder", Path),
+    ArgumentKind("YAML file", Path),
+)
+TREE, TREE_INPUT = ArgumentKind("tree"), ArgumentKind("tree", _tree_input)
+TREE_ID, WORLD = ArgumentKind("tree's ID"), ArgumentKind("world")
 
 
 class Parser(CommandParser):
@@ -77,3 +111,15 @@ def seconds(text: str) -> float:
         message = f"'{text}' is no number of seconds above 0"
         raise argparse.ArgumentTypeError(message)
     return value
+
+
+def add_web_port(parser: argparse.ArgumentParser, when: str = "") -> None:
+    """Add `--web-port`; *when* it counts."""
+    text = f"{when}the page's port (default 8043; 0 for any)"
+    parser.add_argument("--web-port", type=port, metavar="N", help=text)
+
+
+def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
+    """Add `--tree`; *use* is what is done with that tree."""
+    text = f"the tree to {use} (default: the one the file executes)"
+    parser.add_argument("--tree", type=TREE_ID, metavar="ID", help=text)

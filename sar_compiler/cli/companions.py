@@ -1,5 +1,6 @@
 """The companions of a run of `sar-run`: they keep, show, record or tell it; what they take is imported only where they are asked for."""
 
+from argparse import Namespace
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,7 +12,6 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.cli.output import RunOutput
-    from sar_compiler.cli.run import Options
     from sar_compiler.cli.run_journal import RunJournal
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal import Journal
@@ -35,7 +35,7 @@ class RunSetup(NamedTuple):
         output: Standard output.
     """
 
-    options: "Options"
+    options: Namespace
     signals: "StopSignals"
     node: "Node"
     journal: "Journal"
@@ -48,7 +48,7 @@ class RunSetup(NamedTuple):
 Make = Callable[[RunSetup], Companion | None]
 
 
-def companions_asked_for(options: "Options") -> Iterator[Make]:
+def companions_asked_for(options: Namespace) -> Iterator[Make]:
     """Yield for each companion that the command line asks for what makes it; what that takes is imported.
 
     Raises:

@@ -4,15 +4,13 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import Parser
+from sar_compiler.cli.arguments import FOLDER, TREE_INPUT, ArgumentKind, Parser, add_tree_id
 from sar_compiler.cli.loading import (
     INPUT_HELP,
     add_project_options,
     add_vocabulary_options,
-    tree_file,
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text
@@ -106,46 +104,33 @@ def _parser(argv: Sequence[str] = ()) -> Parser:
 
 
 def _add_show(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
+    parser.add_argument("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
     add_project_options(parser)
-    parser.add_argument("--tree", metavar="ID", help="the tree to show (default: the one the file executes)")
-    parser.add_argument(
-        "--format",
-        choices=("unicode", "ascii", "json", *_PICTURES),
-        default="unicode",
-        help="a drawing of characters (default unicode, or ascii), nested nodes with their attributes and places in the file "
-        "(json), a picture (svg), or the language of Mermaid or Graphviz (dot)",
+    add_tree_id(parser, "show")
+    text = (
+        "a drawing of characters (default unicode, or ascii), nested nodes with their attributes and places in the file "
+        "(json), a picture (svg), or the language of Mermaid or Graphviz (dot)"
     )
+    forms = ("unicode", "ascii", "json", *_PICTURES)
+    parser.add_argument("--format", choices=forms, default="unicode", help=text)
     parser.set_defaults(run=_show)
 
 
 def _add_nodes(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "tag", nargs="?", metavar="TAG", help="describe this node with its attributes (default: list all)"
-    )
-    parser.add_argument(
-        "--format",
-        choices=("text", "json", "groot2"),
-        default="text",
-        help="for people (default text), for scripts, or as a palette for Groot2",
-    )
-    parser.add_argument(
-        "--from-use",
-        type=Path,
-        metavar="FOLDER",
-        help="print a palette of the nodes that the trees in a folder use and nobody describes, with guesses of their ports",
-    )
+    add = parser.add_argument
+    text = "describe this node with its attributes (default: list all)"
+    add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
+    text = "for people (default text), for scripts, or as a palette for Groot2"
+    add("--format", choices=("text", "json", "groot2"), default="text", help=text)
+    text = "print a palette of the nodes that the trees in a folder use and nobody describes, with guesses of their ports"
+    add("--from-use", type=FOLDER, metavar="FOLDER", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_nodes, include_path=[])
 
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--format",
-        choices=("xsd", "json"),
-        default="xsd",
-        help="for files in XML (default xsd), or for those in YAML",
-    )
+    text = "for files in XML (default xsd), or for those in YAML"
+    parser.add_argument("--format", choices=("xsd", "json"), default="xsd", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_schema, include_path=[])
 

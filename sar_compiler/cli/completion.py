@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from argcomplete.completers import DirectoriesCompleter, FilesCompleter
 from argcomplete.shell_integration import shellcode
 
+from sar_compiler.cli.arguments import ArgumentKind
 from sar_compiler.commands import OK
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.resources import shipped_root
@@ -47,7 +48,8 @@ def add_completers(parser: argparse.ArgumentParser) -> None:
                 add_completers(command)
         elif action.choices is None and action.nargs != 0:
             # argcomplete looks for the attribute; where there is none, it offers files.
-            action.completer = COMPLETERS.get(action.dest, _nothing)  # type: ignore[attr-defined]
+            kind = action.type.name if isinstance(action.type, ArgumentKind) else ""
+            action.completer = COMPLETERS[kind]  # type: ignore[attr-defined]
 
 
 def _nothing(**_: Any) -> tuple[str, ...]:
@@ -66,12 +68,8 @@ def _worlds(prefix: str, **_: Any) -> list[str]:
     return [*_shipped("worlds", ".yaml"), *_yaml_files(prefix)]
 
 
-def _trees_or_ids(
-    prefix: str, action: argparse.Action, parsed_args: argparse.Namespace, **_: Any
-) -> Iterable[str]:
-    """Return tree files, or the IDs of the trees in the file that is named already."""
-    if action.metavar != "ID":
-        return _trees(prefix)
+def _ids(parsed_args: argparse.Namespace, **_: Any) -> Iterable[str]:
+    """Return the IDs of the trees in the file that is named already."""
     from sar_compiler.tree.showing import in_one_line
 
     trees = _workspace(parsed_args).load(parsed_args.file).forest.trees
@@ -115,17 +113,17 @@ def _modules(prefix: str, **_: Any) -> Iterator[str]:
 
 
 COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
-    **dict.fromkeys(("file", "files", "old", "new", "against", "tree_file"), _trees),
-    **dict.fromkeys(("params", "properties", "scenario"), _yaml_files),
-    **dict.fromkeys(("output", "export", "keep", "record", "report"), FilesCompleter()),
-    **dict.fromkeys(("sim", "world"), _worlds),
+    "": _nothing,
     "code": _codes,
-    **dict.fromkeys(("from_use", "include_path"), DirectoriesCompleter()),
-    **dict.fromkeys(("journal", "journals"), FilesCompleter()),
+    "file": FilesCompleter(),
+    "folder": DirectoriesCompleter(),
     "mission": _missions,
-    "model": _palettes,
-    "nodes": _modules,
+    "module": _modules,
+    "palette": _palettes,
     "tag": _tags,
-    "tree": _trees_or_ids,
+    "tree": _trees,
+    "tree's ID": _ids,
+    "world": _worlds,
+    "YAML file": _yaml_files,
 }
-"""What completes the values of an argument, by its name in the parsed arguments; of others there is nothing to offer."""
+"""What offers values, by the name of an `ArgumentKind`; of arguments without one nothing is offered."""

@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.loading import INPUT_HELP, add_project_options, tree_file, workspace
+from sar_compiler.cli.arguments import FILE, TREE_INPUT
+from sar_compiler.cli.loading import INPUT_HELP, add_project_options, workspace
 from sar_compiler.cli.writing import WriteError, same_file, write_text
 from sar_compiler.commands import FINDINGS, OK
 
@@ -15,15 +16,12 @@ if TYPE_CHECKING:
 
 def add_convert(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `convert`."""
-    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
-    parser.add_argument(
-        "--to",
-        choices=("xml", "yaml", "btcpp"),
-        required=True,
-        help="the form to write: XML, YAML, or XML that BehaviorTree.CPP 4 and Groot2 open (btcpp)",
-    )
+    add = parser.add_argument
+    add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
+    text = "the form to write: XML, YAML, or XML that BehaviorTree.CPP 4 and Groot2 open (btcpp)"
+    add("--to", choices=("xml", "yaml", "btcpp"), required=True, help=text)
     add_project_options(parser)
-    parser.add_argument("-o", "--output", metavar="OUT", help="the file to write (default: standard output)")
+    add("-o", "--output", type=FILE, metavar="OUT", help="the file to write (default: standard output)")
     parser.set_defaults(run=convert_file)
 
 
@@ -41,7 +39,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.gathering import find_tree
 
     path = find_tree(arguments.file)
-    output = Path(arguments.output) if arguments.output is not None else None
+    output: Path | None = arguments.output
     if output is not None and same_file(path, output):
         message = f"{output} is the file to convert; write to another one"
         raise WriteError(message)

@@ -2,14 +2,15 @@
 
 import argparse
 
-from sar_compiler.cli.loading import INPUT_HELP, tree_file
+from sar_compiler.cli.arguments import TREE_INPUT
+from sar_compiler.cli.loading import INPUT_HELP
 from sar_compiler.commands import FINDINGS, OK, print_text
 
 
 def add_diff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `diff`."""
-    parser.add_argument("old", type=tree_file, metavar="A", help=f"{INPUT_HELP}, before the change")
-    parser.add_argument("new", type=tree_file, metavar="B", help=f"{INPUT_HELP}, after it")
+    parser.add_argument("old", type=TREE_INPUT, metavar="A", help=f"{INPUT_HELP}, before the change")
+    parser.add_argument("new", type=TREE_INPUT, metavar="B", help=f"{INPUT_HELP}, after it")
     parser.set_defaults(run=diff_files)
 
 

@@ -2,14 +2,14 @@
 
 import argparse
 
+from sar_compiler.cli.arguments import ArgumentKind
 from sar_compiler.commands import OK, USAGE, print_error
 
 
 def add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `explain`."""
-    parser.add_argument(
-        "code", metavar="CODE", help="the code of a finding, shown in brackets after its severity"
-    )
+    text = "the code of a finding, shown in brackets after its severity"
+    parser.add_argument("code", type=ArgumentKind("code"), metavar="CODE", help=text)
     parser.set_defaults(run=explain_code)
 
 

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from sar_compiler.cli.loading import tree_file
+from sar_compiler.cli.arguments import TREE_INPUT
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 
@@ -12,10 +12,9 @@ from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 def add_format(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
     text = "a tree file, or - for standard input, whose canonical form goes to standard output"
-    parser.add_argument("files", nargs="+", type=tree_file, metavar="FILE", help=text)
-    parser.add_argument(
-        "--check", action="store_true", help="write nothing, and name the files that would change (status 1)"
-    )
+    parser.add_argument("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=text)
+    text = "write nothing, and name the files that would change (status 1)"
+    parser.add_argument("--check", action="store_true", help=text)
     parser.set_defaults(run=format_files)
 
 

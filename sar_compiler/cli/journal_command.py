@@ -4,12 +4,13 @@ import argparse
 import sys
 from collections.abc import Sequence
 from contextlib import closing, suppress
-from pathlib import Path
 
-from sar_compiler.cli.arguments import REPORT_FORMS, Parser, port
+from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_web_port
 from sar_compiler.cli.journal_why import add_why, tell_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
+
+_JOURNAL_HELP = "the journal; a mission may be writing to it"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,44 +36,27 @@ def _parser() -> Parser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "List the facts of a mission: its runs, what has happened, its goals."
     show = commands.add_parser("show", help=text, description=text)
-    show.add_argument(
-        "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
-    )
+    show.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     show.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    show.add_argument(
-        "--all",
-        action="store_true",
-        help="list what was watched as well: nodes, log, pose, plan, ends of goals",
-    )
+    text = "list what was watched as well: nodes, log, pose, plan, ends of goals"
+    show.add_argument("--all", action="store_true", help=text)
     text = "Write a report of a mission, to be printed and handed on, or for maps and emergency services."
     report = commands.add_parser("report", help=text, description=text)
-    report.add_argument(
-        "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
-    )
-    report.add_argument(
-        "-o",
-        "--output",
-        nargs="+",
-        required=True,
-        type=Path,
-        metavar="OUT",
-        help=f"the files, each {REPORT_FORMS}",
-    )
+    report.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
+    text = f"the files, each {REPORT_FORMS}"
+    report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
     report.rename("--to", "--output")
     text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
     add_why(commands.add_parser("why", help=text, description=text))
-    for name, text in (
-        ("replay", "Serve a page on this machine that shows missions again, back and forth through time."),
-        (
-            "watch",
-            "Serve a page on this machine that shows missions while they run, from the journals they write.",
-        ),
+    serving = "Serve a page on this machine that shows missions"
+    for name, how in (
+        ("replay", "again, back and forth through time."),
+        ("watch", "while they run, from the journals they write."),
     ):
+        text = f"{serving} {how}"
         page = commands.add_parser(name, help=text, description=text)
-        page.add_argument("journals", type=Path, nargs="+", metavar="FILE", help="a journal for each robot")
-        page.add_argument(
-            "--web-port", type=port, metavar="N", help="the page's port (default 8043; 0 for any)"
-        )
+        page.add_argument("journals", type=FILE, nargs="+", metavar="FILE", help="a journal for each robot")
+        add_web_port(page)
     return parser
 
 

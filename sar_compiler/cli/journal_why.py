@@ -6,6 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from sar_compiler.cli.arguments import FILE, ArgumentKind
 from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
 from sar_compiler.commands import print_text
 from sar_compiler.errors import SarError
@@ -24,21 +25,14 @@ if TYPE_CHECKING:
 
 def add_why(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `why`."""
-    parser.add_argument("journal", type=Path, metavar="FILE", help="the journal; its last run counts")
-    parser.add_argument(
-        "--against",
-        type=Path,
-        metavar="OTHER",
-        help="the journal of another run: show the first difference",
-    )
-    parser.add_argument(
-        "--tree-file",
-        type=Path,
-        metavar="TREE",
-        help="the tree's file, to look for what would have succeeded (default: where it was for that run)",
-    )
+    add = parser.add_argument
+    add("journal", type=FILE, metavar="FILE", help="the journal; its last run counts")
+    text = "the journal of another run: show the first difference"
+    add("--against", type=FILE, metavar="OTHER", help=text)
+    text = "the tree's file, to look for what would have succeeded (default: where it was for that run)"
+    add("--tree-file", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
-    parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
 
 
 def tell_why(options: argparse.Namespace) -> None:

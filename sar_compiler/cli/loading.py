@@ -6,11 +6,11 @@ import gc
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler.cli.arguments import FOLDER, YAML_FILE, ArgumentKind
 from sar_compiler.commands import print_error
 from sar_compiler.tree.gc_pause import LARGE, gc_paused
 
 if TYPE_CHECKING:
-    from sar_compiler.cli.run import Options
     from sar_compiler.project import Additions, Workspace
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
@@ -20,61 +20,45 @@ PROJECT_OPTIONS = "options that add to the project's configuration"
 """The title of these options in `--help`; the page of the commands says them once."""
 
 
-def tree_file(name: str) -> str:
-    """Return the name of a tree file as it is read: for `-` that of standard input."""
-    from sar_compiler.tree.content import STANDARD_INPUT
-
-    return str(STANDARD_INPUT) if name == "-" else name
-
-
 def add_project_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration."""
     options = add_vocabulary_options(parser)
+    text = "a further folder that tree files may be included from (besides the file's own); may be repeated"
     options.add_argument(
-        "--include-path",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="FOLDER",
-        help="a further folder that tree files may be included from (besides the file's own); may be repeated",
+        "--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text
     )
 
 
 def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._ArgumentGroup":
     """Add those of these options that decide which nodes there are; return their group."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
-    options.add_argument(
-        "--nodes",
-        action="append",
-        default=[],
-        metavar="PKG.MOD",
-        help="load a module of leaves (installed, or in the current folder); may be repeated",
+    add = options.add_argument
+    text = "load a module of leaves (installed, or in the current folder); may be repeated"
+    add("--nodes", action="append", default=[], type=ArgumentKind("module"), metavar="PKG.MOD", help=text)
+    text = (
+        "a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
+        "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated"
     )
-    options.add_argument(
+    add(
         "--model",
         action="append",
         default=[],
-        type=Path,
+        type=ArgumentKind("palette", Path),
         metavar="NODES.xml",
-        help="a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
-        "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated",
+        help=text,
     )
-    options.add_argument(
-        "--trust",
-        action="store_true",
-        help="run the modules of leaves that the project's own configuration names and brings along, now and until "
-        "one of them changes",
+    text = (
+        "run the modules of leaves that the project's own configuration names and brings along, now and until "
+        "one of them changes"
     )
+    add("--trust", action="store_true", help=text)
     return options
 
 
 def add_mission(parser: argparse.ArgumentParser) -> None:
     """Add `--mission`."""
-    parser.add_argument(
-        "--mission",
-        metavar="NAME",
-        help="the mission, where the leaves of the tree do not say which one it is",
-    )
+    text = "the mission, where the leaves of the tree do not say which one it is"
+    parser.add_argument("--mission", type=ArgumentKind("mission"), metavar="NAME", help=text)
 
 
 def workspace(
@@ -98,7 +82,7 @@ def workspace(
     return Workspace(added, note=tell_note)
 
 
-def additions(arguments: "argparse.Namespace | Options") -> "Additions":
+def additions(arguments: argparse.Namespace) -> "Additions":
     """Return what the options of a command add to a project's configuration."""
     from sar_compiler.project import Additions
 
@@ -114,9 +98,5 @@ def tell_note(text: str) -> None:
 
 def add_params(parser: argparse.ArgumentParser) -> None:
     """Add `--params`."""
-    parser.add_argument(
-        "--params",
-        type=Path,
-        metavar="FILE",
-        help="the mission's ROS 2 parameter file, as sar-run takes it: it decides facts and {@parameters}",
-    )
+    text = "the mission's ROS 2 parameter file, as sar-run takes it: it decides facts and {@parameters}"
+    parser.add_argument("--params", type=YAML_FILE, metavar="FILE", help=text)

@@ -4,11 +4,21 @@ import sys
 from argparse import BooleanOptionalAction, Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-from sar_compiler.cli.arguments import REPORT_FORMS, Parser, count, pair_of_ports, port, seed, speed
+from sar_compiler.cli.arguments import (
+    FILE,
+    REPORT_FORMS,
+    TREE,
+    WORLD,
+    YAML_FILE,
+    Parser,
+    add_web_port,
+    count,
+    pair_of_ports,
+    seed,
+    speed,
+)
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
 from sar_compiler.cli.supervision import Supervision, own_supervision
 from sar_compiler.cli.terminal import findings_as_text
@@ -20,88 +30,12 @@ from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
 from sar_compiler.tree.gc_pause import gc_paused
 
-if TYPE_CHECKING:
-    from sar_compiler.missions.ending import Until
-
 PROG = "sar-run"
 
 ENGINES = ("own", "py_trees_ros")
 _DEFAULT_TREE = "search_and_rescue"
 _DEFAULT_WORLD = "disaster_zone"
 _RESUMED = 3
-
-
-@dataclass(frozen=True)
-class Options:
-    """The options of the command line.
-
-    Attributes:
-        tree: A tree file or the name of a shipped one; empty for the mission's default.
-        tree_id: The tree in the file; None for the one that the file executes.
-        params: A parameter file.
-        sim: The world to simulate; None for an existing robot.
-        seed: The seed of the simulation's noise.
-        speed: Upper limit of simulated seconds per second.
-        like: How the stand-in for Nav2 drives.
-        until: The condition that ends the run; None leaves it to the tree.
-        view: How to show the mission: `text`, `web` or `none`.
-        web_port: The port of the page; None for the usual one.
-        groot2: The port on which Groot2 is answered; None for none.
-        groot2_hooks: Whether Groot2 may hold the tree, and replace outcomes.
-        publish: Whether to publish the tree's states and the mission's.
-        record: The file in which to record the mission; None for none.
-        summary: How to sum up: `text` or `json`.
-        check: Whether to stop before the robot moves.
-        guardian: Whether a process of its own cancels the goals of a run that dies; None for what is usual.
-        engine: The engine that ticks the tree: `own` or `py_trees_ros`.
-        mission: The name of the mission; None to choose it by the tree's leaves.
-        report: The reports to write at the end.
-        journal: The mission's journal; None for the default place, or for none.
-        no_journal: Whether there is to be none.
-        resume: Whether to go on with the mission in the journal.
-        new: Whether to begin a mission whatever is in the journal.
-        fault: The faults of the simulated servers, as written.
-        nodes: Modules of leaves.
-        model: Palettes.
-        include_path: Further folders that files may be included from.
-        trust: Whether to run the modules beside the project's configuration.
-        traceback: Whether to show the tracebacks of leaves that fail.
-        ros: ROS arguments, without `--ros-args`.
-    """
-
-    tree: str
-    tree_id: str | None
-    params: Path | None
-    sim: str | None
-    seed: int
-    speed: float
-    like: str
-    until: "Until | None"
-    view: str
-    web_port: int | None
-    groot2: int | None
-    groot2_hooks: bool
-    publish: bool
-    record: Path | None
-    summary: str
-    check: bool
-    guardian: bool | None
-    engine: str
-    mission: str | None
-    report: Sequence[Path]
-    journal: Path | None
-    no_journal: bool
-    resume: bool
-    new: bool
-    supervise: int | None
-    fault: Sequence[str]
-    nodes: Sequence[str]
-    model: Sequence[Path]
-    include_path: Sequence[Path]
-    trust: bool
-    traceback: bool
-    ros: Sequence[str]
-    supervision: Supervision = field(default_factory=Supervision)
 
 
 def command() -> NoReturn:
@@ -127,17 +61,18 @@ def _main(argv: Sequence[str], ros: ExitStack) -> int:
 
 
 def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
-    options = _of_this_run(_options(argv), own_supervision())
-    if options.supervise is not None and not options.supervision.is_there:
+    options, supervision = _options(argv), own_supervision()
+    if options.supervise is not None and not supervision.is_there:
         from sar_compiler.cli.supervisor import supervise
 
         return supervise(argv, options.supervise, signals, options.report)
+    _supervise(options, supervision)
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.cli.run_mission import run_mission
         from sar_compiler.tree.diagnostic import TreeError
 
-    options = replace(options, tree=options.tree or _default_tree(options.mission))
+    options.tree = options.tree or _default_tree(options.mission)
     try:
         return run_mission(options, signals, ros)
     except TreeError as error:
@@ -146,44 +81,33 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
         return USAGE
 
 
-def _of_this_run(options: Options, supervision: Supervision) -> Options:
-    """Return the options of a run that somebody may supervise: one that has died is resumed, and recorded in another file."""
+def _supervise(options: Namespace, supervision: Supervision) -> None:
+    """Make the options those of a run that somebody may supervise: one that has died is resumed, and recorded in another file."""
+    options.supervision = supervision
     if supervision.has_begun:
-        options = replace(options, resume=True, new=False)
-    record = options.record
-    if record is not None and supervision.deaths:
-        record = record.with_stem(f"{record.stem}.{len(supervision.deaths) + 1}")
-    return replace(options, supervision=supervision, record=record)
+        options.resume, options.new = True, False
+    if options.record is not None and supervision.deaths:
+        options.record = options.record.with_stem(f"{options.record.stem}.{len(supervision.deaths) + 1}")
 
 
-def _options(argv: Sequence[str]) -> Options:
+def _options(argv: Sequence[str]) -> Namespace:
     from sar_compiler.missions.ending import Until
 
     split = split_arguments(argv)
     parser = _parser()
-    given = parser.parse_args(split.own)
+    given: Namespace = parser.parse_args(split.own)
     if given.tree == "":
         parser.error("the name of the tree file is empty")
-    for option, value in (
-        ("--speed", given.speed),
-        ("--fault", given.fault or None),
-        ("--seed", given.seed),
-        ("--like", given.like),
-    ):
-        if given.sim is None and value is not None:
-            parser.error(f"{option} is for the simulator: add --sim")
+    for option in ("speed", "fault", "seed", "like"):
+        if given.sim is None and getattr(given, option) not in (None, []):
+            parser.error(f"--{option} is for the simulator: add --sim")
     for is_wrong, message in _contradictions(given):
         if is_wrong:
             parser.error(message)
-    read = {
-        "tree": given.tree or "",
-        "seed": given.seed or 0,
-        "speed": given.speed or 1.0,
-        "like": given.like or QUICK_NAME,
-        "until": Until(given.until) if given.until else None,
-        "ros": split.ros,
-    }
-    return Options(**{**vars(given), **read})
+    given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
+    given.until = Until(given.until) if given.until else None
+    given.ros = split.ros
+    return given
 
 
 def _contradictions(given: Namespace) -> Iterator[tuple[object, str]]:
@@ -267,164 +191,103 @@ _EPILOG = (
 
 
 def _parser() -> Parser:
-    # py_trees, which comes with it, cannot be imported where standard output is closed.
-    from sar_compiler.missions.ending import Until
-
-    parser = Parser(
-        PROG,
-        "Run a mission: check the tree, wait for what it needs, tick it.",
-        epilog=_EPILOG,
-    )
-    parser.add_argument(
-        "tree",
-        nargs="?",
-        metavar="TREE",
-        help=f"{FILE_HELP} (default: the one that --mission brings, else {_DEFAULT_TREE})",
-    )
-    parser.add_argument(
-        "--tree", dest="tree_id", metavar="ID", help="the tree to run (default: the one the file executes)"
-    )
-    parser.add_argument(
-        "--params", type=Path, metavar="FILE", help="a ROS 2 parameter file (default: the mission's own)"
-    )
-    parser.add_argument(
-        "--sim",
-        nargs="?",
-        const=_DEFAULT_WORLD,
-        metavar="WORLD",
-        help="simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers in this process; "
-        "without it, they must run already",
-    )
-    parser.add_argument(
-        "--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)"
-    )
-    parser.add_argument(
-        "--speed",
-        type=speed,
-        metavar="N",
-        help="with --sim: simulated seconds per second, at most; time slows rather than skipping a step (default 1)",
-    )
-    parser.add_argument(
-        "--like",
-        choices=MANNER_NAMES,
-        help="with --sim: how Nav2's stand-in drives, to the point (quick, the default) or as Nav2 does with the shipped "
-        "parameters (nav2)",
-    )
-    parser.add_argument(
-        "--until",
-        choices=[until.value for until in Until],
-        help="when to end: once the root succeeds or fails (end; default for trees and missions without an end of their "
-        "own); once the mission is complete, or can no longer become so (complete; default with --sim); once the root succeeds, or "
-        "fails, each round that ends otherwise being logged (success, failure); or never (forever; default otherwise)",
-    )
-    add_mission(parser)
-    parser.add_argument(
-        "--view",
-        choices=("text", "web", "none"),
-        default="none",
-        help="show the mission while it runs: in place on a terminal, else a line for each change (text); on a page for a browser on "
-        "this machine (web); or not (default none)",
-    )
-    parser.add_argument(
-        "--web-port",
-        type=port,
-        metavar="N",
-        help="with --view web: the page's port (default 8043; 0 for any)",
-    )
-    parser.add_argument(
-        "--groot2",
-        type=pair_of_ports,
-        metavar="PORT",
-        help="show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2 asks for 1667)",
-    )
-    parser.add_argument(
-        "--groot2-hooks",
-        action="store_true",
-        help="let Groot2 hold the tree at breakpoints, and override outcomes",
-    )
-    parser.add_argument(
-        "--publish",
-        action="store_true",
-        help="publish the tree's log (behavior_tree_log), /diagnostics, and, latched, the tree, its state and markers for RViz",
-    )
-    parser.add_argument(
-        "--record",
-        type=Path,
-        metavar="FILE.mcap",
-        help="record the mission in a new MCAP file: its topics, the tree's log, the mission's log",
-    )
-    parser.add_argument(
-        "--summary",
-        choices=("text", "json"),
-        default="text",
-        help="sum up for people (default text), or for scripts in one line: status, reason, duration in seconds, figures",
-    )
-    parser.add_argument(
-        "--check",
-        action="store_true",
-        help="wait until everything that the mission needs is there, plan its way on the map, then end; nothing moves",
-    )
-    parser.add_argument(
-        "--guardian",
-        action=BooleanOptionalAction,
-        help="have a small process of its own cancel the goals of a run that is killed or crashes (default with a journal, "
-        "without --sim)",
-    )
-    parser.add_argument(
-        "--engine",
-        choices=ENGINES,
-        default=ENGINES[0],
-        help="what ticks the tree: the project's runner (default own), or py_trees_ros where that is installed",
-    )
-    parser.add_argument(
-        "--journal",
-        type=Path,
-        metavar="FILE",
-        help="write the mission's journal to this file (default without --sim, for a mission that can be resumed: a file of the "
-        "node's name in ~/.local/state/sar_compiler)",
-    )
-    parser.add_argument(
-        "--report",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="FILE",
-        help=f"write a report when the run has ended, {REPORT_FORMS}; may be repeated",
-    )
-    parser.add_argument("--no-journal", action="store_true", help="write no journal")
-    begun = parser.add_mutually_exclusive_group()
-    begun.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on with the mission in the journal; goals still under way are cancelled first",
-    )
-    begun.add_argument(
-        "--new", action="store_true", help="begin anew, and keep an unfinished journal under another name"
-    )
-    parser.add_argument(
-        "--supervise",
-        nargs="?",
-        const=_RESUMED,
-        type=count,
-        metavar="N",
-        help="resume the mission when its process has died, stands still for 10 s, or has not found what it needs, at most N times "
-        f"(default {_RESUMED})",
-    )
-    parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="SPEC",
-        help="with --sim: let something go wrong, for instance navigate_to_pose:reject=1; may be repeated",
-    )
-    parser.add_argument(
-        "--traceback",
-        action="store_true",
-        help="show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)",
-    )
+    text = "Run a mission: check the tree, wait for what it needs, tick it."
+    parser = Parser(PROG, text, epilog=_EPILOG)
+    _add_what_is_run(parser)
+    _add_companions(parser)
+    _add_how_it_is_run(parser)
     add_version(parser)
     add_project_options(parser)
     return parser
+
+
+def _add_what_is_run(parser: Parser) -> None:
+    # py_trees, which comes with it, cannot be imported where standard output is closed.
+    from sar_compiler.missions.ending import Until
+
+    add = parser.add_argument
+    text = f"{FILE_HELP} (default: the one that --mission brings, else {_DEFAULT_TREE})"
+    add("tree", nargs="?", type=TREE, metavar="TREE", help=text)
+    text = "the tree to run (default: the one the file executes)"
+    add("--tree", dest="tree_id", metavar="ID", help=text)
+    text = "a ROS 2 parameter file (default: the mission's own)"
+    add("--params", type=YAML_FILE, metavar="FILE", help=text)
+    text = (
+        "simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers in this process; "
+        "without it, they must run already"
+    )
+    add("--sim", nargs="?", const=_DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
+    add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)")
+    text = "with --sim: simulated seconds per second, at most; time slows rather than skipping a step (default 1)"
+    add("--speed", type=speed, metavar="N", help=text)
+    text = (
+        "with --sim: how Nav2's stand-in drives, to the point (quick, the default) or as Nav2 does with the shipped "
+        "parameters (nav2)"
+    )
+    add("--like", choices=MANNER_NAMES, help=text)
+    text = (
+        "when to end: once the root succeeds or fails (end; default for trees and missions without an end of their "
+        "own); once the mission is complete, or can no longer become so (complete; default with --sim); once the root succeeds, or "
+        "fails, each round that ends otherwise being logged (success, failure); or never (forever; default otherwise)"
+    )
+    add("--until", choices=[until.value for until in Until], help=text)
+    add_mission(parser)
+
+
+def _add_companions(parser: Parser) -> None:
+    """Add the options that say who goes along with the run."""
+    add = parser.add_argument
+    text = (
+        "show the mission while it runs: in place on a terminal, else a line for each change (text); on a page for a browser on "
+        "this machine (web); or not (default none)"
+    )
+    add("--view", choices=("text", "web", "none"), default="none", help=text)
+    add_web_port(parser, "with --view web: ")
+    text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2 asks for 1667)"
+    add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
+    text = "let Groot2 hold the tree at breakpoints, and override outcomes"
+    add("--groot2-hooks", action="store_true", help=text)
+    text = "publish the tree's log (behavior_tree_log), /diagnostics, and, latched, the tree, its state and markers for RViz"
+    add("--publish", action="store_true", help=text)
+    text = "record the mission in a new MCAP file: its topics, the tree's log, the mission's log"
+    add("--record", type=FILE, metavar="FILE.mcap", help=text)
+
+
+def _add_how_it_is_run(parser: Parser) -> None:
+    add = parser.add_argument
+    text = "sum up for people (default text), or for scripts in one line: status, reason, duration in seconds, figures"
+    add("--summary", choices=("text", "json"), default="text", help=text)
+    text = "wait until everything that the mission needs is there, plan its way on the map, then end; nothing moves"
+    add("--check", action="store_true", help=text)
+    text = (
+        "have a small process of its own cancel the goals of a run that is killed or crashes (default with a journal, "
+        "without --sim)"
+    )
+    add("--guardian", action=BooleanOptionalAction, help=text)
+    text = "what ticks the tree: the project's runner (default own), or py_trees_ros where that is installed"
+    add("--engine", choices=ENGINES, default=ENGINES[0], help=text)
+    text = (
+        "write the mission's journal to this file (default without --sim, for a mission that can be resumed: a file of the "
+        "node's name in ~/.local/state/sar_compiler)"
+    )
+    add("--journal", type=FILE, metavar="FILE", help=text)
+    text = f"write a report when the run has ended, {REPORT_FORMS}; may be repeated"
+    add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
+    add("--no-journal", action="store_true", help="write no journal")
+    begun = parser.add_mutually_exclusive_group()
+    text = "go on with the mission in the journal; goals still under way are cancelled first"
+    begun.add_argument("--resume", action="store_true", help=text)
+    text = "begin anew, and keep an unfinished journal under another name"
+    begun.add_argument("--new", action="store_true", help=text)
+    text = (
+        "resume the mission when its process has died, stands still for 10 s, or has not found what it needs, at most N times "
+        f"(default {_RESUMED})"
+    )
+    add("--supervise", nargs="?", const=_RESUMED, type=count, metavar="N", help=text)
+    text = "with --sim: let something go wrong, for instance navigate_to_pose:reject=1; may be repeated"
+    add("--fault", action="append", default=[], metavar="SPEC", help=text)
+    text = "show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)"
+    add("--traceback", action="store_true", help=text)
 
 
 if __name__ == "__main__":

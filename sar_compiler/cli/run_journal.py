@@ -1,5 +1,6 @@
 """The journal of a run of `sar-run`; what it takes is imported only where somebody has a use for it."""
 
+from argparse import Namespace
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +15,6 @@ from sar_compiler.ros.companion import Companion
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler.cli.run import Options
     from sar_compiler.ros.engine import Engine
 
 
@@ -34,7 +34,7 @@ class RunJournal(Companion):
         JournalError: If there is one that this run must not write to.
     """
 
-    def __init__(self, options: "Options", mission: Mission | None, node: "Node", path: Path) -> None:
+    def __init__(self, options: Namespace, mission: Mission | None, node: "Node", path: Path) -> None:
         self._node = node
         self._mission = mission
         self.journal = _open(options, mission, node)
@@ -127,7 +127,7 @@ class RunJournal(Companion):
         self.journal.close()
 
 
-def _open(options: "Options", mission: Mission | None, node: "Node") -> Journal:
+def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
     asked = options.journal is not None or options.resume or options.new or options.supervise is not None
     by_itself = mission is not None and mission.is_resumable and options.sim is None
     if options.no_journal or options.check or not (asked or by_itself):

@@ -1,5 +1,6 @@
 """One run of `sar-run`, from the tree file to the exit status."""
 
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -37,12 +38,11 @@ from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
-    from sar_compiler.cli.run import Options
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
 
-def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int:
+def run_mission(options: Namespace, signals: StopSignals, ros: ExitStack) -> int:
     """Check the tree, wait for its requirements, tick it to the end, and return the exit status.
 
     Args:
@@ -100,7 +100,7 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
             return NOT_READY
 
 
-def _world(options: "Options") -> "World | None":
+def _world(options: Namespace) -> "World | None":
     """Return the world to simulate, if any; a wrong name is reported before anything slow is done."""
     if options.sim is None:
         return None
@@ -128,7 +128,7 @@ def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> 
 
 
 @contextmanager
-def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
+def _ros(options: Namespace, signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
     """Initialise ROS; a run without parameters uses the mission's default ones."""
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
@@ -142,13 +142,14 @@ def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> I
         yield context
 
 
-def _parameter_file(options: "Options", mission: Mission | None) -> Path | None:
-    if options.params is not None or mission is None or parameter_files(options.ros):
-        return options.params
+def _parameter_file(options: Namespace, mission: Mission | None) -> Path | None:
+    given: Path | None = options.params
+    if given is not None or mission is None or parameter_files(options.ros):
+        return given
     return mission.default_parameters()
 
 
-def _node(options: "Options", mission: Mission | None, context: Context) -> Node:
+def _node(options: Namespace, mission: Mission | None, context: Context) -> Node:
     own, simulated = node_arguments(options.ros), _simulated_time(options)
     node = DataNode(node_name(mission), context, cli_args=own, parameter_overrides=simulated)
     if options.traceback:
@@ -156,7 +157,7 @@ def _node(options: "Options", mission: Mission | None, context: Context) -> Node
     return node
 
 
-def _simulated_time(options: "Options") -> list[Parameter]:
+def _simulated_time(options: Namespace) -> list[Parameter]:
     return [Parameter("use_sim_time", value=True)] if options.sim is not None else []
 
 

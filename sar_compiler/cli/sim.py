@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import Parser, seed, speed
+from sar_compiler.cli.arguments import FILE, WORLD, Parser, seed, speed
 from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import OK, add_version, interruptible, print_text, run
@@ -63,93 +63,59 @@ def _parser() -> Parser:
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "Run the world and the stand-in for Nav2 until stopped."
-    live = commands.add_parser(
-        "run",
-        help=text,
-        description=text,
-        epilog="ROS arguments go after --ros-args. Ctrl-C or SIGTERM end it, with status 0.",
-    )
-    live.add_argument(
-        "--speed",
-        type=speed,
-        default=1.0,
-        metavar="N",
-        help="simulated seconds per second, at most; time slows rather than skipping a step (default 1)",
-    )
-    live.add_argument(
-        "--robot",
-        type=_robot,
-        action="append",
-        default=[],
-        metavar="NAME[:X,Y[,YAW]]",
-        help="a robot in the namespace /NAME, with /tf and /tf_static moved into it, that starts at X, Y (metres) "
-        "looking along YAW (radians), frame map, by default at the world's start; may be repeated. Without it "
-        "there is one robot, in the namespace of the command line",
-    )
-    live.add_argument(
-        "--fault",
-        type=_fault,
-        action="append",
-        default=[],
-        metavar="SPEC",
-        help="let something go wrong: navigate_to_pose:abort=PLACE, :abort@PLACE,drives=SECONDS, :code=NUMBER[@PLACE][,after=SECONDS], "
-        ":late=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
-        "Each robot of several does so, and counts for itself",
-    )
-    live.add_argument(
-        "--like",
-        choices=MANNER_NAMES,
-        default=QUICK_NAME,
-        help="how Nav2's stand-in drives: to the point and giving up at once (default quick), or as Nav2 does with the "
-        "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and recoveries, which move the robot",
-    )
-    live.add_argument(
-        "--keep",
-        type=Path,
-        metavar="FILE",
-        help="keep the robots' places in FILE, and start where they stood when it was written last, also after a kill",
-    )
-    live.add_argument(
-        "--localised",
-        action="store_true",
-        help="let the localisation know where the robots are without being told: for robots that go on where they stood",
-    )
-    parts = live.add_mutually_exclusive_group()
-    parts.add_argument(
-        "--separate",
-        action="store_true",
-        help="run localisation (amcl), planner and controller (controller_server) and navigator (bt_navigator) in processes of "
-        "their own, which can be killed alone; their ids are printed",
-    )
-    parts.add_argument(
-        "--only",
-        choices=PARTS,
-        metavar="PART",
-        help=f"run one of these processes alone, such as one that was killed: {', '.join(PARTS)}",
-    )
+    epilog = "ROS arguments go after --ros-args. Ctrl-C or SIGTERM end it, with status 0."
+    live = commands.add_parser("run", help=text, description=text, epilog=epilog)
+    _add_run(live)
     text = "Drive through a world with a lidar, and write the map made on the way."
     survey = commands.add_parser("map", help=text, description=text)
-    survey.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="PREFIX",
-        help="write PREFIX.pgm and PREFIX.yaml (default: WORLD's name)",
-    )
+    text = "write PREFIX.pgm and PREFIX.yaml (default: WORLD's name)"
+    survey.add_argument("-o", "--output", type=FILE, metavar="PREFIX", help=text)
     text = "Fly a mission many times: how often it succeeds, by worlds, faults and parameters."
     add_sim_sweep(commands.add_parser("sweep", help=text, description=text))
     for command in (live, survey):
+        text = f"a world's file, or the name of a shipped world (default {DEFAULT_WORLD})"
         command.add_argument(
-            "world",
-            nargs="?",
-            default=DEFAULT_WORLD,
-            metavar="WORLD",
-            help=f"a world's file, or the name of a shipped world (default {DEFAULT_WORLD})",
+            "world", nargs="?", default=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text
         )
-        command.add_argument(
-            "--seed", type=seed, default=0, metavar="N", help="the seed of all noise (default 0)"
-        )
+        text = "the seed of all noise (default 0)"
+        command.add_argument("--seed", type=seed, default=0, metavar="N", help=text)
     return parser
+
+
+def _add_run(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `run`."""
+    add = parser.add_argument
+    text = "simulated seconds per second, at most; time slows rather than skipping a step (default 1)"
+    add("--speed", type=speed, default=1.0, metavar="N", help=text)
+    text = (
+        "a robot in the namespace /NAME, with /tf and /tf_static moved into it, that starts at X, Y (metres) "
+        "looking along YAW (radians), frame map, by default at the world's start; may be repeated. Without it "
+        "there is one robot, in the namespace of the command line"
+    )
+    add("--robot", type=_robot, action="append", default=[], metavar="NAME[:X,Y[,YAW]]", help=text)
+    text = (
+        "let something go wrong: navigate_to_pose:abort=PLACE, :abort@PLACE,drives=SECONDS, :code=NUMBER[@PLACE][,after=SECONDS], "
+        ":late=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
+        "Each robot of several does so, and counts for itself"
+    )
+    add("--fault", type=_fault, action="append", default=[], metavar="SPEC", help=text)
+    text = (
+        "how Nav2's stand-in drives: to the point and giving up at once (default quick), or as Nav2 does with the "
+        "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and recoveries, which move the robot"
+    )
+    add("--like", choices=MANNER_NAMES, default=QUICK_NAME, help=text)
+    text = "keep the robots' places in FILE, and start where they stood when it was written last, also after a kill"
+    add("--keep", type=FILE, metavar="FILE", help=text)
+    text = "let the localisation know where the robots are without being told: for robots that go on where they stood"
+    add("--localised", action="store_true", help=text)
+    parts = parser.add_mutually_exclusive_group()
+    text = (
+        "run localisation (amcl), planner and controller (controller_server) and navigator (bt_navigator) in processes of "
+        "their own, which can be killed alone; their ids are printed"
+    )
+    parts.add_argument("--separate", action="store_true", help=text)
+    text = f"run one of these processes alone, such as one that was killed: {', '.join(PARTS)}"
+    parts.add_argument("--only", choices=PARTS, metavar="PART", help=text)
 
 
 def _robot(text: str) -> Placement:

@@ -5,10 +5,9 @@ import itertools
 import shlex
 import signal
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import speed
+from sar_compiler.cli.arguments import TREE, WORLD, YAML_FILE, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
 from sar_compiler.cli.sweep_command import Written, add_sweep_options, add_varied_parameters, swept
 from sar_compiler.cli.writing import write_text
@@ -28,14 +27,14 @@ _SPEED = 20.0
 def add_sim_sweep(parser: CommandParser) -> None:
     """Add the arguments of `sar-sim sweep`."""
     add = parser.add_argument
-    add("tree", metavar="TREE", help=FILE_HELP)
+    add("tree", type=TREE, metavar="TREE", help=FILE_HELP)
     text = f"a world; may be repeated (default {DEFAULT_WORLD})"
-    add("--world", action="append", metavar="W", help=text)
+    add("--world", action="append", type=WORLD, metavar="W", help=text)
     text = f"what goes wrong in one flight, as --fault of sar-run has it, or {_NO_FAULTS}; may be repeated"
     add("--fault", action="append", metavar="'SPEC SPEC'", help=text)
     parser.rename("--faults", "--fault")
     add_varied_parameters(parser, "ROS parameter")
-    add("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
+    add("--params", type=YAML_FILE, metavar="FILE", help="a ROS 2 parameter file")
     text = f"simulated seconds per second, at most (default {_SPEED:g})"
     add("--speed", type=speed, default=_SPEED, metavar="N", help=text)
     add_project_options(parser)

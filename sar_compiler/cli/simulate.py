@@ -5,13 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import count, seed
+from sar_compiler.cli.arguments import TREE_INPUT, YAML_FILE, add_tree_id, count, seed
 from sar_compiler.cli.loading import (
     INPUT_HELP,
     add_mission,
     add_params,
     add_project_options,
-    tree_file,
     workspace,
 )
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
@@ -34,44 +33,23 @@ class ScenarioFolderError(SarError):
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `simulate`."""
-    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
-    parser.add_argument(
-        "--scenario",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="S.yaml",
-        help="a scripted run, or a folder of them; may be repeated (default: every leaf gives its usual answer)",
-    )
-    parser.add_argument("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
-    parser.add_argument("--ticks", type=count, metavar="N", help="stop after N ticks, without failing for it")
-    parser.add_argument(
-        "--until",
-        type=script,
-        metavar="SCRIPT",
-        help="end when this is true of facts, keys, 'root', 'tick' and 'time' (default: when the root has succeeded or failed)",
-    )
-    parser.add_argument(
-        "--seed",
-        type=seed,
-        default=0,
-        metavar="N",
-        help="the seed of a scenario's random choices (default 0)",
-    )
-    parser.add_argument(
-        "--coverage",
-        action="store_true",
-        help="list the nodes and outcomes that the scenarios have not shown",
-    )
+    add = parser.add_argument
+    add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
+    text = "a scripted run, or a folder of them; may be repeated (default: every leaf gives its usual answer)"
+    add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
+    add_tree_id(parser, "tick")
+    add("--ticks", type=count, metavar="N", help="stop after N ticks, without failing for it")
+    text = "end when this is true of facts, keys, 'root', 'tick' and 'time' (default: when the root has succeeded or failed)"
+    add("--until", type=script, metavar="SCRIPT", help=text)
+    text = "the seed of a scenario's random choices (default 0)"
+    add("--seed", type=seed, default=0, metavar="N", help=text)
+    text = "list the nodes and outcomes that the scenarios have not shown"
+    add("--coverage", action="store_true", help=text)
     add_params(parser)
     add_project_options(parser)
     add_mission(parser)
-    parser.add_argument(
-        "--format",
-        choices=("text", "json", "junit"),
-        default="text",
-        help="for people (default text), for scripts, or for continuous integration",
-    )
+    text = "for people (default text), for scripts, or for continuous integration"
+    add("--format", choices=("text", "json", "junit"), default="text", help=text)
     parser.set_defaults(run=simulate_file)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import count
+from sar_compiler.cli.arguments import TREE, YAML_FILE, add_tree_id, count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, additions, workspace
 from sar_compiler.cli.simulate import scenario_files, script
 from sar_compiler.cli.sweep_command import (
@@ -37,9 +37,9 @@ class NothingByChanceError(SarError):
 def add_sweep(parser: CommandParser) -> None:
     """Add the arguments of `sweep`."""
     add = parser.add_argument
-    add("file", metavar="FILE", help=FILE_HELP)
+    add("file", type=TREE, metavar="FILE", help=FILE_HELP)
     text = "the leaves' answers, each with its chance; or a folder of such files; may be repeated"
-    add("--scenario", action="append", default=[], type=Path, metavar="S.yaml", help=text)
+    add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
     text = "the chance (0 to 1) of an unusual answer from a leaf that the scenario does not mention; with commas, one after the other (default 0)"
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
     add_varied_parameters(parser, "parameter")
@@ -47,7 +47,7 @@ def add_sweep(parser: CommandParser) -> None:
     add("--set", action="append", default=[], type=varied, metavar="FACT=A,B", help=text)
     text = "count an event, such as 'NavigateTo halted'; may be repeated"
     add("--count", action="append", default=[], metavar="EVENT", help=text)
-    add("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
+    add_tree_id(parser, "tick")
     add("--ticks", type=count, metavar="N", help="stop a run after N ticks")
     text = "end a run when this is true (default: when the root has succeeded or failed)"
     add("--until", type=script, metavar="SCRIPT", help=text)

@@ -8,7 +8,7 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import count, seed
+from sar_compiler.cli.arguments import FILE, count, seed
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_text
@@ -27,14 +27,8 @@ Written = tuple[Path, str]
 
 def add_varied_parameters(parser: CommandParser, noun: str) -> None:
     """Add `--vary`."""
-    parser.add_argument(
-        "--vary",
-        action="append",
-        default=[],
-        type=varied,
-        metavar="NAME=A,B",
-        help=f"vary a {noun}: each value in turn; may be repeated",
-    )
+    text = f"vary a {noun}: each value in turn; may be repeated"
+    parser.add_argument("--vary", action="append", default=[], type=varied, metavar="NAME=A,B", help=text)
     parser.rename("--param", "--vary")
 
 
@@ -56,7 +50,7 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     text = "run on a Dask cluster instead: the address of its scheduler, such as tcp://host:8786"
     dask = add("--dask", metavar="ADDRESS", help=text)
     text = "write the smallest failure to this file, if there is one"
-    add("-o", "--output", type=Path, metavar="FAILING", help=text)
+    add("-o", "--output", type=FILE, metavar="FAILING", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.hide(half, confidence, first, dask)
 

@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import seconds
+from sar_compiler.cli.arguments import TREE_INPUT, seconds
 from sar_compiler.cli.loading import (
     INPUT_HELP,
     add_mission,
     add_project_options,
     tell_note,
-    tree_file,
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text
@@ -37,32 +36,20 @@ _ROUNDS = 20
 def add_validate(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `validate`."""
     more = f"{INPUT_HELP}; or a folder, for all tree files in it and below"
-    parser.add_argument("files", nargs="+", type=tree_file, metavar="FILE", help=more)
+    add = parser.add_argument
+    add("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=more)
     add_project_options(parser)
     add_mission(parser)
-    parser.add_argument("--strict", action="store_true", help="count warnings as errors in the exit status")
+    add("--strict", action="store_true", help="count warnings as errors in the exit status")
     trial = parser.add_mutually_exclusive_group()
-    trial.add_argument(
-        "--deep",
-        type=seconds,
-        metavar="SEC",
-        help="try the runs of each file for SEC seconds, for errors that a tick raises (default: as far as a fixed amount of work goes)",
-    )
+    text = "try the runs of each file for SEC seconds, for errors that a tick raises (default: as far as a fixed amount of work goes)"
+    trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)
     trial.add_argument("--no-deep", action="store_true", help="try no runs for errors that a tick raises")
-    parser.add_argument(
-        "--fix", action="store_true", help="first correct plain slips, in the files themselves"
-    )
-    parser.add_argument(
-        "--all",
-        action="store_true",
-        help="in text and for GitHub, tell each place, instead of each cause once",
-    )
-    parser.add_argument(
-        "--format",
-        choices=FORMATS,
-        default=_TEXT,
-        help="for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions",
-    )
+    add("--fix", action="store_true", help="first correct plain slips, in the files themselves")
+    text = "in text and for GitHub, tell each place, instead of each cause once"
+    add("--all", action="store_true", help=text)
+    text = "for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
+    add("--format", choices=FORMATS, default=_TEXT, help=text)
     parser.set_defaults(run=validate_files)
 
 

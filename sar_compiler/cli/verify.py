@@ -8,14 +8,13 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import count
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, add_tree_id, count
 from sar_compiler.cli.loading import (
     FORMAT_HELP,
     INPUT_HELP,
     add_mission,
     add_params,
     add_project_options,
-    tree_file,
     workspace,
 )
 from sar_compiler.cli.terminal import ProgressLine
@@ -31,54 +30,30 @@ _MOST_CODES = 20
 
 def add_verify(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `verify`."""
-    parser.add_argument("file", type=tree_file, metavar="FILE", help=INPUT_HELP)
-    parser.add_argument(
-        "--against",
-        type=tree_file,
-        metavar="OTHER",
-        help="a tree file from before a change, or a shipped tree: report which verdicts differ from those for it",
+    add = parser.add_argument
+    add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
+    text = (
+        "a tree file from before a change, or a shipped tree: report which verdicts differ from those for it"
     )
-    parser.add_argument(
-        "--properties",
-        metavar="P.yaml",
-        help="a file of properties, which must hold in every run (default: what the mission brings)",
+    add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
+    text = "a file of properties, which must hold in every run (default: what the mission brings)"
+    add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
+    add_tree_id(parser, "verify")
+    text = "the initial value of a fact, such as points_left=4; may be repeated"
+    add("--set", action="append", default=[], type=_assignment, metavar="FACT=VALUE", help=text)
+    text = (
+        "write the states and ticks for PRISM and Storm, as the explicit files PREFIX.sta, .tra and .lab; in a "
+        "folder, they are named after the tree"
     )
-    parser.add_argument(
-        "--tree", metavar="ID", help="the tree to verify (default: the one the file executes)"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        type=_assignment,
-        metavar="FACT=VALUE",
-        help="the initial value of a fact, such as points_left=4; may be repeated",
-    )
-    parser.add_argument(
-        "--export",
-        type=Path,
-        metavar="PREFIX",
-        help="write the states and ticks for PRISM and Storm, as the explicit files PREFIX.sta, .tra and .lab; in a "
-        "folder, they are named after the tree",
-    )
+    add("--export", type=FILE, metavar="PREFIX", help=text)
     add_params(parser)
-    parser.add_argument(
-        "--max-states",
-        type=count,
-        default=_MAX_STATES,
-        metavar="N",
-        help=f"explore at most N states, and leave open what would take more (default {_MAX_STATES})",
-    )
-    parser.add_argument(
-        "--jobs",
-        type=count,
-        default=len(os.sched_getaffinity(0)),
-        metavar="N",
-        help="search with N processes (default: the number of processors)",
-    )
+    text = f"explore at most N states, and leave open what would take more (default {_MAX_STATES})"
+    add("--max-states", type=count, default=_MAX_STATES, metavar="N", help=text)
+    text = "search with N processes (default: the number of processors)"
+    add("--jobs", type=count, default=len(os.sched_getaffinity(0)), metavar="N", help=text)
     add_project_options(parser)
     add_mission(parser)
-    parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=verify_file)
 
 

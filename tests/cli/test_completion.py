@@ -14,6 +14,7 @@ from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
+from sar_compiler.cli.arguments import ArgumentKind
 from sar_compiler.cli.completion import COMPLETERS, SHELLS
 
 TREE = """\
@@ -128,12 +129,16 @@ def arguments_of(parser):
             for command in action.choices.values():
                 yield from arguments_of(command)
         elif action.choices is None and action.nargs != 0:
-            yield action.dest
+            yield action
 
 
 def test_every_argument_with_a_value_is_completed_or_left_to_the_user():
     parsers = sar_compile._parser(), sar_journal._parser(), sar_run._parser(), sar_sim._parser()
-    assert {name for parser in parsers for name in arguments_of(parser)} == {*COMPLETERS, *NOTHING_TO_OFFER}
+    arguments = [each for parser in parsers for each in arguments_of(parser)]
+    assert {each.type.name for each in arguments if isinstance(each.type, ArgumentKind)} == {*COMPLETERS} - {
+        ""
+    }
+    assert {each.dest for each in arguments if not isinstance(each.type, ArgumentKind)} == NOTHING_TO_OFFER
 
 
 def test_nobody_imports_what_completes_without_asking():
