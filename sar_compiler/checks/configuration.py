@@ -132,7 +132,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         found = found.mapping.get(key) if found else None
     if found is None or not found.data:
         return None if table else NOTHING_DECIDED
-    held = document.hold("settings", found)
+    held = document.validate("settings", found)
     said, entries = held.data, held.mapping
     written = entries[_MODELS].listed if _MODELS in entries else ()
     palettes = tuple(each.text or "" for each in written if is_palette_name(each.text or ""))

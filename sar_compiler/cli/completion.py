@@ -56,16 +56,16 @@ def _nothing(**_: Any) -> tuple[str, ...]:
     return ()
 
 
-def _shipped(folder: str, suffix: str) -> Iterator[str]:
+def _list_shipped(folder: str, suffix: str) -> Iterator[str]:
     return (path.stem for path in (shipped_root() / folder).glob(f"*{suffix}"))
 
 
 def _trees(prefix: str, **_: Any) -> list[str]:
-    return [*_shipped("trees", ".xml"), *_tree_files(prefix)]
+    return [*_list_shipped("trees", ".xml"), *_tree_files(prefix)]
 
 
 def _worlds(prefix: str, **_: Any) -> list[str]:
-    return [*_shipped("worlds", ".yaml"), *_yaml_files(prefix)]
+    return [*_list_shipped("worlds", ".yaml"), *_yaml_files(prefix)]
 
 
 def _ids(parsed_args: argparse.Namespace, **_: Any) -> Iterable[str]:

@@ -43,7 +43,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     if output is not None and same_file(path, output):
         message = f"{output} is the file to convert; write to another one"
         raise WriteError(message)
-    converted = _converted(path, arguments)
+    converted = _convert(path, arguments)
     for loss in converted.losses:
         print(loss.render(), file=sys.stderr)
     if output is None:
@@ -54,7 +54,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     return OK if all(loss.severity is Severity.INFO for loss in converted.losses) else FINDINGS
 
 
-def _converted(path: Path, arguments: argparse.Namespace) -> "Converted":
+def _convert(path: Path, arguments: argparse.Namespace) -> "Converted":
     if arguments.to == "btcpp":
         from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp
 

@@ -119,8 +119,8 @@ class TreeRun:
                 route.tell(self.executor, self._output.say)
             raise
         if self._over:
-            return self._interrupted()
-        return self._checked(route) if self._options.check else self._tick()
+            return self._tell_interruption()
+        return self._conclude_check(route) if self._options.check else self._tick()
 
     def _wait(self) -> None:
         # A check changes nothing on an existing robot.
@@ -158,13 +158,11 @@ class TreeRun:
             types=declared_types(self.tree.root),
         )
 
-    def _checked(self, route: RouteCheck | None) -> int:
+    def _conclude_check(self, route: RouteCheck | None) -> int:
         """Conclude a check for which everything is there; returns the exit status."""
         if route is not None and (problems := route.tell(self.executor, self._output.say)):
             count = "one problem" if problems == 1 else f"{problems} problems"
-            return self._failed(
-                f"everything that the tree needs is there, and the way has {count} (see above)"
-            )
+            return self._fail(f"everything that the tree needs is there, and the way has {count} (see above)")
         self._output.say("Everything that the tree needs is there.")
         return OK
 
@@ -183,7 +181,7 @@ class TreeRun:
             self._come_to_rest()
         except SetupFailedError as error:
             tell(self._node, str(error), error.__cause__)
-            status = self._failed(
+            status = self._fail(
                 "the tree was not started, because one of its leaves failed in setup (see above)", str(error)
             )
             self._end_journal(Ending.FAILED, status, self._reason)
@@ -198,7 +196,7 @@ class TreeRun:
         try:
             status = self._conclude(elapsed)
         except MissionError as error:
-            status = self._failed(str(error))
+            status = self._fail(str(error))
         is_over = engine.failure is None and (self._result is not None or self.end.complete)
         ending = Ending.OVER if is_over else Ending.STOPPED if self._signals.came else Ending.FAILED
         reason = self._result.reason if self._result is not None else self._reason
@@ -310,35 +308,35 @@ class TreeRun:
 
     def _status_of_run(self) -> int:
         if self.engine.failure is not None:
-            return self._failed(
+            return self._fail(
                 "the tree was stopped, because one of its leaves failed (see above)",
                 failure_text(self.engine.failure),
             )
         if self._callback_failure is not None:
-            return self._failed(
+            return self._fail(
                 "the tree was stopped, because a callback failed (see above)",
                 f"a callback failed: {error_text(self._callback_failure)}",
             )
         if self._result is None and not self.end.complete:
-            return self._interrupted()
+            return self._tell_interruption()
         if self._result is not None and not self._result.achieved:
-            return self._failed(self._result.reason)
+            return self._fail(self._result.reason)
         if self.end.shortfalls():
-            return self._failed("the run has ended as asked, and the mission is incomplete")
+            return self._fail("the run has ended as asked, and the mission is incomplete")
         return OK
 
-    def _interrupted(self) -> int:
+    def _tell_interruption(self) -> int:
         """Return the exit status of a run that was ended by something other than its tree."""
         if (failure := self._failure_of_simulation) is not None:
             words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
-            return self._failed(f"the simulation has ended: {words}")
+            return self._fail(f"the simulation has ended: {words}")
         if self._signals.came:
             return self._signals.exit_status
         if self._watch is not None and self._watch.trouble:
-            return self._failed(self._watch.trouble)
-        return self._failed("ROS was shut down")
+            return self._fail(self._watch.trouble)
+        return self._fail("ROS was shut down")
 
-    def _failed(self, said: str, reason: str = "") -> int:
+    def _fail(self, said: str, reason: str = "") -> int:
         """Report why the run has failed, and return the exit status.
 
         Args:

@@ -104,8 +104,8 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
     from sar_compiler.project import Workspace
     from sar_compiler.web.replay import Replay
 
-    replay = Replay(paths, lambda path: _why_of(_explained(path, Workspace())), add_displays)
-    with _told_of(ReplayFeed(replay, {"robots": _names(paths)}), port) as server:
+    replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())), add_displays)
+    with _serve(ReplayFeed(replay, {"robots": _names(paths)}), port) as server:
         server.wait()
 
 
@@ -123,7 +123,7 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
     hello: dict[str, object] = {"robots": _names(paths)}
     feed = LiveFeed(hello, dict, len(paths))
     heard = [time.monotonic() for _ in paths]
-    with _told_of(feed, port) as server:
+    with _serve(feed, port) as server:
         while not server.wait(_LOOK_SEC):
             for robot, follower in enumerate(followers):
                 # Between two looks, in this thread: it takes away the locks of whoever reads the file in this process.
@@ -131,12 +131,12 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
                 for entry in follower.news():
                     heard[robot] = time.monotonic()
                     feed.take(entry, robot)
-                    if entry.kind == RUN_ENDED and (why := _why_of(_explained(follower.path))) is not None:
+                    if entry.kind == RUN_ENDED and (why := _why_of(_explain(follower.path))) is not None:
                         feed.tell_why(why, robot)
                 feed.know(RunProcess(is_gone, time.monotonic() - heard[robot]), robot)
 
 
-def _explained(path: Path, workspace: "Workspace | None" = None) -> Explanation:
+def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
     from sar_compiler.journal.database import JournalFile
 
     with closing(JournalFile.read(path)) as file, file.snapshot():
@@ -168,7 +168,7 @@ class _TellsWhy:
 
 
 @contextmanager
-def _told_of(feed: "LiveFeed | ReplayFeed", port: int | None) -> Iterator[PageServer]:
+def _serve(feed: "LiveFeed | ReplayFeed", port: int | None) -> Iterator[PageServer]:
     with closing(PageServer(feed, port)) as server:
         server.start()
         print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)

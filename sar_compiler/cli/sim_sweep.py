@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import TREE, WORLD, YAML_FILE, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
-from sar_compiler.cli.sweep_command import Written, add_sweep_options, add_varied_parameters, swept
+from sar_compiler.cli.sweep_command import Written, add_sweep_options, add_varied_parameters, run_sweep
 from sar_compiler.cli.writing import write_text
 from sar_compiler.commands import CommandParser
 from sar_compiler.ros.middleware import require_middleware
@@ -62,7 +62,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
         write_text(options.output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
         return options.output, shlex.join(["sh", str(options.output)])
 
-    return swept(
+    return run_sweep(
         list(rows), 1, in_threads, write, "a command that flies it again, with the fewest faults", options
     )
 

@@ -14,9 +14,9 @@ from sar_compiler.cli.sweep_command import (
     Written,
     add_sweep_options,
     add_varied_parameters,
+    parse_variation,
     probabilities,
-    swept,
-    varied,
+    run_sweep,
 )
 from sar_compiler.cli.writing import write_text
 from sar_compiler.commands import CommandParser
@@ -44,7 +44,7 @@ def add_sweep(parser: CommandParser) -> None:
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
     add_varied_parameters(parser, "parameter")
     text = "vary the initial value of a fact: each value in turn; may be repeated"
-    add("--set", action="append", default=[], type=varied, metavar="FACT=A,B", help=text)
+    add("--set", action="append", default=[], type=parse_variation, metavar="FACT=A,B", help=text)
     text = "count an event, such as 'NavigateTo halted'; may be repeated"
     add("--count", action="append", default=[], metavar="EVENT", help=text)
     add_tree_id(parser, "tick")
@@ -79,7 +79,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
         again = ["sar-compile", "simulate", arguments.file, "--scenario", str(arguments.output)]
         return arguments.output, shlex.join(again)
 
-    return swept(list(rows), _BATCH, in_processes, write, "the smallest scenario that fails", arguments)
+    return run_sweep(list(rows), _BATCH, in_processes, write, "the smallest scenario that fails", arguments)
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
@@ -87,8 +87,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
     from sar_compiler.checks.simulate.scenario_files import read_scenario
     from sar_compiler.checks.sweep import SweptRow
     from sar_compiler.documents.yaml_files import read_yaml
-    from sar_compiler.project.swept import ScenarioRuns, content_of
-    from sar_compiler.project.swept import varied as changed
+    from sar_compiler.project.swept import ScenarioRuns, change_scenario, content_of
 
     tree = workspace(arguments).load(arguments.file)
     stage = tree.stage(arguments.tree)
@@ -113,7 +112,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
                 tree.path.resolve(),
                 content,
                 additions(arguments),
-                changed(scenario, own),
+                change_scenario(scenario, own),
                 f"{path} (varied)" if path is not None else "command line",
                 unusual,
                 tuple(arguments.count),

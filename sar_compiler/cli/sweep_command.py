@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sar_compiler.checks.sweep.workers import Workers
 
 
-Varied = tuple[str, list[tuple[str, object]]]
+Variation = tuple[str, list[tuple[str, object]]]
 """The name of what is varied, and its values: as written, and as data."""
 
 Written = tuple[Path, str]
@@ -28,7 +28,9 @@ Written = tuple[Path, str]
 def add_varied_parameters(parser: CommandParser, noun: str) -> None:
     """Add `--vary`."""
     text = f"vary a {noun}: each value in turn; may be repeated"
-    parser.add_argument("--vary", action="append", default=[], type=varied, metavar="NAME=A,B", help=text)
+    parser.add_argument(
+        "--vary", action="append", default=[], type=parse_variation, metavar="NAME=A,B", help=text
+    )
     parser.rename("--param", "--vary")
 
 
@@ -79,7 +81,7 @@ def _probability(text: str) -> float:
     return value
 
 
-def varied(text: str) -> Varied:
+def parse_variation(text: str) -> Variation:
     """Read `NAME=VALUE,VALUE`; a comma in brackets or in quotes separates no values."""
     from sar_compiler.documents.yaml_files import parse_yaml
     from sar_compiler.tree.diagnostic import TreeError
@@ -95,7 +97,7 @@ def varied(text: str) -> Varied:
     return name.strip(), values
 
 
-def swept(
+def run_sweep(
     rows: "Sequence[SweptRow]",
     batch: int,
     workers: "Callable[[int], Workers]",

@@ -96,7 +96,7 @@ class _Validation:
         # Of several links to a file, and of a file that is also in a folder, the first counts.
         files: dict[Path, Path] = {}
         for name in arguments.files:
-            for path in self._named(name):
+            for path in self._find_files(name):
                 files.setdefault(real_path(path), path)
         self._files = tuple(files.values())
         self._places = frozenset(files)
@@ -104,7 +104,7 @@ class _Validation:
         if self._found_models:
             tell_note(f"nodes are described by {', '.join(map(str, self._found_models))}")
 
-    def _named(self, name: str) -> Iterator[Path]:
+    def _find_files(self, name: str) -> Iterator[Path]:
         """Yield the files that an argument names."""
         from sar_compiler.tree.diagnostic import UnreadableFileError
         from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
@@ -153,7 +153,7 @@ class _Validation:
                 tree.project.findings  # noqa: B018 - where a palette is malformed, no file is looked at
             except (TreeError, UnreadableFileError):
                 return
-            if not self._mended(tree):
+            if not self._apply_fixes(tree):
                 return
 
     def look(self) -> None:
@@ -192,13 +192,13 @@ class _Validation:
         self._report(each for each in palettes if real_path(Path(each.source.path)) not in self._places)
         found = tree.findings
         self._report(found)
-        found = [*found, *tree.mission_findings, *self._tried(tree)]
+        found = [*found, *tree.mission_findings, *self._try_runs(tree)]
         self._report(found)
         self._note_fixes(tree)
         if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
             self._clean.append(path)
 
-    def _tried(self, tree: "LoadedTree") -> "list[Diagnostic]":
+    def _try_runs(self, tree: "LoadedTree") -> "list[Diagnostic]":
         """Return what a tick of some run of a file raises, as far as runs are tried."""
         deep = self.arguments.deep
         if self.arguments.no_deep:
@@ -239,7 +239,7 @@ class _Validation:
             self._fixes.update((fix.finding.identity, fix) for fix in each_fix(*file))
 
     @property
-    def _told(self) -> "Sequence[Diagnostic]":
+    def _findings_to_tell(self) -> "Sequence[Diagnostic]":
         """The findings as people are told them."""
         if self.arguments.all or len(self.findings) <= 1:
             return self.findings
@@ -267,7 +267,7 @@ class _Validation:
         """Print what was found."""
         form = self.arguments.format
         if form == _TEXT:
-            told = self._told
+            told = self._findings_to_tell
             if told:
                 print(findings_as_text(told, sys.stdout))
             for path in self._clean:
@@ -284,9 +284,9 @@ class _Validation:
         elif form == _GITHUB and self.findings:
             from sar_compiler.views.findings import findings_as_github
 
-            print(findings_as_github(self._told))
+            print(findings_as_github(self._findings_to_tell))
 
-    def _mended(self, tree: "LoadedTree") -> bool:
+    def _apply_fixes(self, tree: "LoadedTree") -> bool:
         """Apply all possible fixes to a file; return whether there were any."""
         from sar_compiler.checks.fixing import fixes
 

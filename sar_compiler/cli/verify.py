@@ -105,15 +105,15 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
         defaults = (tree.default_properties(arguments.tree) for tree in trees)
         properties = next((path for path in defaults if path is not None), None)
     for tree, file in zip(trees, files, strict=True):
-        with contextlib.closing(_Shown(f"{file}: " if len(files) > 1 else "")) as shown:
+        with contextlib.closing(_ProgressOfProof(f"{file}: " if len(files) > 1 else "")) as progress:
             done.append(
                 tree.verify(
                     properties,
-                    facts=_typed(arguments.set),
+                    facts=_facts(arguments.set),
                     params=arguments.params,
                     tree_id=arguments.tree,
                     max_states=arguments.max_states,
-                    report=shown.show,
+                    on_progress=progress.show,
                     keep_states=arguments.export is not None,
                     jobs=arguments.jobs,
                 )
@@ -160,7 +160,7 @@ def _print(done: "list[Verification]", files: "list[str]", seconds: float, form:
     return OK if fine else FINDINGS
 
 
-def _typed(pairs: "list[tuple[str, str]]") -> "Document | None":
+def _facts(pairs: "list[tuple[str, str]]") -> "Document | None":
     """Return the facts given on the command line."""
     if not pairs:
         return None
@@ -179,7 +179,7 @@ def _assignment(text: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-class _Shown:
+class _ProgressOfProof:
     """Progress on standard error, and what is broken.
 
     The first Ctrl-C has the search stopped, so that what was found so far is told; the second one ends the command.

@@ -155,7 +155,7 @@ class Document:
         """
         self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))
 
-    def hold(self, schema: str, value: Value | None = None) -> Value:
+    def validate(self, schema: str, value: Value | None = None) -> Value:
         """Check a value by a schema, report its mistakes, and return the value without them.
 
         The result conforms to the schema, so that it needs no further checks.

@@ -52,7 +52,12 @@ def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
     errors: Iterator[Any] = validator.iter_errors(root.data)
     for error in errors:
         path = tuple(error.absolute_path)
-        refuse = {"additionalProperties": _unknown, "required": _missing, "anyOf": _missing, "not": _conflict}
+        refuse = {
+            "additionalProperties": _unknown_keys,
+            "required": _missing,
+            "anyOf": _missing,
+            "not": _conflict,
+        }
         of_another_type = _of_another_type(validator, root.at(path), path, error)
         if of_another_type is not None:
             yield of_another_type
@@ -68,7 +73,7 @@ def _validator(schema: str) -> "Draft7Validator":
     return Draft7Validator(json.loads(shipped("schemas", f"sar_{schema}.schema.json").read_bytes()))
 
 
-def _unknown(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _unknown_keys(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     known = list(error.schema["properties"])
     listed = f"; it has {', '.join(known)}" if len(known) <= _MOST_LISTED else ""
     for name in (each for each in error.instance if each not in known):
@@ -112,7 +117,7 @@ def _of_another_type(validator: "Draft7Validator", value: "Value", path: Path, e
     if meant is None or meant == value.data or not validator.evolve(schema=error.schema).is_valid(meant):
         return None
     message = (
-        f"{_named(path, error.schema)} is {_expected(error.schema)}, and {value.text} {which} quotes is "
+        f"{_title(path, error.schema)} is {_accepted_values(error.schema)}, and {value.text} {which} quotes is "
         f"{_KINDS.get(type(value.data), 'a date or a time')}"
     )
     return Refusal("wrong-value", message, path, value, suggestion, hint)
@@ -120,7 +125,7 @@ def _of_another_type(validator: "Draft7Validator", value: "Value", path: Path, e
 
 def _wrong(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     value, schema = root.at(path), error.schema
-    message = f"{_named(path, schema)} is {_expected(schema)}, and this is {value.kind}"
+    message = f"{_title(path, schema)} is {_accepted_values(schema)}, and this is {value.kind}"
     near = nearest(value.text, _texts(schema["enum"])) if value.text and "enum" in schema else None
     hint = f"write {_series(_texts(schema['examples']), 'or')}" if "examples" in schema else None
     misshapen = value.text is None or _types(schema) <= {"object", "array"}
@@ -135,7 +140,7 @@ def _types(schema: dict[str, Any]) -> set[str]:
     return {types} if isinstance(types, str) else set(types)
 
 
-def _expected(schema: dict[str, Any]) -> str:
+def _accepted_values(schema: dict[str, Any]) -> str:
     """Return the values that a schema accepts, for a sentence."""
     if "enum" in schema:
         return f"one of {', '.join(_texts(schema['enum']))}"
@@ -149,10 +154,10 @@ def _expected(schema: dict[str, Any]) -> str:
 
 def _owner(path: Path, schema: dict[str, Any]) -> str:
     """Return the name of a mapping with a wrong or missing key."""
-    return schema.get("title") or _named(path, schema)
+    return schema.get("title") or _title(path, schema)
 
 
-def _named(path: Path, schema: dict[str, Any]) -> str:
+def _title(path: Path, schema: dict[str, Any]) -> str:
     if not path:
         return str(schema["title"])
     if isinstance(path[-1], str):

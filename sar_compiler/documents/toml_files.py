@@ -76,7 +76,7 @@ def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets) -
             start, end, (_value(item, (*path, index), places, place) for index, item in enumerate(data))
         )
     plain = data if isinstance(data, (bool, int, float, str)) else None  # JSON has no dates
-    return Value(start, end, plain, text=data if isinstance(data, str) else places.written(path, data))
+    return Value(start, end, plain, text=data if isinstance(data, str) else places.text_of(path, data))
 
 
 class _TomlPlaces:
@@ -97,7 +97,7 @@ class _TomlPlaces:
             else:
                 self._pair(table)
 
-    def written(self, path: _KeyPath, data: object) -> str:
+    def text_of(self, path: _KeyPath, data: object) -> str:
         """Return a value that is no text as it is written; `4.10` is another version than `4.1`."""
         if path in self.values:
             return self._text[slice(*self.values[path])]

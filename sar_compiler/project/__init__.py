@@ -116,7 +116,7 @@ class Project:
             return load_registry(self.additions.nodes, wanted, self.checkout, palettes)
         except PaletteError:
             for name in self.configuration.palettes:
-                with self._told_where_it_is_named(name):
+                with self._tell_where_it_is_named(name):
                     load_palettes([name], self.checkout)
             raise
 
@@ -130,10 +130,10 @@ class Project:
         if self.additions.trust:
             content.trust()
         elif not content.is_trusted:
-            raise TreeError([self._untrusted(each) for each in modules])
+            raise TreeError([self._trust_finding(each) for each in modules])
         content.make_importable()
 
-    def _untrusted(self, module: str) -> Diagnostic:
+    def _trust_finding(self, module: str) -> Diagnostic:
         message = (
             f"'{module}' is not of an installed package that registers leaves ('{ENTRY_POINTS}'), and a configuration "
             "brings no code along"
@@ -153,12 +153,12 @@ class Project:
         files = [path for path in self.additions.models if not is_palette_name(str(path))]
         read = [read_tree_file(path) for path in files]
         for path in self.configuration.models:
-            with self._told_where_it_is_named(str(path)):
+            with self._tell_where_it_is_named(str(path)):
                 read.append(read_tree_file(path))
         return tuple(read)
 
     @contextlib.contextmanager
-    def _told_where_it_is_named(self, palette: str) -> Iterator[None]:
+    def _tell_where_it_is_named(self, palette: str) -> Iterator[None]:
         """Raise a finding in the configuration instead of an error about a palette that it names."""
         try:
             yield
@@ -486,7 +486,7 @@ class LoadedTree:
         executable = self._forest.executable
         if not executable or not any(map(self._may_raise, self._forest.iterate())):
             return []
-        from sar_compiler.project.proof import tried
+        from sar_compiler.project.proof import try_runs
 
         limit, is_chosen = budget(), self._forest.main_tree() is None
         # What a rule has found in the same place is the same mistake, and so is what another tree's run has.
@@ -500,7 +500,7 @@ class LoadedTree:
                 binding = self.binding(tree_id)
             except TreeError:
                 continue
-            for finding in tried(self, binding, limit, f"sar-compile verify{chosen}"):
+            for finding in try_runs(self, binding, limit, f"sar-compile verify{chosen}"):
                 place = finding.source.path, finding.span
                 raised += [finding] if place not in told else []
                 told.add(place)
@@ -612,9 +612,9 @@ class LoadedTree:
         Raises:
             TreeError: If there are errors, or the script has an answer that a leaf never gives.
         """
-        from sar_compiler.project.simulated import simulated
+        from sar_compiler.project.simulated import simulate_tree
 
-        return simulated(self, {**(scenario or {}), "leaves": {**(leaves or {}), **scripts}})
+        return simulate_tree(self, {**(scenario or {}), "leaves": {**(leaves or {}), **scripts}})
 
     def default_properties(self, tree_id: str | None = None) -> Path | None:
         """Return the file of the properties that `verify` checks if none is named; None for none.
@@ -634,7 +634,7 @@ class LoadedTree:
         params: str | Path | None = None,
         tree_id: str | None = None,
         max_states: int = 1_000_000,
-        report: "Report" = lambda _progress: None,
+        on_progress: "Report" = lambda _progress: None,
         keep_states: bool = False,
         jobs: int = 1,
     ) -> "Verification":
@@ -646,7 +646,7 @@ class LoadedTree:
             params: The mission's ROS parameter file; *properties* and *facts* override what it says.
             tree_id: The tree in the file; by default the one that the file executes.
             max_states: The largest number of states to explore.
-            report: Called with the progress from time to time, and when a property is broken; returns True to stop.
+            on_progress: Called with the progress from time to time, and when a property is broken; returns True to stop.
             keep_states: Whether the result has all states, as `space`.
             jobs: The number of processes that search; a program with threads searches alone. The result is the same.
 
@@ -656,14 +656,14 @@ class LoadedTree:
             ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
         """
         from sar_compiler.checks.verify import verify
-        from sar_compiler.project.proof import verified
+        from sar_compiler.project.proof import verify_tree
 
         binding = self.binding(tree_id)
         start = self._start_values(params, binding)
         search = functools.partial(
-            verify, max_states=max_states, report=report, keep_states=keep_states, jobs=jobs
+            verify, max_states=max_states, on_progress=on_progress, keep_states=keep_states, jobs=jobs
         )
-        return verified(self, binding, properties, facts, start, search)
+        return verify_tree(self, binding, properties, facts, start, search)
 
 
 def load(

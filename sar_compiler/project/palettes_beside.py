@@ -20,7 +20,7 @@ def naming_palettes(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
 
     It is not taken without being named: what a file means would depend on what happens to lie beside it.
     """
-    described = functools.cache(_described)
+    described = functools.cache(_palettes_by_tag)
     for finding in findings:
         source, span = finding.source, finding.span
         if finding.code == _UNKNOWN:
@@ -36,7 +36,7 @@ def naming_palettes(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
         yield finding
 
 
-def _described(tree_file: Path) -> Mapping[str, Path]:
+def _palettes_by_tag(tree_file: Path) -> Mapping[str, Path]:
     """Return the nodes that palettes beside a file describe, with the palette."""
     found: dict[str, Path] = {}
     for path in palettes_beside(tree_file):

@@ -32,7 +32,7 @@ TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], Sea
 """Searches the runs of a tree, as `checks.verify.verify` does, given what else that takes."""
 
 
-def verified(
+def verify_tree(
     tree: "LoadedTree",
     binding: Binding,
     properties: str | Path | None,
@@ -65,7 +65,7 @@ def verified(
         return search(simulated, file, tags)
 
 
-def tried(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
+def try_runs(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
     """Return findings about ticks of a bound tree that raise; see `LoadedTree.try_runs`."""
     if not can_prepare(binding, budget):
         return []
@@ -77,7 +77,7 @@ def tried(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see:
         return findings_of_runs(simulated, binding, budget, how_to_see, tree.findings)
 
     try:
-        return verified(tree, binding, None, None, StartValues(), search)
+        return verify_tree(tree, binding, None, None, StartValues(), search)
     except SarError:  # a parameter is missing, or nobody knows what a node does: `verify` says it
         return []
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree
 
 
-def simulated(tree: "LoadedTree", script: Mapping[str, object]) -> "Simulated":
+def simulate_tree(tree: "LoadedTree", script: Mapping[str, object]) -> "Simulated":
     """Return a tree that is ticked by a script; see `LoadedTree.simulate`."""
-    return Simulated(understand(_written(script), tree.stage()))
+    return Simulated(understand(_document(script), tree.stage()))
 
 
 def play_scenario(tree: "LoadedTree", scenario: str | Path) -> None:
@@ -98,8 +98,8 @@ class Simulated:
             TreeError: If an answer is expected that a leaf never gives.
         """
         run = self.run
-        document = _written({"expect": expectations})
-        said = document.hold("scenario").mapping["expect"]
+        document = _document({"expect": expectations})
+        said = document.validate("scenario").mapping["expect"]
         expect = read_expectations(document, said, run.simulated, LeafWords(run.simulated))
         document.raise_findings()
         if "ends" not in expectations:
@@ -108,7 +108,7 @@ class Simulated:
         _complain(judged, failures(judged), None if trace is None else Path(trace))
 
 
-def _written(said: Mapping[str, object]) -> Document:
+def _document(said: Mapping[str, object]) -> Document:
     return document_of(said, "script", "say what the leaves answer")
 
 

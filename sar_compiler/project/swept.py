@@ -89,7 +89,7 @@ class ScenarioRuns:
         document.raise_findings()
         return [each for each in found if each is not None]
 
-    def played(self, seed: int) -> ScenarioPlayer:
+    def play(self, seed: int) -> ScenarioPlayer:
         """Return a run that was played."""
         play = self.understood()
         scenario = replace(play.scenario, seed=seed, unusual=self.unusual)
@@ -98,7 +98,7 @@ class ScenarioRuns:
         return player
 
     def _outcome(self, seed: int) -> Played:
-        player = self.played(seed)
+        player = self.play(seed)
         run, choices = player.run, player.scripted.choices
         happened = Counter(
             pattern.text
@@ -127,7 +127,7 @@ def _stage(path: Path, content: str, additions: Additions) -> Stage:
     return tree.stage()
 
 
-def varied(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
+def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
     """Return the text of a scenario with some of its keys changed; below `facts` and `parameters`, some of theirs.
 
     What it says of a trace is left out: runs by chance have none in common. Where it expects nothing and does not
@@ -161,12 +161,12 @@ def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
     Returns:
         The text of the file; None if what the leaves did cannot be said in a scenario, as where two have the same path.
     """
-    player = runs.played(seed)
+    player = runs.play(seed)
     said = parse_yaml(runs.scenario, runs.path, "").root.data
     missed = failures(player.run)
     trials = iter(range(_MOST_TRIALS))
 
-    def scripted(groups: Sequence[_Group]) -> str:
+    def script_of(groups: Sequence[_Group]) -> str:
         leaves: dict[str, list[object]] = {}
         for group in groups:
             leaves.setdefault(group.leaf, []).append(group.step)
@@ -174,7 +174,7 @@ def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
         return as_yaml({**said, "name": name, "leaves": leaves})
 
     def fails(groups: Sequence[_Group]) -> bool:
-        again = replace(runs, scenario=scripted(groups), unusual=0.0).played(0)
+        again = replace(runs, scenario=script_of(groups), unusual=0.0).play(0)
         return _kinds(failures(again.run)) == _kinds(missed)
 
     groups = _groups(player)
@@ -187,7 +187,7 @@ def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
             if next(trials, None) is not None and fails(fewer):
                 groups = fewer
         size //= 2
-    return scripted(groups)
+    return script_of(groups)
 
 
 def _kinds(missed: Sequence[Failure]) -> list[str]:

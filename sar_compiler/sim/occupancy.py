@@ -77,7 +77,7 @@ def read_map(path: Path) -> OccupancyMap:
             large, or outside the repository; carries all findings.
     """
     document = read_yaml(path, "write what nav2_map_server reads: image, resolution, origin, ...")
-    said = document.hold("map").data
+    said = document.validate("map").data
     named = document.root.mapping.get("image")
     image = path_inside(document, path.parent, named, "image") if named and "image" in said else None
     document.raise_findings()

@@ -182,7 +182,7 @@ def load_world(path: Path) -> World:
         TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
     """
     document = read_yaml(path, _EMPTY_HINT)
-    said = document.hold("world").data
+    said = document.validate("world").data
     map_path = (
         path_inside(document, path.parent, document.root.mapping["map"], "map") if "map" in said else None
     )

@@ -39,7 +39,7 @@ def test_a_scalar_means_what_is_written(text, data):
 
 def test_what_a_schema_refuses_is_left_out_and_the_rest_is_kept():
     document = read("name: [a]\nticks: 3\nexpect: {root: SUCESS, never: [A starts, [B]]}\n")
-    assert document.hold("scenario").data == {"ticks": 3, "expect": {"never": ["A starts"]}}
+    assert document.validate("scenario").data == {"ticks": 3, "expect": {"never": ["A starts"]}}
     assert [(each.code, each.span.line) for each in document.findings] == [
         ("wrong-shape", 1),
         ("wrong-value", 3),
@@ -49,19 +49,19 @@ def test_what_a_schema_refuses_is_left_out_and_the_rest_is_kept():
 
 def test_a_mapping_without_a_key_that_it_needs_is_left_out_as_a_whole():
     document = read("leaves: {A: {answer: [x]}, B: {answer: SUCCESS}}")
-    assert document.hold("scenario").data == {"leaves": {"B": {"answer": "SUCCESS"}}}
+    assert document.validate("scenario").data == {"leaves": {"B": {"answer": "SUCCESS"}}}
     assert len(document.findings) == 1  # only what is wrong with the answer
 
 
 def test_a_misspelt_key_is_not_said_to_be_missing_as_well():
     document = read("leaves: {A: {anser: SUCCESS}}")
-    document.hold("scenario")
+    document.validate("scenario")
     assert [(each.code, each.suggestion) for each in document.findings] == [("unknown-key", "answer")]
 
 
 def test_several_missing_keys_of_a_mapping_are_one_finding():
     with pytest.raises(TreeError) as caught:
-        read("robot: {}\nwalls: []").hold("world")
+        read("robot: {}\nwalls: []").validate("world")
     assert [each.message for each in caught.value.findings] == ["'robot' needs 'x', 'y' and 'radius'"]
 
 
@@ -86,21 +86,21 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
 )
 def test_a_finding_says_what_is_wanted_and_what_to_write(text, message, advice):
     document = read(text)
-    document.hold("scenario")
+    document.validate("scenario")
     assert [each.message.endswith(message) for each in document.findings] == [True]
     assert document.findings[0].advice == advice
 
 
 def test_a_finding_about_a_mapping_underlines_its_first_line():
     document = read("name:\n  a: 1\n  b: 2\n")
-    document.hold("scenario")
+    document.validate("scenario")
     (span,) = [each.span for each in document.findings]
     assert (span.line, span.column, span.end_line, span.end_column) == (2, 3, 2, 7)
 
 
 def test_a_file_of_which_nothing_can_be_used_raises_all_that_is_wrong():
     with pytest.raises(TreeError) as caught:
-        read("wals: 1\nzons: 2").hold("world")
+        read("wals: 1\nzons: 2").validate("world")
     assert [each.suggestion for each in caught.value.findings] == ["walls", None, "zones"]
 
 

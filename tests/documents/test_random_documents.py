@@ -90,7 +90,7 @@ def hold(name, text):
     """Hold a text to a schema; what is left must keep to it."""
     try:
         document = parse_yaml(text, f"{name}.yaml", "write something")
-        left = document.hold(name)
+        left = document.validate(name)
     except TreeError as error:
         check_places(error.findings, text)
         return
@@ -164,7 +164,7 @@ def test_changed_settings_are_held_to_their_schema_or_have_findings_with_places(
     path.write_bytes(text.encode())
     try:
         document = read_toml(path, "sar.toml")
-        document.hold("settings")
+        document.validate("settings")
         document.raise_findings()
     except TreeError as error:
         check_places(error.findings, text)

@@ -12,9 +12,9 @@ from sar_compiler.project.swept import (
     ChangedTreeError,
     ScenarioRuns,
     _stage,
+    change_scenario,
     content_of,
     smallest_scenario,
-    varied,
 )
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
@@ -103,12 +103,12 @@ def test_chances_and_durations_between_two_are_what_chance_decides():
 
 def test_what_is_varied_is_put_into_the_scenario_and_a_trace_is_left_out():
     said = {"facts": {"a": 1, "b": 2}, "expect": {"root": "FAILURE", "trace": "x.txt"}}
-    assert varied(said, {"facts": {"b": 3}}) == "facts:\n  a: 1\n  b: 3\nexpect:\n  root: FAILURE\n"
+    assert change_scenario(said, {"facts": {"b": 3}}) == "facts:\n  a: 1\n  b: 3\nexpect:\n  root: FAILURE\n"
 
 
 def test_without_expectations_and_an_end_of_its_own_the_root_must_succeed():
-    assert varied({}, {}) == "expect:\n  root: SUCCESS\n"
-    assert varied({}, {"until": "tick == 3"}) == "until: tick == 3\n"
+    assert change_scenario({}, {}) == "expect:\n  root: SUCCESS\n"
+    assert change_scenario({}, {"until": "tick == 3"}) == "until: tick == 3\n"
 
 
 def test_a_tree_that_has_changed_since_the_sweep_began_is_not_played(tmp_path):

@@ -117,7 +117,7 @@ def understand(document: Document, stage: Stage) -> Play:
     Raises:
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
     """
-    parts = document.hold("scenario").mapping
+    parts = document.validate("scenario").mapping
     with document.findings_first():
         binding = _binding(document, parts.get("tree"), parts.get("controls"), stage)
         start = stage.start(binding)

@@ -85,7 +85,7 @@ def parse_property_file(text: str, path: str = "<text>") -> PropertyFile:
 
 
 def _understood(document: Document) -> PropertyFile:
-    parts = document.hold("properties").mapping
+    parts = document.validate("properties").mapping
     written = parts["properties"].mapping if "properties" in parts else {}
     return PropertyFile(
         document,

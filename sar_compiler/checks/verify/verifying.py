@@ -22,7 +22,7 @@ def verify(
     file: PropertyFile | None,
     tags: Collection[str],
     max_states: int,
-    report: Report = keep_quiet,
+    on_progress: Report = keep_quiet,
     *,
     forgets: bool = True,
     keep_states: bool = False,
@@ -35,7 +35,7 @@ def verify(
         file: What must hold; None for nothing but what is asked of every tree.
         tags: The tags of leaves that a tree can have.
         max_states: How many states to find at most.
-        report: Is told now and then how far it is, and when a property is broken.
+        on_progress: Is told now and then how far it is, and when a property is broken.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         keep_states: Whether the result has the states that were found.
         jobs: How many processes search, where there is enough to do and this one has a single thread.
@@ -51,7 +51,7 @@ def verify(
     jobs = jobs if threading.active_count() == 1 else 1
     with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
         names = (*properties.names, OWN_RECORDS)
-        graph = explore(stepper.steps, max_states, report, names, helpers)
+        graph = explore(stepper.steps, max_states, on_progress, names, helpers)
     questions = Questions(graph, Retracing(stepper, graph), simulated.told)
     verdicts = (
         questions.no_error(),
