@@ -3,8 +3,9 @@
 import argparse
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from sar_compiler.commands import CommandParser
 
@@ -55,62 +56,40 @@ class Parser(CommandParser):
         super().complete()
 
 
-def count(text: str) -> int:
-    """Read a whole number above 0, with `_` between its digits if one likes."""
+T = TypeVar("T")
+
+
+def reader(
+    read: Callable[[str], T], what: str, fits: Callable[[T], bool] = lambda _: True
+) -> Callable[[str], T]:
+    """Return a function that makes a value of a word, or says that the word is not *what* it should be."""
+
+    def parse(text: str) -> T:
+        with suppress(ValueError):
+            value = read(text)
+            if fits(value):
+                return value
+        message = f"'{text}' is not {what}"
+        raise argparse.ArgumentTypeError(message)
+
+    return parse
+
+
+def _whole(text: str) -> int:
     digits = text.replace("_", "")
-    if not (digits.isdecimal() and int(digits) > 0):
-        message = f"'{text}' is not a whole number above 0"
-        raise argparse.ArgumentTypeError(message)
-    return int(digits)
+    return int(digits if digits.isascii() and digits.isdigit() else "no digits")
 
 
-def port(text: str) -> int:
-    """Read the number of a port; 0 stands for any that is free."""
-    if not (text.isascii() and text.isdigit() and int(text) < 1 << 16):
-        message = f"'{text}' is not a port, 0 to 65535"
-        raise argparse.ArgumentTypeError(message)
-    return int(text)
-
-
-def pair_of_ports(text: str) -> int:
-    """Read the number of a port that is used together with the next one."""
-    number = port(text)
-    if not 0 < number < (1 << 16) - 1:
-        message = f"'{text}' is not a port that has a next one, 1 to 65534"
-        raise argparse.ArgumentTypeError(message)
-    return number
-
-
-def seed(text: str) -> int:
-    """Read a seed: a whole number, 0 or above."""
-    if not (text.isascii() and text.isdigit()):
-        message = f"'{text}' is not a whole number, 0 or above"
-        raise argparse.ArgumentTypeError(message)
-    return int(text)
-
-
-def speed(text: str) -> float:
-    """Read the argument of `--speed`: simulated seconds per second, above 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        message = f"'{text}' is not a number above 0"
-        raise argparse.ArgumentTypeError(message)
-    return value
-
-
-def seconds(text: str) -> float:
-    """Return a time in seconds above 0, for argparse."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < math.inf:
-        message = f"'{text}' is no number of seconds above 0"
-        raise argparse.ArgumentTypeError(message)
-    return value
+count = reader(_whole, "a whole number above 0", lambda value: value > 0)
+seed = reader(_whole, "a whole number, 0 or above")
+port = reader(_whole, "a port, 0 to 65535", lambda value: value < 1 << 16)
+pair_of_ports = reader(
+    _whole, "a port that has a next one, 1 to 65534", lambda value: 0 < value < (1 << 16) - 1
+)
+speed = reader(float, "a number above 0", lambda value: 0 < value < math.inf)
+seconds = reader(float, "a number of seconds above 0", lambda value: 0 < value < math.inf)
+probability = reader(float, "a number between 0 and 1", lambda value: 0 <= value <= 1)
+confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < value < 1)
 
 
 def add_web_port(parser: argparse.ArgumentParser, when: str = "") -> None:

@@ -7,12 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FOLDER, TREE_INPUT, ArgumentKind, Parser, add_tree_id
-from sar_compiler.cli.loading import (
-    INPUT_HELP,
-    add_project_options,
-    add_vocabulary_options,
-    workspace,
-)
+from sar_compiler.cli.loading import INPUT_HELP, add_project_options, add_vocabulary_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import (
     FINDINGS,
@@ -170,8 +165,6 @@ def _nodes(arguments: argparse.Namespace) -> int:
     from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
 
     registry = _registry(arguments)
-    if registry is None:
-        return FINDINGS
     if arguments.tag is not None and arguments.tag not in registry:
         from sar_compiler.nodes.palettes import palettes_with
         from sar_compiler.tree.guessing import did_you_mean
@@ -218,8 +211,6 @@ def _schema(arguments: argparse.Namespace) -> int:
     from sar_compiler.nodes.schemas.xml_schema import xml_schema
 
     registry = _registry(arguments)
-    if registry is None:
-        return FINDINGS
     if arguments.format == "json":
         from sar_compiler.views.plain import as_json
 
@@ -229,25 +220,17 @@ def _schema(arguments: argparse.Namespace) -> int:
     return OK
 
 
-def _registry(arguments: argparse.Namespace) -> "Registry | None":
-    """Return the nodes for trees in the current folder.
-
-    What is wrong with the configuration and the palettes goes to standard error; None if that is an error.
+def _registry(arguments: argparse.Namespace) -> "Registry":
+    """Return the nodes for trees in the current folder; what is doubtful about the palettes goes to standard error.
 
     Raises:
+        TreeError: If the configuration or a palette is malformed.
         RegistryError: If a module of leaves cannot be imported or has none.
         UnreadableFileError: If a palette cannot be read.
     """
-    from sar_compiler.tree.diagnostic import TreeError
-
-    try:
-        project = workspace(arguments).project_here()
-        registry = project.vocabulary
-        findings = project.findings
-    except TreeError as error:
-        findings = [*error.findings]
-        registry = None
-    for finding in findings:
+    project = workspace(arguments).project_here()
+    registry = project.vocabulary
+    for finding in project.findings:
         print(finding.render(), file=sys.stderr)
     return registry
 

@@ -62,9 +62,7 @@ def add_mission(parser: argparse.ArgumentParser) -> None:
 
 
 def workspace(
-    arguments: argparse.Namespace,
-    trees: tuple[Path, ...] = (),
-    found_models: tuple[Path, ...] = (),
+    arguments: argparse.Namespace, trees: tuple[Path, ...] = (), found_models: tuple[Path, ...] = ()
 ) -> "Workspace":
     """Return the workspace that loads trees by the options of a command.
 

@@ -98,59 +98,43 @@ def _options(argv: Sequence[str]) -> Namespace:
     given: Namespace = parser.parse_args(split.own)
     if given.tree == "":
         parser.error("the name of the tree file is empty")
-    for option in ("speed", "fault", "seed", "like"):
-        if given.sim is None and getattr(given, option) not in (None, []):
-            parser.error(f"--{option} is for the simulator: add --sim")
-    for is_wrong, message in _contradictions(given):
-        if is_wrong:
-            parser.error(message)
+    for message in (*_slips(given), *_slips_of_companions(given)):
+        parser.error(message)
     given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
     given.until = Until(given.until) if given.until else None
     given.ros = split.ros
     return given
 
 
-def _contradictions(given: Namespace) -> Iterator[tuple[object, str]]:
-    """Yield which options do not go together, and whether they are given."""
-    yield given.web_port is not None and given.view != "web", "--web-port is for the page: add --view web"
-    yield (
-        given.check and given.view == "web",
-        "--check begins nothing that a page could show: leave --view web out",
-    )
-    yield (
-        given.check and (given.resume or given.new or given.report),
-        "--check begins nothing: --resume, --new and --report are for the run itself",
-    )
-    yield (
-        given.check and (given.groot2 is not None or given.publish or given.record is not None),
-        "--check begins nothing that could be watched: leave --groot2, --publish and --record out",
-    )
-    if given.record is not None:
+def _slips(given: Namespace) -> Iterator[str]:
+    """Yield which options do not go together."""
+    for option in ("speed", "fault", "seed", "like"):
+        if given.sim is None and getattr(given, option) not in (None, []):
+            yield f"--{option} is for the simulator: add --sim"
+    if given.sim is not None and _looks_like_a_tree(given.sim):
+        yield f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim"
+    if given.check and (given.resume or given.new or given.report):
+        yield "--check begins nothing: --resume, --new and --report are for the run itself"
+    if given.no_journal and (given.journal or given.resume or given.new):
+        yield "--no-journal does not go with --journal, --resume or --new"
+    if given.supervise is not None and (given.no_journal or given.check):
+        yield "--supervise resumes a mission from its journal: leave --no-journal and --check out"
+
+
+def _slips_of_companions(given: Namespace) -> Iterator[str]:
+    if given.web_port is not None and given.view != "web":
+        yield "--web-port is for the page: add --view web"
+    if given.check and given.view == "web":
+        yield "--check begins nothing that a page could show: leave --view web out"
+    if given.check and (given.groot2 is not None or given.publish or given.record is not None):
+        yield "--check begins nothing that could be watched: leave --groot2, --publish and --record out"
+    if given.record is not None and given.record.suffix != ".mcap":
         named = given.record.parent / f"{given.record.stem}.mcap"
-        yield (
-            given.record.suffix != ".mcap",
-            f"--record writes MCAP, which readers know by its ending: {named}",
-        )
-    yield (
-        given.groot2_hooks and given.groot2 is None,
-        "--groot2-hooks is about what Groot2 may do: add --groot2 PORT",
-    )
-    yield (
-        given.groot2_hooks and given.engine != ENGINES[0],
-        f"--groot2-hooks: {given.engine} cannot be held in the middle of a tick; leave --engine out",
-    )
-    yield (
-        given.no_journal and (given.journal or given.resume or given.new),
-        "--no-journal does not go with --journal, --resume or --new",
-    )
-    yield (
-        given.supervise is not None and (given.no_journal or given.check),
-        "--supervise resumes a mission from its journal: leave --no-journal and --check out",
-    )
-    yield (
-        given.sim is not None and _looks_like_a_tree(given.sim),
-        f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim",
-    )
+        yield f"--record writes MCAP, which readers know by its ending: {named}"
+    if given.groot2_hooks and given.groot2 is None:
+        yield "--groot2-hooks is about what Groot2 may do: add --groot2 PORT"
+    if given.groot2_hooks and given.engine != ENGINES[0]:
+        yield f"--groot2-hooks: {given.engine} cannot be held in the middle of a tick; leave --engine out"
 
 
 def _default_tree(mission: str | None) -> str:

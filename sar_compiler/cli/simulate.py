@@ -6,13 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import TREE_INPUT, YAML_FILE, add_tree_id, count, seed
-from sar_compiler.cli.loading import (
-    INPUT_HELP,
-    add_mission,
-    add_params,
-    add_project_options,
-    workspace,
-)
+from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.tree.guessing import did_you_mean

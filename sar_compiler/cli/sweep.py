@@ -94,10 +94,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
     stage.binding()
     content = content_of(tree)
     paths = scenario_files(arguments.scenario)
-    fixed = {
-        "ticks": arguments.ticks,
-        "until": arguments.until and arguments.until.text,
-    }
+    fixed = {"ticks": arguments.ticks, "until": arguments.until and arguments.until.text}
     for path in paths:
         scenario: Mapping[str, object] = {}
         if path is not None:

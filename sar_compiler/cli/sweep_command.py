@@ -8,7 +8,7 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, count, seed
+from sar_compiler.cli.arguments import FILE, confidence, count, probability, seed
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_text
@@ -40,11 +40,11 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
     text = f"end a row once half the width of its interval is at most W (default {half_width:g}; 0: never)"
-    half = add("--half-width", type=_probability, default=half_width, metavar="W", help=text)
+    half = add("--half-width", type=probability, default=half_width, metavar="W", help=text)
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
-    confidence = add("--confidence", type=_confidence, default=0.95, metavar="C", help=text)
+    sure = add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
     text = "status 0 if every interval lies at or above this rate (default: if no run has failed)"
-    add("--at-least", type=_probability, metavar="RATE", help=text)
+    add("--at-least", type=probability, metavar="RATE", help=text)
     text = "the seed of the first run of each combination; the next runs have the next numbers (default 0)"
     first = add("--seed", type=seed, default=0, metavar="N", help=text)
     text = "how many runs go on at the same time (default: as many as there are cores)"
@@ -54,31 +54,12 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     text = "write the smallest failure to this file, if there is one"
     add("-o", "--output", type=FILE, metavar="FAILING", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    parser.hide(half, confidence, first, dask)
+    parser.hide(half, sure, first, dask)
 
 
 def probabilities(text: str) -> tuple[float, ...]:
     """Read probabilities with commas between them."""
-    return tuple(_probability(part) for part in text.split(","))
-
-
-def _confidence(text: str) -> float:
-    value = _probability(text)
-    if value in (0.0, 1.0):
-        message = f"'{text}' is not a number above 0 and below 1"
-        raise argparse.ArgumentTypeError(message)
-    return value
-
-
-def _probability(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
-        message = f"'{text}' is not a number between 0 and 1"
-        raise argparse.ArgumentTypeError(message)
-    return value
+    return tuple(probability(part) for part in text.split(","))
 
 
 def parse_variation(text: str) -> Variation:

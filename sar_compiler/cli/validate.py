@@ -8,13 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import TREE_INPUT, seconds
-from sar_compiler.cli.loading import (
-    INPUT_HELP,
-    add_mission,
-    add_project_options,
-    tell_note,
-    workspace,
-)
+from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_project_options, tell_note, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
 from sar_compiler.tree.showing import visible
@@ -25,7 +19,7 @@ if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree, Workspace
     from sar_compiler.tree.diagnostic import Diagnostic
 
-_TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
+_TEXT, _JSON, _SARIF, _ = FORMATS = ("text", "json", "sarif", "github")
 _FAILED = "internal-error"
 _FILES_TRIED = 10
 """For how many files there is work enough to try their runs to the end of what may be tried of one."""
@@ -252,10 +246,9 @@ class _Validation:
         if not told and self._checked <= 1:
             return
         counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
-        listed = [_count(number, severity) for severity, number in sorted(counts.items(), key=_by_severity)]
-        listed += (
-            ["more that are not shown"] if any(each.code == "more-findings" for each in self.findings) else []
-        )
+        listed = [_count(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
+        if any(each.code == "more-findings" for each in self.findings):
+            listed.append("more that are not shown")
         fixable = f"; {self._fixable:,} fixable with --fix" if self._fixable else ""
         found = ", ".join(listed) or "no findings"
         more = len(self.findings) - len(told)
@@ -273,18 +266,15 @@ class _Validation:
             for path in self._clean:
                 print_text(f"{path}: no findings")
             self._sum_up(told)
-        elif form == _JSON:
-            from sar_compiler.views.findings import findings_as_json
+            return
+        from sar_compiler.views import findings as views
 
-            print(findings_as_json(self.findings))
+        if form == _JSON:
+            print(views.findings_as_json(self.findings))
         elif form == _SARIF:
-            from sar_compiler.views.findings import findings_as_sarif
-
-            print(findings_as_sarif(self.findings, self._fixes))
-        elif form == _GITHUB and self.findings:
-            from sar_compiler.views.findings import findings_as_github
-
-            print(findings_as_github(self._findings_to_tell))
+            print(views.findings_as_sarif(self.findings, self._fixes))
+        elif self.findings:
+            print(views.findings_as_github(self._findings_to_tell))
 
     def _apply_fixes(self, tree: "LoadedTree") -> bool:
         """Apply all possible fixes to a file; return whether there were any."""
@@ -301,10 +291,6 @@ class _Validation:
 
 def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
-
-
-def _by_severity(counted: tuple[str, int]) -> int:
-    return ("error", "warning", "info").index(counted[0])
 
 
 def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
