@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import closing, suppress
 
 from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_web_port
-from sar_compiler.cli.journal_why import add_why, tell_why
+from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
 
@@ -22,12 +22,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status: 0; 2 for wrong usage, or a file that is no journal or cannot be read.
     """
-    return run(lambda: _command(_parser().parse_args(sys.argv[1:] if argv is None else argv)), "sar-journal")
+    return run(lambda: _command(sys.argv[1:] if argv is None else argv), "sar-journal")
 
 
-def _command(options: argparse.Namespace) -> int:
-    commands = {"show": _show, "report": _report, "why": _why, "replay": _serve, "watch": _serve}
-    return commands[options.command](options)
+def _command(argv: Sequence[str]) -> int:
+    options = _parser().parse_args(argv)
+    options.run(options)
+    return OK
 
 
 def _parser() -> Parser:
@@ -40,12 +41,14 @@ def _parser() -> Parser:
     show.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     text = "list what was watched as well: nodes, log, pose, plan, ends of goals"
     show.add_argument("--all", action="store_true", help=text)
+    show.set_defaults(run=_show)
     text = "Write a report of a mission, to be printed and handed on, or for maps and emergency services."
     report = commands.add_parser("report", help=text, description=text)
     report.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     text = f"the files, each {REPORT_FORMS}"
     report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
     report.rename("--to", "--output")
+    report.set_defaults(run=_report)
     text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
     add_why(commands.add_parser("why", help=text, description=text))
     serving = "Serve a page on this machine that shows missions"
@@ -57,32 +60,26 @@ def _parser() -> Parser:
         page = commands.add_parser(name, help=text, description=text)
         page.add_argument("journals", type=FILE, nargs="+", metavar="FILE", help="a journal for each robot")
         add_web_port(page)
+        page.set_defaults(run=_serve)
     return parser
 
 
-def _why(options: argparse.Namespace) -> int:
-    tell_why(options)
-    return OK
-
-
-def _report(options: argparse.Namespace) -> int:
+def _report(options: argparse.Namespace) -> None:
     from sar_compiler.cli.run_report import report_journal
 
     report_journal(options.journal, options.output)
-    return OK
 
 
-def _serve(options: argparse.Namespace) -> int:
+def _serve(options: argparse.Namespace) -> None:
     from sar_compiler.cli.run_page import replay_journals, watch_journals
 
     interruptible()
     serve = replay_journals if options.command == "replay" else watch_journals
     with suppress(KeyboardInterrupt):  # which is how it ends
         serve(options.journals, options.web_port)
-    return OK
 
 
-def _show(options: argparse.Namespace) -> int:
+def _show(options: argparse.Namespace) -> None:
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.views.journals import journal_json, journal_lines
 
@@ -90,7 +87,6 @@ def _show(options: argparse.Namespace) -> int:
         lines = journal_json if options.format == "json" else journal_lines
         for line in lines(file, with_watched=options.all):
             print(line)
-    return OK
 
 
 if __name__ == "__main__":

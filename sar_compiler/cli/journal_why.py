@@ -33,6 +33,7 @@ def add_why(parser: argparse.ArgumentParser) -> None:
     add("--tree-file", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    parser.set_defaults(run=tell_why)
 
 
 def tell_why(options: argparse.Namespace) -> None:

@@ -21,7 +21,7 @@ class RunOutput:
     def show(self, text: str) -> None:
         """Print a text of momentary interest; nothing once standard output is closed."""
         if not self.lost:
-            self._print(text)
+            self._try(lambda: print_text(text, flush=True))
 
     def draw(self, text: str) -> None:
         """Write what a terminal is to obey; nothing once standard output is closed."""
@@ -33,9 +33,6 @@ class RunOutput:
         self.show(text)
         if self.lost:
             print_error(text)
-
-    def _print(self, text: str) -> None:
-        self._try(lambda: print_text(text, flush=True))
 
     def _try(self, write: Callable[[], object]) -> None:
         try:

@@ -60,15 +60,11 @@ class RouteReport:
     def _table(self, legs: "Sequence[Leg]") -> list[str]:
         width = max(len(leg.name) for leg in legs)
         rows = [(leg.name, leg.distance) for leg in legs] + [("total", _distance(legs))]
-        told = (
-            f"  {name:{width}}  "
-            + ("not reached" if far is None else f"{far:6.1f} m {far / self._speed:6.0f} s")
-            for name, far in rows
-        )
-        return [
-            f"The way on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):",
-            *told,
-        ]
+        title = f"The way on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):"
+        return [title, *(f"  {name:{width}}  {self._way(far)}" for name, far in rows)]
+
+    def _way(self, far: float | None) -> str:
+        return "not reached" if far is None else f"{far:6.1f} m {far / self._speed:6.0f} s"
 
 
 class RouteCheck:

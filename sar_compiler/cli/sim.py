@@ -186,23 +186,16 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         look_around(signals, context=context, actions=actions)
         if signals.came:
             return OK
+        faults = FaultPlan(options.fault)
         simulation = Simulation(
-            world,
-            robots,
-            context=context,
-            speed=options.speed,
-            faults=FaultPlan(options.fault),
-            seed=options.seed,
+            world, robots, context=context, speed=options.speed, faults=faults, seed=options.seed
         )
         if kept is not None:
             simulation.keep_places(kept)
         others = other_parts(options, robots, ros_arguments) if options.separate else nullcontext()
         with simulation, others as parts:
-            print(
-                f"sar-sim: '{world.name}' runs{_with(robots)}, "
-                f"at most {options.speed:g} times as fast as real time",
-                flush=True,
-            )
+            how = f"at most {options.speed:g} times as fast as real time"
+            print(f"sar-sim: '{world.name}' runs{_with(robots)}, {how}", flush=True)
             return _wait(simulation, signals, parts)
 
 

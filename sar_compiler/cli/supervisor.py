@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -126,8 +126,10 @@ class _Life:
                 self._process.kill()
                 self._process.wait()
         self._wait_until(lambda: not self._is_open, _GUARDIAN_SEC)
-        if self._place is not None:
-            self._wait_for_lock(self._place)
+        if (place := self._place) is not None:
+            from sar_compiler.journal.database import is_locked
+
+            self._wait_until(lambda: not is_locked(place), _LOCK_SEC)
         self._poll.unregister(self._signs)
         os.close(self._signs)
 
@@ -203,14 +205,6 @@ class _Life:
         while not wanted() and time.monotonic() < deadline:
             self._hear()
 
-    def _wait_for_lock(self, place: Path) -> None:
-        """Wait until nobody holds the journal."""
-        from sar_compiler.journal.database import is_locked
-
-        deadline = time.monotonic() + _LOCK_SEC
-        while is_locked(place) and time.monotonic() < deadline:
-            time.sleep(_TURN_SEC)
-
     def _run_in_journal(self) -> "JournalRun | None":
         """Return what the journal has of this run; None if it had not begun."""
         from sar_compiler.journal.database import JournalFile
@@ -218,12 +212,12 @@ class _Life:
         if self._place is None:
             return None
         try:
-            file = JournalFile.read(self._place)
+            with closing(JournalFile.read(self._place)) as file:
+                last = file.runs()[-1:]
         except JournalError:
             return None
-        runs = file.runs()
-        file.close()
-        last = runs[-1] if runs else None
         # An earlier run may have had the same number as a process.
-        is_own = last is not None and last.about.get("pid") == self._process.pid and last.began >= self._began
-        return last if is_own else None
+        own = (
+            each for each in last if each.about.get("pid") == self._process.pid and each.began >= self._began
+        )
+        return next(own, None)

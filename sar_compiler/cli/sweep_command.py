@@ -28,9 +28,8 @@ Written = tuple[Path, str]
 def add_varied_parameters(parser: CommandParser, noun: str) -> None:
     """Add `--vary`."""
     text = f"vary a {noun}: each value in turn; may be repeated"
-    parser.add_argument(
-        "--vary", action="append", default=[], type=parse_variation, metavar="NAME=A,B", help=text
-    )
+    add = parser.add_argument
+    add("--vary", action="append", default=[], type=parse_variation, metavar="NAME=A,B", help=text)
     parser.rename("--param", "--vary")
 
 
