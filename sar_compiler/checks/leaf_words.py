@@ -13,9 +13,10 @@ from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.answers import STATUSES
 from sar_compiler.runtime.blackboard import ROOT_SIGN
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event, StubLeaf
+from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.guessing import nearest
 
 
@@ -135,9 +136,9 @@ class EventPattern:
 
     def matches(self, event: Event) -> bool:
         """Return whether an event matches this pattern."""
-        if event.what != self.what or event.leaf not in self.leaves:
+        if event.what != self.what or all(leaf.number != event.number for leaf in self.leaves):
             return False
-        return event.answer is None or self.answer in (event.answer.label, event.answer.status)
+        return self.what != ANSWERED or self.answer in (event.label, event.status)
 
 
 class LeafWords:

@@ -16,10 +16,10 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.nesting import count_within_limits
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
+from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.ports import PortError
 from sar_compiler.runtime.scripting import NodeScriptError
-from sar_compiler.runtime.stub_leaf import Event
 from sar_compiler.runtime.variables import UnknownVariableError
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Span
@@ -134,9 +134,12 @@ def findings_of_runs(
     described = {bound.name for bound in binding.nodes() if bound.spec.is_only_described}
     found = []
     for raised in _search(stepper.steps, lambda: budget.take(cost), place_of):
-        ticks = [_play(stepper, state, wanted) for state, wanted in raised.ticks]
+        ticks = [
+            [event for event in stepper.play(state, wanted).events if event.answer]
+            for state, wanted in raised.ticks
+        ]
         is_sure = not simulated.by_semantics and not any(
-            event.leaf.name in described for events in ticks for event in events
+            event.leaf in described for events in ticks for event in events
         )
         place = _place(raised.error, binding)
         told = f"{simulated.told(raised.error)} ({_run_words(ticks)})"
@@ -197,31 +200,18 @@ def _has_path(path: tuple[int, ...]) -> Callable[[TickSteps], bool]:
     return lambda steps: steps.path == path
 
 
-def _play(stepper: TreeStepper, state: bytes, wanted: Callable[[TickSteps], bool]) -> tuple[Event, ...]:
-    """Return what the leaves did in a tick."""
-    stepper.steps.enter(state)
-    while stepper.steps.step() and not wanted(stepper.steps):
-        pass
-    return tuple(event for event in stepper.played().events if event.answer is not None)
-
-
-def _run_words(ticks: list[tuple[Event, ...]]) -> str:
+def _run_words(ticks: list[list[Event]]) -> str:
     """Return a run in words: the answers of its last ticks."""
     if not any(ticks):
         return f"in tick {len(ticks)}"
     last = list(enumerate(ticks, 1))[-_MOST_TOLD:]
     answers = {
-        number: ", ".join(f"'{each.leaf.name}' {_word(each)}" for each in events) for number, events in last
+        number: ", ".join(f"'{each.leaf}' {each.status}" for each in events) for number, events in last
     }
     if len(ticks) == 1:
         return f"in tick 1; {answers[1]}"
     said = (f"tick {number}: {words}" for number, words in answers.items() if words)
     return f"in tick {len(ticks)}; {'; '.join(said)}"
-
-
-def _word(event: Event) -> str:
-    assert event.answer is not None  # noqa: S101 - others are left out
-    return event.answer.status
 
 
 class _Doubts:

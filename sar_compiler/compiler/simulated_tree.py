@@ -34,10 +34,12 @@ from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.parents import Parent
-from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
+from sar_compiler.runtime.stub_leaf import FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UnknownVariableError
+from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.model import SUBTREE_TAG
 
 # A leaf of the language that answers by chance would make every run another one.
@@ -94,8 +96,9 @@ class SimulatedTree:
     """What the leaves have done, in order, since the list was last cleared."""
 
     def __post_init__(self) -> None:
-        for leaf in self.leaves:
-            leaf.events = self.events
+        for number, each in enumerate(pre_order(self.root)):
+            if isinstance(each, StubLeaf):
+                each.number, each.events = number, self.events
 
     @property
     def root(self) -> Behaviour:

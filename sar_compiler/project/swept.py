@@ -103,8 +103,7 @@ class ScenarioRuns:
         happened = Counter(
             pattern.text
             for pattern in self.events(run.simulated)
-            for tick in run.ticks
-            for event in tick.events
+            for event in run.events
             if pattern.matches(event)
         )
         size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))

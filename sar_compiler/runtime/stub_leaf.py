@@ -5,7 +5,7 @@ tree's, so that scripts and snapshots work on them as on any entry.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from py_trees.common import Status
 
@@ -14,6 +14,7 @@ from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event, FactChanges, changes_in
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.scripting import ScopeVariables
@@ -27,10 +28,6 @@ STATUSES: Mapping[str, Status] = {
     "SKIPPED": SKIPPED,
 }
 """The return value of `update` for the status of an answer."""
-
-STARTED = "started"
-ANSWERED = "answered"
-HALTED = "halted"
 
 
 class StubLeafError(SarError):
@@ -59,20 +56,6 @@ class NominalPolicy:
     def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
         """Return the first possible answer that is not RUNNING."""
         return nominal(options)
-
-
-class Event(NamedTuple):
-    """Something that a leaf did.
-
-    Attributes:
-        leaf: The leaf.
-        what: `STARTED`, `ANSWERED` or `HALTED`.
-        answer: For `ANSWERED`: what it answered.
-    """
-
-    leaf: "StubLeaf"
-    what: str
-    answer: Answer | None = None
 
 
 class FactVariables:
@@ -106,6 +89,11 @@ class FactVariables:
         """Return the entry that a name means."""
         return self._of(name).entry(name)
 
+    def facts(self, names: Iterable[str]) -> dict[str, object]:
+        """Return the values of those of some names that are facts, by the names that these have on their board."""
+        entries = [self.entry(name) for name in names if self._of(name) is self._facts]
+        return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
+
     def _of(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
         if known is None:
@@ -129,6 +117,7 @@ class StubLeaf(SkippableLeaf):
         tag: The tag of the leaf that it stands for.
         answers: What it can answer.
         path: The names of the nodes around it, from the root down, and its own.
+        number: Its number in the tree, from 0 in pre-order.
         policy: Decides what it answers.
         events: What it does is noted here; shared by the leaves of a tree.
     """
@@ -140,6 +129,7 @@ class StubLeaf(SkippableLeaf):
         self.tag = tag
         self.answers = tuple(answers)
         self.path: tuple[str, ...] = (name,)
+        self.number = 0
         self.policy: OutcomePolicy = NominalPolicy()
         self.answer_label = ""
         self.events: list[Event] = []
@@ -181,7 +171,7 @@ class StubLeaf(SkippableLeaf):
 
     def initialise(self) -> None:
         """Note the start."""
-        self.events.append(Event(self, STARTED))
+        self.events.append(self.event(STARTED))
 
     def update(self) -> Status:
         """Answer what the policy takes, and change the facts accordingly.
@@ -190,15 +180,28 @@ class StubLeaf(SkippableLeaf):
             StubLeafError: If no answer is possible, or a script cannot be run.
         """
         answer = self.policy.choose(self, self.options())
-        self.events.append(Event(self, ANSWERED, answer))
-        self.change(answer)
+        before = self._facts_of(answer)
+        try:
+            self.change(answer)
+        finally:
+            self.events.append(self.event(ANSWERED, answer, changes_in(before, self._facts_of(answer))))
         self.feedback_message, self.answer_label = answer.name, answer.label
         return STATUSES[answer.status]
 
     def terminate(self, new_status: Status) -> None:
         """Note an interruption."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
-            self.events.append(Event(self, HALTED))
+            self.events.append(self.event(HALTED))
+
+    def event(self, what: str, answer: Answer | None = None, facts: FactChanges = ()) -> Event:
+        """Return an event of this leaf."""
+        status, label = ("", "") if answer is None else (answer.status, answer.label)
+        return Event(self.path, self.number, what, status, label, facts)
+
+    def _facts_of(self, answer: Answer) -> dict[str, object]:
+        """Return the facts of which the script of an answer speaks, as they are now."""
+        effect = self._effects.get(answer)
+        return {} if effect is None else self._variables.facts(use.name for use in name_uses(effect.script))
 
     def _is_possible(self, answer: Answer) -> bool:
         condition = self._conditions.get(answer)

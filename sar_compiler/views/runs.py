@@ -1,14 +1,15 @@
 """Scripted runs: as text, tick by tick, as JSON, and as JUnit's XML, which continuous integration shows as tests."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
 from sar_compiler.checks.simulate.coverage import Coverage, Covered
 from sar_compiler.checks.simulate.judging import Failure
-from sar_compiler.checks.simulate.running import Run, TickRecord
+from sar_compiler.checks.simulate.running import Run
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.runtime.stub_leaf import HALTED, STARTED, Event, StubLeaf
+from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord, ValueChange
+from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.views.plain import as_json, plain, speakable, value_as_script
 
 
@@ -26,9 +27,11 @@ def trace(run: Run) -> str:
     return "\n".join([*lines, *writer.left_out(quiet), _end(run), *_facts_at_the_end(run)]) + "\n"
 
 
-def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[StubLeaf, str]:
-    """Return a label for each leaf: its name, or the part of its path that distinguishes it from others of the name."""
-    return {leaf: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves}
+def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[int, str]:
+    """Return a label for each leaf, by its number: its name, or the part of its path that distinguishes it from others of the name."""
+    return {
+        leaf.number: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves
+    }
 
 
 def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
@@ -80,32 +83,34 @@ def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
     """Return whether a tick has events that the previous one did not have."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
-    known = _seen(before.events)
-    return any(event not in known for event in _seen(tick.events))
+    known = {(event.number, event.status, event.label) for event in _seen(before)}
+    return any((event.number, event.status, event.label) not in known for event in _seen(tick))
 
 
-def _seen(events: Iterable[Event]) -> list[Event]:
-    return [event for event in events if event.what != STARTED]
+def _seen(tick: TickRecord) -> list[Event]:
+    return [event for event in tick.events if event.what in (ANSWERED, HALTED)]
 
 
 class _Writer:
     def __init__(self, run: Run) -> None:
         self._labels = leaf_labels(run.simulated.leaves)
         self._width = max(map(len, self._labels.values()), default=0)
-        self._origins = run.simulated.compiled.origins
+        origins = run.simulated.compiled.origins
+        self._conditions = {
+            leaf.number for leaf in run.simulated.leaves if origins[leaf.id].bound.spec.kind is Kind.CONDITION
+        }
 
     def block(self, tick: TickRecord) -> Iterator[str]:
         """Yield the lines of a tick."""
         came_to = f"root {tick.root}" if tick.root else "not finished"
         yield f"tick {tick.number}, {tick.time_sec:g} s: {came_to}"
-        for event in _seen(tick.events):
-            answer = event.answer
-            status = f" ({answer.status})" if answer is not None and answer.label else ""
-            yield f"  {self._labels[event.leaf]:{self._width}}  {_what(event)}{status}"
+        for event in _seen(tick):
+            status = f" ({event.status})" if event.label else ""
+            yield f"  {self._labels[event.number]:{self._width}}  {event.deed}{status}"
         if tick.facts:
-            yield f"  facts: {_values(tick.facts)}"
+            yield f"  facts: {_values(_new(tick.facts))}"
         if tick.keys:
-            yield f"  keys: {_values(tick.keys)}"
+            yield f"  keys: {_values(_new(tick.keys))}"
 
     def left_out(self, quiet: Sequence[TickRecord]) -> list[str]:
         """Return a line for ticks without new events, with the repeated ones in them."""
@@ -113,19 +118,14 @@ class _Writer:
             return []
         first, last = quiet[0], quiet[-1]
         which = f"tick {first.number}" if first is last else f"ticks {first.number} to {last.number}"
-        events = (event for tick in quiet for event in _seen(tick.events) if self._is_done(event))
-        again = dict.fromkeys(f"{self._labels[event.leaf]} {_what(event)}" for event in events)
+        events = (event for tick in quiet for event in _seen(tick) if self._is_done(event))
+        again = dict.fromkeys(f"{self._labels[event.number]} {event.deed}" for event in events)
         said = f"again {', '.join(again)}" if again else "nothing new"
         return [f"{which}, until {last.time_sec:g} s: {said}"]
 
     def _is_done(self, event: Event) -> bool:
         """Return whether an event is more than a leaf's continuation or the evaluation of a condition."""
-        running = event.answer is not None and event.answer.status == "RUNNING"
-        return not running and self._origins[event.leaf.id].bound.spec.kind is not Kind.CONDITION
-
-
-def _what(event: Event) -> str:
-    return HALTED if event.answer is None else event.answer.name
+        return event.status != "RUNNING" and event.number not in self._conditions
 
 
 def _end(run: Run) -> str:
@@ -138,6 +138,10 @@ def _end(run: Run) -> str:
 def _facts_at_the_end(run: Run) -> list[str]:
     facts = run.simulated.fact_values()
     return [f"facts at the end: {_values(facts)}"] if facts else []
+
+
+def _new(changes: Mapping[str, ValueChange]) -> Mapping[str, object]:
+    return {name: value for name, (_, value) in changes.items()}
 
 
 def _values(values: Mapping[str, object]) -> str:
@@ -234,15 +238,16 @@ def _tick(run: Run, tick: TickRecord) -> dict[str, object]:
         "root": tick.root,
         "events": [
             {
-                "leaf": "/".join(event.leaf.path),
+                "leaf": "/".join(event.path),
                 "what": event.what,
-                "answer": event.answer.name if event.answer else None,
-                "status": event.answer.status if event.answer else None,
+                "answer": event.answer or None,
+                "status": event.status or None,
             }
             for event in tick.events
+            if event.what != TICKED
         ],
-        "facts": {name: plain(value) for name, value in tick.facts.items()},
-        "keys": {name: plain(value) for name, value in tick.keys.items()},
+        "facts": {name: plain(value) for name, value in _new(tick.facts).items()},
+        "keys": {name: plain(value) for name, value in _new(tick.keys).items()},
         "statuses": [{"node": names[node], "status": status} for node, status in tick.statuses.items()],
     }
 

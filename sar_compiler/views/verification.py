@@ -12,10 +12,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import NamedTuple
 
 from sar_compiler.checks.verify.comparing import BETTER, OTHER, SAME, WORSE, VerificationComparison
-from sar_compiler.checks.verify.state_space import StateSpace
-from sar_compiler.checks.verify.traces import Trace, TraceTick, ValueChange
+from sar_compiler.checks.verify.state_space import StateSpace, Trace
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
-from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, Event, StubLeaf
+from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord
 from sar_compiler.views.plain import as_json, plain, value_as_script
 from sar_compiler.views.runs import leaf_labels
 
@@ -117,7 +116,7 @@ def _answer_or_none(verdict: Verdict | None) -> str:
     return "left out" if verdict is None else _answer(verdict)
 
 
-def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[StubLeaf, str]) -> Iterator[str]:
+def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[int, str]) -> Iterator[str]:
     yield f"{verdict.question}: {verdict.outcome.value}"
     yield f"  {verdict.reason}:"
     first = len(trace.ticks) - trace.loop
@@ -128,12 +127,13 @@ def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[StubLeaf, str])
     yield ""
 
 
-def _tick_lines(number: int, tick: TraceTick, labels: Mapping[StubLeaf, str]) -> Iterator[str]:
+def _tick_lines(number: int, tick: TickRecord, labels: Mapping[int, str]) -> Iterator[str]:
     label = f"{number:5}  "
     seen = [event for event in tick.events if event.what in (ANSWERED, HALTED)]
-    done = [f"{labels[e.leaf]} {e.what if e.answer is None else e.answer.name}" for e in seen]
+    done = [f"{labels[event.number]} {event.deed}" for event in seen]
     came_to = [f"root {tick.root}"] if tick.root else []
-    changes = [f"{name}: {_value(was)} -> {_value(now)}" for name, (was, now) in tick.changes.items()]
+    values = {**tick.keys, **tick.facts}
+    changes = [f"{name}: {_value(was)} -> {_value(now)}" for name, (was, now) in values.items()]
     for line in (", ".join(done), "; ".join([*came_to, *changes]), tick.error):
         if line:
             yield from textwrap.wrap(line, _WIDTH, initial_indent=label, subsequent_indent=" " * len(label))
@@ -222,24 +222,23 @@ def _trace(trace: Trace) -> dict[str, object]:
     return {"ticks": [_tick(tick) for tick in trace.ticks], "loop": trace.loop}
 
 
-def _tick(tick: TraceTick) -> dict[str, object]:
+def _tick(tick: TickRecord) -> dict[str, object]:
     return {
-        "events": [_event(event) for event in tick.events],
+        "events": [_event(event) for event in tick.events if event.what != TICKED],
         "root": tick.root,
-        "changes": _changes(tick.changes),
+        "changes": {
+            name: [plain(before), plain(after)]
+            for name, (before, after) in {**tick.keys, **tick.facts}.items()
+        },
         "error": tick.error,
     }
 
 
 def _event(event: Event) -> dict[str, object]:
-    told: dict[str, object] = {"leaf": event.leaf.name, "path": "/".join(event.leaf.path), "what": event.what}
-    if event.answer is not None:
-        told |= {"status": event.answer.status, "label": event.answer.label}
+    told: dict[str, object] = {"leaf": event.leaf, "path": "/".join(event.path), "what": event.what}
+    if event.what == ANSWERED:
+        told |= {"status": event.status, "label": event.label}
     return told
-
-
-def _changes(changes: Mapping[str, ValueChange]) -> dict[str, list[object]]:
-    return {name: [plain(before), plain(after)] for name, (before, after) in changes.items()}
 
 
 # What a name in PRISM's language cannot be.
@@ -317,7 +316,7 @@ class PrismModel:
         count = sum(len(self._graph.edges(state)) or 1 for state in range(self._count))
         yield f"{self._count} {count} {count}\n"
         for state in range(self._count):
-            targets = list(self._graph.successors(state)) or [state]
+            targets = [each.target for each in self._space.transitions(state)] or [state]
             yield from (f"{state} {choice} {target} 1\n" for choice, target in enumerate(targets))
 
     def labels(self) -> Iterator[str]:

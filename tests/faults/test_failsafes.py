@@ -29,7 +29,7 @@ from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
+from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.testing import assert_scenario_holds
 from tests.processes import in_order
 from tests.ros.conftest import Said
@@ -88,11 +88,7 @@ class Flight:
         raise AssertionError(message)
 
     def answered(self) -> list[str]:
-        return [
-            f"{event.leaf.name} {event.answer.name}"
-            for event in self.tree.events
-            if event.what == ANSWERED and event.answer is not None
-        ]
+        return [f"{event.leaf} {event.answer}" for event in self.tree.events if event.answer]
 
 
 def test_while_all_is_well_the_mission_is_flown() -> None:

@@ -22,7 +22,7 @@ from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
+from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 from tests.processes import Command, in_order
@@ -55,11 +55,7 @@ def tick(mission: SimulatedTree, count: int = 1) -> list[str]:
     for _ in range(count):
         mission.clock.advance(1.0)
         mission.root.tick_once()
-    return [
-        f"{event.leaf.name} {event.answer.name}"
-        for event in mission.events
-        if event.what == ANSWERED and event.answer is not None
-    ]
+    return [f"{event.leaf} {event.answer}" for event in mission.events if event.answer]
 
 
 def test_a_find_is_kept_before_anybody_is_told(mission: SimulatedTree) -> None:

@@ -10,7 +10,7 @@ from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import SimulatedTree, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
-from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
+from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 
@@ -46,11 +46,7 @@ def flown(**answers: str) -> SimulatedTree:
 
 
 def answered(simulated: SimulatedTree) -> list[str]:
-    return [
-        f"{event.leaf.name} {event.answer.name}"
-        for event in simulated.events
-        if event.what == ANSWERED and event.answer is not None
-    ]
+    return [f"{event.leaf} {event.answer}" for event in simulated.events if event.answer]
 
 
 # Which leaf fails whenever it can, and how the mission ends.

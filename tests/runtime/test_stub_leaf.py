@@ -6,10 +6,8 @@ from py_trees.common import Status
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
 from sar_compiler.runtime.stub_leaf import (
-    ANSWERED,
-    HALTED,
-    STARTED,
     FactVariables,
     StubLeaf,
     StubLeafError,
@@ -55,7 +53,7 @@ def made(facts, keys):
 
 
 def deeds(leaf):
-    return [(event.what, event.answer and event.answer.name) for event in leaf.events]
+    return [(event.what, event.answer or None) for event in leaf.events]
 
 
 def test_only_the_answers_whose_condition_is_true_can_be_chosen(made):

@@ -58,16 +58,17 @@ class Coverage:
         """Add the outcomes that a run has shown."""
         origins = run.simulated.compiled.origins
         nodes: dict[UUID, Covered] = {}
+        leaves = {leaf.number: leaf.id for leaf in run.simulated.leaves}
         for behaviour in run.simulated.root.iterate():
             bound = origins[behaviour.id].bound
             # What is wrapped around a node (conditions, a OneShot) has another name, and is not the node.
             if behaviour.name == bound.name:
                 covered = nodes[behaviour.id] = self._nodes.setdefault(_place(bound), Covered(bound))
                 covered.outcomes = list(dict.fromkeys([*covered.outcomes, *_outcomes(behaviour, bound)]))
+        for event in run.events:
+            if event.answer:
+                nodes[leaves[event.number]].seen.add(event.answer)
         for tick in run.ticks:
-            for event in tick.events:
-                if event.answer is not None:
-                    nodes[event.leaf.id].seen.add(event.answer.name)
             for node in tick.statuses.keys() & nodes.keys():
                 nodes[node].ticked = True
                 nodes[node].seen.add(tick.statuses[node])

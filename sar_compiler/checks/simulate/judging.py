@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from sar_compiler.checks.leaf_words import EventPattern
-from sar_compiler.checks.simulate.running import Run, TickRecord
-from sar_compiler.runtime.stub_leaf import Event
+from sar_compiler.checks.simulate.running import Run
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,11 @@ def _all(run: Run) -> Iterator[tuple[str, str]]:
             )
     yield from _order(run)
     for deed in expect.never:
-        when = next((tick for tick, event in _events(run) if deed.matches(event)), None)
-        if when is not None:
-            yield f"never {deed.text}", f"'{deed.text}' happens in tick {when.number} ({when.time_sec:g} s)"
+        event = next(filter(deed.matches, run.events), None)
+        if event is not None:
+            yield f"never {deed.text}", f"'{deed.text}' happens in tick {event.tick} ({event.time_sec:g} s)"
     for deed, bounds in expect.counts:
-        number = sum(deed.matches(event) for _, event in _events(run))
+        number = sum(map(deed.matches, run.events))
         if number < bounds.least or (bounds.most is not None and number > bounds.most):
             yield f"count {deed.text}", f"'{deed.text}' {_times(number)}; expected {bounds}"
 
@@ -73,18 +72,14 @@ def _ending(run: Run) -> Iterator[tuple[str, str]]:
 
 def _order(run: Run) -> Iterator[tuple[str, str]]:
     """Search for the events of an order, each after the one before."""
-    events = _events(run)
+    events = run.events
     before: EventPattern | None = None
     for deed in run.scenario.expect.order:
-        if not any(deed.matches(event) for _, event in events):
+        if not any(map(deed.matches, events)):
             place = f" after '{before.text}'" if before else ""
             yield f"order {deed.text}", f"'{deed.text}' does not happen{place}"
             return
         before = deed
-
-
-def _events(run: Run) -> Iterator[tuple[TickRecord, Event]]:
-    return ((tick, event) for tick in run.ticks for event in tick.events)
 
 
 def _times(number: int) -> str:

@@ -1,8 +1,7 @@
 """Ticking a tree by a scenario, on a clock that is moved by hand."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from uuid import UUID
 
 from sar_compiler.checks.simulate.run_variables import RunVariables
 from sar_compiler.checks.simulate.scenario import Scenario
@@ -10,40 +9,17 @@ from sar_compiler.checks.simulate.scripted import Scripted
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.stub_leaf import Event
 
 _ROOT_IS_DONE = parse("root == 'SUCCESS' || root == 'FAILURE'")
 
 
 class UntilError(SarError):
     """The condition that ends a run cannot be evaluated."""
-
-
-@dataclass(frozen=True)
-class TickRecord:
-    """The result of one tick.
-
-    Attributes:
-        number: Which tick it was, from 1.
-        time_sec: When it was, seconds from the first one.
-        events: What leaves did, in order.
-        root: The root's status; empty if the tick was not finished.
-        facts: The facts that changed, with their new values.
-        keys: The keys of the blackboard that changed, likewise; None for one that was removed.
-        statuses: The status of each node that was ticked, by its id.
-    """
-
-    number: int
-    time_sec: float
-    events: tuple[Event, ...]
-    root: str
-    facts: Mapping[str, object]
-    keys: Mapping[str, object]
-    statuses: Mapping[UUID, str]
 
 
 @dataclass
@@ -63,6 +39,11 @@ class Run:
     ticks: list[TickRecord] = field(default_factory=list)
     ended: bool = False
     trouble: str = ""
+
+    @property
+    def events(self) -> Iterator[Event]:
+        """What has happened, one by one."""
+        return (event for tick in self.ticks for event in tick.events)
 
     @property
     def root(self) -> str:
@@ -114,11 +95,10 @@ class ScenarioPlayer:
         finally:
             statuses = {visit.behaviour.id: WORDS[visit.outcome] for visit in visits}
             facts, keys = dict(simulated.fact_values()), _keys(simulated)
-            changed, written = _changes(self._facts, facts), _changes(self._keys, keys)
+            events = with_end(simulated.events, simulated.root.name, root, number, time_sec)
+            changed, written = value_changes(self._facts, facts), value_changes(self._keys, keys)
             self._facts, self._keys = facts, keys
-            run.ticks.append(
-                TickRecord(number, time_sec, tuple(simulated.events), root, changed, written, statuses)
-            )
+            run.ticks.append(TickRecord(events, changed, written, statuses))
         self._variables.now = {"root": root, "tick": number, "time": time_sec}
         return run.ticks[-1]
 
@@ -151,8 +131,3 @@ class ScenarioPlayer:
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
     """Return the entries of the tree's blackboard, by their keys; those of a subtree with its path before."""
     return simulated.compiled.board.values()
-
-
-def _changes(before: Mapping[str, object], now: Mapping[str, object]) -> Mapping[str, object]:
-    changed = {name: value for name, value in now.items() if name not in before or before[name] != value}
-    return {**changed, **{name: None for name in before if name not in now}}

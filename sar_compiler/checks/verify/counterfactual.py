@@ -14,9 +14,8 @@ from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
-from sar_compiler.runtime.stub_leaf import ANSWERED, Event
 
 _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
 # Answers other than the usual ones after the change, and ticks that are tried, times the nodes of the tree: some seconds.
@@ -224,9 +223,8 @@ class _Runs:
     def __init__(self, simulated: SimulatedTree) -> None:
         stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, few=_NEVER)
         self._stepper = stepper
-        self._numbers = {id(node.behaviour): node.index for node in stepper.flat.nodes}
         self.names = [node.behaviour.name for node in stepper.flat.nodes]
-        self.leaves = {self._numbers[id(leaf)] for leaf in simulated.leaves}
+        self.leaves = {leaf.number for leaf in simulated.leaves}
         self._known: dict[bytes, list[_Way]] = {}
         self._hopeless: dict[bytes, int] = {}
         self._left = _MOST_TICKED // len(self.names)
@@ -246,34 +244,17 @@ class _Runs:
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
-        steps, played = self._stepper.steps, []
-        steps.enter(state)
-        while self._left and steps.step():
-            self._left -= 1
-            if steps.state is not None:
+        found: dict[_Way, None] = {}
+        for step in self._stepper.ticks(state):
+            if step.state is not None:
                 tick = self._stepper.played()
-                played.append((tick.events, tick.root, steps.state))
-        found = [
-            _Way(tuple(map(self._answer, _answered(events))), root, after, self._unusual(state, events))
-            for events, root, after in played
-        ]
-        known = self._known[state] = list(dict.fromkeys(found))
+                answers = tuple(_answer(event) for event in tick.events if event.answer)
+                found[_Way(answers, tick.root, step.state, self._stepper.unusual())] = None
+            self._left -= 1
+            if not self._left:
+                break
+        known = self._known[state] = list(found)
         return known
-
-    def _answer(self, event: Event) -> LeafAnswer:
-        assert event.answer is not None  # noqa: S101 - it is one
-        return LeafAnswer(self._numbers[id(event.leaf)], event.answer.status, event.answer.label)
-
-    def _unusual(self, state: bytes, events: Sequence[Event]) -> tuple[bool, ...]:
-        """Return which answers of a tick from a state are other than usual."""
-        self._stepper.steps.restore(state)
-        unusual = []
-        for event in _answered(events):
-            answer: Answer | None = event.answer
-            if answer is not None:
-                unusual.append(nominal(event.leaf.options()) is not answer)
-                event.leaf.change(answer)
-        return tuple(unusual)
 
     def way_to_success(self, way: _Way, most: int) -> list[_Way] | None:
         """Return the ticks after one up to a success of the root, the fewest; None if there are none.
@@ -309,8 +290,8 @@ class _Runs:
         return self._hopeless.get(state, -1) >= most
 
 
-def _answered(events: Sequence[Event]) -> list[Event]:
-    return [event for event in events if event.what == ANSWERED]
+def _answer(event: Event) -> LeafAnswer:
+    return LeafAnswer(event.number, event.status, event.label)
 
 
 def _back(

@@ -1,12 +1,15 @@
 """The ticks of a simulated tree, from any state that it can be in."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
 
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.verify.claims import hold_to_records
 from sar_compiler.checks.verify.monitors import Rules
 from sar_compiler.checks.verify.state import Prepared, StateValues
+from sar_compiler.runtime.answers import nominal
+from sar_compiler.runtime.events import TickRecord, changes_in, value_changes, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.forking import FEW, ForkingTicker
@@ -15,22 +18,6 @@ from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.user_nodes import UserNode
-from sar_compiler.runtime.stub_leaf import Event
-
-
-@dataclass(frozen=True)
-class PlayedTick:
-    """The events and results of a tick, for reports.
-
-    Attributes:
-        events: What the leaves did, in order.
-        root: The root's status; empty if the tick was not finished.
-        values: The facts and the keys of the tree afterwards.
-    """
-
-    events: tuple[Event, ...]
-    root: str
-    values: dict[str, object]
 
 
 class TreeStepper:
@@ -58,21 +45,21 @@ class TreeStepper:
     def __init__(self, prepared: Prepared, rules: Rules, *, forgets: bool = True, few: int = FEW) -> None:
         self._alphabet = prepared.alphabet
         choices = Choices()
-        self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after)
+        entries = prepared.entries
+        self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
         simulated = prepared.simulated
         leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail)
         self.flat = flatten(simulated.root, leaves.node_of)
         self.ran = leaves.ran
         first = self.flat.ticker(ChosenTimes(choices, trail))
-        self.ticker = ForkingTicker(
-            first.cells, first.values, first.times, prepared.entries, choices, trail, few
-        )
+        self.ticker = ForkingTicker(first.cells, first.values, first.times, entries, choices, trail, few)
         self.wrong, self._rule = "", rules.count
         self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]
         self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
-        judged_by = [prepared.entries.place_of(entry.name) for entry in rules.entries]
+        judged_by = [entries.place_of(entry.name) for entry in rules.entries]
         self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
         self.states = StateValues(simulated, self.steps, self._remembered)
+        self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
     def _deny(self, behaviour: Behaviour, what: str) -> None:
         cls = type(behaviour)
@@ -90,9 +77,56 @@ class TreeStepper:
             if held is cell
         }
 
-    def played(self) -> PlayedTick:
-        """Return what happened in the last step."""
-        known = self._alphabet.events
-        # Numbers above these are those of guarded events, which go with another one.
-        events = tuple(known[number] for number in self._trail.numbers if number < len(known))
-        return PlayedTick(events, WORDS[self.steps.outcome], self.states.values())
+    def ticks(self, state: bytes) -> Iterator[TickSteps]:
+        """Play the ticks of a state one after the other; `played` and `unusual` tell of the last one."""
+        self._before = self.states.facts_and_keys(state)
+        self._trail.keeps = True
+        try:
+            self.steps.enter(state)
+            while self.steps.step():
+                yield self.steps
+        finally:
+            self._trail.keeps = False
+
+    def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
+        """Play the first tick of a state that is wanted; return it as the tick of that number."""
+        next(step for step in self.ticks(state) if wanted(step))
+        return self.played(number)
+
+    def played(self, number: int = 0) -> TickRecord:
+        """Return what has happened in the last tick, as the tick of that number."""
+        happened, after, events = self._happened(), self.ticker.entries.now, []
+        for (event, past), (_, then) in pairwise([*happened, (0, after)]):
+            changed = () if past == then else changes_in(self._facts_in(past), self._facts_in(then))
+            events.append(self._alphabet.events[event]._replace(facts=changed))
+        self.ticker.entries.restore(after)
+        root, steps = self.flat.nodes[0].behaviour.name, self.steps
+        (facts_before, keys_before), (facts, keys) = self._before, self.states.facts_and_keys()
+        return TickRecord(
+            with_end(events, root, WORDS[steps.outcome], number),
+            value_changes(facts_before, facts),
+            value_changes(keys_before, keys),
+            error="" if steps.error is None else f"{type(steps.error).__name__}: {steps.error}",
+        )
+
+    def unusual(self) -> tuple[bool, ...]:
+        """Return which answers of the last tick were other than usual."""
+        entries, unusual = self.ticker.entries, []
+        after = entries.now
+        for event, past in self._happened():
+            leaf, answer = self._alphabet.answers[event]
+            if answer is not None:
+                entries.restore(past)
+                unusual.append(nominal(leaf.options()) is not answer)
+        entries.restore(after)
+        return tuple(unusual)
+
+    def _happened(self) -> list[tuple[int, list[int]]]:
+        """Return the events of the last tick, each with what entries held before it."""
+        # Numbers above those of the alphabet are those of guarded events, which go with another one.
+        count, trail = len(self._alphabet.events), self._trail
+        return [each for each in zip(trail.numbers, trail.pasts, strict=True) if each[0] < count]
+
+    def _facts_in(self, entries: list[int]) -> Mapping[str, object]:
+        self.ticker.entries.restore(entries)
+        return self.states.facts()

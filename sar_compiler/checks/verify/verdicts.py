@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from sar_compiler.checks.verify.properties import LeftOut, Properties
-from sar_compiler.checks.verify.state_space import StateSpace
-from sar_compiler.checks.verify.traces import Retracing, Trace
-from sar_compiler.runtime.kernel.graph import Graph
+from sar_compiler.checks.verify.state_space import StateSpace, Trace
 from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
 from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.stub_leaf import StubLeaf
@@ -93,14 +91,13 @@ class Questions:
     """Answers questions about the runs of a tree.
 
     Args:
-        graph: Its states and ticks.
-        retracing: Tells runs.
+        space: Its states and ticks.
         told: Says in words what a tick raises.
     """
 
-    def __init__(self, graph: Graph, retracing: Retracing, told: Callable[[BaseException], str]) -> None:
-        self._graph = graph
-        self._retracing = retracing
+    def __init__(self, space: StateSpace, told: Callable[[BaseException], str]) -> None:
+        self._space = space
+        self._graph = space.graph
         self._told = told
 
     def no_error(self) -> Verdict:
@@ -109,7 +106,7 @@ class Questions:
         if error is None:
             return self._unbroken(NO_ERROR)
         assert error.error is not None  # noqa: S101 - that is what kind of breach it is
-        return _broken(NO_ERROR, self._told(error.error), self._retracing.breach(error))
+        return _broken(NO_ERROR, self._told(error.error), self._space.breach(error))
 
     def every_leaf(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
@@ -127,7 +124,7 @@ class Questions:
         if found.stuck is None:
             yield self._unbroken(AN_END)
         else:
-            yield _broken(AN_END, "after this no end comes any more", self._retracing.to(found.stuck))
+            yield _broken(AN_END, "after this no end comes any more", self._space.to(found.stuck))
         if found.circling is None:
             yield self._unbroken(NO_LIVELOCK)
         else:
@@ -144,7 +141,7 @@ class Questions:
         if breach is None:
             return self._unbroken(OWN_RECORDS)
         # To tell the run is to play it, its last tick last.
-        trace = self._retracing.breach(breach)
+        trace = self._space.breach(breach)
         return _broken(OWN_RECORDS, wrong(), trace)
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
@@ -152,7 +149,7 @@ class Questions:
         for rule, name in enumerate(properties.names):
             breach = self._graph.breaches.get(rule)
             if breach is not None:
-                yield _broken(name, "it is broken in the last tick", self._retracing.breach(breach))
+                yield _broken(name, "it is broken in the last tick", self._space.breach(breach))
                 continue
             circling = owing_for_ever(self._graph, 1 << rule) if rule in properties.owing else None
             if circling is None:
@@ -161,7 +158,7 @@ class Questions:
                 yield _broken(name, "what must come never comes in this run", self._round(circling))
 
     def _round(self, component: list[int]) -> Trace:
-        return self._retracing.lasso(lasso(self._graph, component))
+        return self._space.lasso(lasso(self._graph, component))
 
     def _unbroken(self, question: str) -> Verdict:
         graph = self._graph

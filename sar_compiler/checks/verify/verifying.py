@@ -5,15 +5,13 @@ import threading
 from collections.abc import Collection
 
 from sar_compiler.checks.verify.processes import SearchProcesses
-from sar_compiler.checks.verify.properties import Properties, properties_of, without_properties
+from sar_compiler.checks.verify.properties import properties_of, without_properties
 from sar_compiler.checks.verify.property_files import PropertyFile
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
-from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.checks.verify.verdicts import OWN_RECORDS, Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.runtime.kernel.graph import Graph
 from sar_compiler.runtime.kernel.searching import Report, explore, keep_quiet
 
 
@@ -52,7 +50,8 @@ def verify(
     with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
         names = (*properties.names, OWN_RECORDS)
         graph = explore(stepper.steps, max_states, on_progress, names, helpers)
-    questions = Questions(graph, Retracing(stepper, graph), simulated.told)
+    space = StateSpace(stepper, graph, properties.names, properties.owing)
+    questions = Questions(space, simulated.told)
     verdicts = (
         questions.no_error(),
         questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
@@ -71,13 +70,6 @@ def verify(
         growing,
         simulated.leaves,
         graph.stopped,
-        _space(graph, stepper, properties) if keep_states else None,
+        space if keep_states else None,
         simulated.by_semantics,
     )
-
-
-def _space(graph: Graph, stepper: TreeStepper, properties: Properties) -> StateSpace:
-    def values(state: int) -> dict[str, object]:
-        return stepper.states.values_in(graph.states[state])
-
-    return StateSpace(graph, values, properties.names, properties.owing)

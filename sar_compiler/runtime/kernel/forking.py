@@ -71,7 +71,7 @@ class Fork:
         ticker.values = self.values[:]
         ticker.entries.restore(self.entries)
         ticker.choices.go_back(self.asked)
-        del trail.numbers[self.happened :]
+        trail.go_back(self.happened)
         trail.going_on, trail.changed = self.going_on, self.changed
         trail.watched, trail.broken = self.watched, self.broken
 

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.entry_cells import Memo, OutcomeMemo
@@ -13,7 +14,7 @@ from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 from sar_compiler.runtime.language_nodes import ScriptCondition
-from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, StubLeaf
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
 class _Reply:

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
+
 
 @dataclass(frozen=True)
 class Guarded:
@@ -28,9 +30,12 @@ class Trail:
         heard: The events that mean something to a property.
         after: Returns what the properties remember after an event, given what they remember before it, and which of
             them it breaks, as bits.
+        entries: What the entries of the blackboard hold.
 
     Attributes:
         numbers: What has happened, in order.
+        keeps: Whether what the entries hold before each event is kept; a search has no use for it.
+        pasts: That, for each event.
         going_on: The leaves that run on as they were, and the timers that were not up, as bits.
         changed: The leaves that run and timers that count, but have begun in this tick, as bits.
         watched: What the properties remember.
@@ -42,13 +47,17 @@ class Trail:
         guarded: Mapping[int, Sequence[Guarded]],
         heard: Iterable[int],
         after: Callable[[int, int], tuple[int, int]],
+        entries: EntryCells,
     ) -> None:
         self._guarded = guarded
         self._heard = {*heard, *guarded}
         self._after = after
         self._known: dict[tuple[int, int], tuple[int, int]] = {}
         self._bits: dict[int, int] = {}
+        self._entries = entries
         self.numbers: list[int] = []
+        self.keeps = False
+        self.pasts: list[list[int]] = []
         self.going_on = self.changed = self.watched = self.broken = 0
 
     def bit(self, index: int) -> int:
@@ -57,9 +66,14 @@ class Trail:
 
     def begin(self, watched: int) -> None:
         """Begin a tick, with what the properties remember."""
-        self.numbers.clear()
+        self.go_back(0)
         self.going_on = self.changed = self.broken = 0
         self.watched = watched
+
+    def go_back(self, happened: int) -> None:
+        """Forget all events but the first ones, of that number."""
+        del self.numbers[happened:]
+        del self.pasts[happened:]
 
     @property
     def known(self) -> int:
@@ -95,7 +109,7 @@ class Trail:
     def take(self, number: int) -> None:
         """Take an event, and what goes with it."""
         if number not in self._heard:
-            self.numbers.append(number)
+            self._add(number)
             return
         holding = [each for each in self._guarded.get(number, ()) if each.holds()]
         for each in holding:
@@ -106,8 +120,13 @@ class Trail:
             if not each.comes_first:
                 self._note(each.number)
 
-    def _note(self, number: int) -> None:
+    def _add(self, number: int) -> None:
         self.numbers.append(number)
+        if self.keeps:
+            self.pasts.append(self._entries.now[:])
+
+    def _note(self, number: int) -> None:
+        self._add(number)
         place = (self.watched, number)
         known = self._known.get(place)
         if known is None:

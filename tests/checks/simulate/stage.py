@@ -45,5 +45,4 @@ def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:
 
 def answers(run: Run, leaf: str) -> list[str]:
     """Return what a leaf answered, tick by tick; `halted` where it was halted."""
-    events = (event for tick in run.ticks for event in tick.events if event.leaf.name == leaf)
-    return [event.answer.name if event.answer else event.what for event in events if event.what != "started"]
+    return [event.deed for event in run.events if event.leaf == leaf and event.what in ("answered", "halted")]

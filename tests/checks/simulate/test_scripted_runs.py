@@ -158,7 +158,10 @@ def test_a_root_that_is_skipped_has_come_to_that():
 def test_a_tick_knows_which_facts_and_keys_it_has_changed():
     body = '<Sequence><Script code="count := 1"/><AdvanceZone/><UnsetBlackboard key="speed"/></Sequence>'
     (tick,) = played("parameters: {speed: 2}", body).ticks
-    assert (tick.facts, tick.keys) == ({"zones_left": 2}, {"count": 1, "speed": None})
+    assert (tick.facts, tick.keys) == (
+        {"zones_left": (3, 2)},
+        {"count": (None, 1), "speed": (2, None)},
+    )
 
 
 def test_parameters_of_the_mission_are_those_of_the_scenario():

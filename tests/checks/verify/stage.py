@@ -44,9 +44,7 @@ def told(trace):
     """Return what the leaves answered in each tick of a trace, and where it was halted, as one text a tick."""
     return [
         " ".join(
-            f"{event.leaf.name}:{event.answer.name if event.answer else event.what}"
-            for event in tick.events
-            if event.what != "started"
+            f"{event.leaf}:{event.deed}" for event in tick.events if event.what in ("answered", "halted")
         )
         for tick in trace.ticks
     ]

@@ -6,6 +6,7 @@ from sar_compiler.checks.verify.properties import properties_of, without_propert
 from sar_compiler.checks.verify.property_files import parse_property_file
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.searching import explore
 from sar_compiler.runtime.kernel.trail import Trail
 from tests.chance import rounds
@@ -87,7 +88,7 @@ def test_a_condition_that_changes_what_it_looks_at_changes_it_in_every_run():
 
 def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
     """Else a tick in which much is tried again would have another middle for each of its histories."""
-    trail = Trail({}, [], lambda watched, _: (watched, 0))
+    trail = Trail({}, [], lambda watched, _: (watched, 0), EntryCells())
     trail.begin(0)
     leaf = trail.bit(7)
     trail.start(leaf)
@@ -98,7 +99,7 @@ def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
 
 
 def test_a_leaf_that_runs_on_is_waited_for_until_it_ends():
-    trail = Trail({}, [], lambda watched, _: (watched, 0))
+    trail = Trail({}, [], lambda watched, _: (watched, 0), EntryCells())
     trail.begin(0)
     leaf = trail.bit(7)
     trail.go_on(leaf)

@@ -16,6 +16,7 @@ from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import compile_simulated
+from sar_compiler.runtime.events import TICKED
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.skipping import was_skipped
@@ -98,7 +99,7 @@ def simulated(binding: Any) -> Any:
 
 
 def told(events: Any) -> tuple[Any, ...]:
-    return tuple((event.leaf.path, event.what, event.answer.name if event.answer else "") for event in events)
+    return tuple(event for event in events if event.what != TICKED)
 
 
 class Flight:
@@ -153,10 +154,8 @@ class Proof:
         """Go on with the ticks in which a flight's last one is found; return all ticks if there is none."""
         possible: list[Any] = []
         states: set[Any] = set()
-        steps = self._stepper.steps
         for state in self._states:
-            steps.enter(state)
-            while steps.step():
+            for steps in self._stepper.ticks(state):
                 played, error = self._stepper.played(), steps.error
                 root = played.root if error is None else f"{type(error).__name__}: {error}"
                 possible.append((told(played.events), root))

@@ -6,12 +6,12 @@ import pytest
 
 from sar_compiler.checks.verify.properties import without_properties
 from sar_compiler.checks.verify.state import Prepared
+from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
-from sar_compiler.checks.verify.traces import Retracing
+from sar_compiler.runtime.events import ANSWERED
 from sar_compiler.runtime.kernel.cells import STATUSES
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.searching import explore
-from sar_compiler.runtime.stub_leaf import ANSWERED
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
 from tests.checks.verify.random_trees import random_tree
@@ -117,25 +117,21 @@ class Repeating:
 
     def __init__(self, trace):
         self._answers = [
-            (event.leaf.path, event.answer)
-            for tick in trace.ticks
-            for event in tick.events
-            if event.what == ANSWERED
+            (event.path, event.status, event.label) for event in trace.events if event.what == ANSWERED
         ]
 
     def choose(self, leaf, options):
-        path, answer = self._answers.pop(0)
+        path, *answer = self._answers.pop(0)
         assert path == leaf.path
-        assert answer in options
-        return next(option for option in options if option == answer)
+        return next(option for option in options if [option.status, option.label] == answer)
 
 
 @pytest.mark.parametrize("binding", trees(range(100, 100 + rounds(8))))
 def test_the_run_that_is_told_leads_py_trees_to_the_same_state(binding):
     explored = Explored(simulated_tree(binding), _MOST_STATES)
-    retracing = Retracing(explored.stepper, explored.graph)
+    space = StateSpace(explored.stepper, explored.graph)
     for number in range(0, len(explored.graph.states), 7):
-        trace = retracing.to(number)
+        trace = space.to(number)
         simulated = simulated_tree(binding)
         simulated.policy = Repeating(trace)
         for _ in trace.ticks:
