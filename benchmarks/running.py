@@ -55,7 +55,7 @@ def surroundings() -> dict[str, str]:
         "machine": f"{cpu or platform.machine()}, {os.cpu_count()} cores, {memory:.0f} GiB",
         "load before": f"{os.getloadavg()[0]:.1f} processes in the last minute",
         "system": f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
-        "kernel of this project": kernel.described(),
+        "kernel of this project": kernel.describe(),
         "py_trees": metadata.version("py_trees"),
         "peers": _peers(),
         "SPIN": _spin(),

@@ -333,6 +333,6 @@ class _VersionAction(argparse.Action):
 
         print(
             f"{parser.prog} {version('sar_compiler')} (Python {platform.python_version()}, "
-            f"py_trees {version('py_trees')}, kernel: {kernel.described()})"
+            f"py_trees {version('py_trees')}, kernel: {kernel.describe()})"
         )
         parser.exit()

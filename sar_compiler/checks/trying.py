@@ -142,7 +142,7 @@ def findings_of_runs(
             event.leaf in described for events in ticks for event in events
         )
         place = _place(raised.error, binding)
-        told = f"{simulated.told(raised.error)} ({_run_words(ticks)})"
+        told = f"{simulated.explain(raised.error)} ({_run_words(ticks)})"
         severity = Severity.ERROR if is_sure else Severity.WARNING
         source, span = place.element.source, _span(raised.error, place)
         hint = f"{how_to_see} shows the run tick by tick"

@@ -22,14 +22,7 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import TreeFile
 
-__all__ = [
-    "CompiledTree",
-    "Origin",
-    "bind_main",
-    "compile_tree",
-    "compile_with",
-    "preview_tree",
-]
+__all__ = ["CompiledTree", "Origin", "bind_main", "compile_tree", "compile_with", "preview_tree"]
 
 
 _OUTLINE = 25

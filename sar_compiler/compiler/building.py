@@ -64,7 +64,7 @@ class Builder:
             if bound.references:
                 self._targets.update(bound.references.values())
             if bound.spec.is_foreign:
-                self.only_described(bound)
+                self.report_only_described(bound)
             if bound.keys or bound.spec.handed_over:
                 self._arguments[instance, bound] = self._source.of(instance, bound)
             if bound.subtree is not None:
@@ -73,7 +73,7 @@ class Builder:
                     write_constant(inner.scope.resolve(key), value)
                 self.prepare(inner)
 
-    def only_described(self, bound: BoundNode) -> None:
+    def report_only_described(self, bound: BoundNode) -> None:
         """Report a node for which there is no class."""
         report_without_class(bound, self._collector)
 
@@ -89,12 +89,12 @@ class Builder:
                     waiting.append((place, left, children))
                     left, children = self._below(*place), []
                     break
-                children.append(self._wrapped(*place, []))
+                children.append(self._with_wrappers(*place, []))
             else:
                 if not waiting:
                     return children[0]
                 place, left, siblings = waiting.pop()
-                siblings.append(self._wrapped(*place, children))
+                siblings.append(self._with_wrappers(*place, children))
                 children = siblings
 
     @staticmethod
@@ -107,9 +107,9 @@ class Builder:
             for child in bound.children:
                 yield instance, child
 
-    def _wrapped(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
+    def _with_wrappers(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
         """Make a node, and the wrappers around it."""
-        make = self._remembered if bound in self._targets else self._make
+        make = self._make_once if bound in self._targets else self._make
         behaviour = make(instance, bound, children)
         if bound.conditions:
             behaviour = self._conditions(instance, bound, behaviour)
@@ -126,7 +126,7 @@ class Builder:
         self.constructions.append(Construction(wrapper.id, instance, bound, shown))
         return wrapper
 
-    def _remembered(
+    def _make_once(
         self, instance: Instance, bound: BoundNode, children: list[Behaviour] | None = None
     ) -> Behaviour:
         if (instance, bound) not in self._built:
@@ -140,9 +140,9 @@ class Builder:
         known = self._arguments[instance, bound] if bound.keys or spec.handed_over else None
         arguments = self._source.of(instance, bound) if known is None else dict(known)
         for parameter in spec.references:
-            target = instance.referred(bound, parameter.name)
+            target = instance.target_of(bound, parameter.name)
             if target is not None:
-                arguments[parameter.name] = self._remembered(*target)
+                arguments[parameter.name] = self._make_once(*target)
         if bound.subtree is not None:
             (arguments["child"],) = children
         elif spec.structure:
@@ -150,7 +150,7 @@ class Builder:
         if spec.renamed:
             arguments = {spec.renamed.get(name, name): value for name, value in arguments.items()}
         try:
-            behaviour: Behaviour = _initialised(self._maker(bound)(**arguments))
+            behaviour: Behaviour = _require_initialised(self._maker(bound)(**arguments))
         except TreeError:
             raise
         except Exception as error:
@@ -159,7 +159,7 @@ class Builder:
                 raise _cannot_be_made(bound, error) from error
             behaviour = stand_in
         self.constructions.append(
-            Construction(behaviour.id, instance, bound, None, known and self.known(bound, known))
+            Construction(behaviour.id, instance, bound, None, known and self.known_values(bound, known))
         )
         return behaviour
 
@@ -167,7 +167,7 @@ class Builder:
         """Return what takes the place of a node whose constructor refuses its arguments; None for nothing."""
         return None
 
-    def known(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
         """Return the values that plain attributes got from the blackboard."""
         if not bound.keys:
             return None
@@ -188,7 +188,7 @@ class Builder:
 class PreviewBuilder(Builder):
     """Makes a tree to be looked at, whatever only a mission or a module of leaves has."""
 
-    def only_described(self, bound: BoundNode) -> None:
+    def report_only_described(self, bound: BoundNode) -> None:
         """Do nothing: a stock behaviour of its kind is used instead."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
@@ -197,12 +197,12 @@ class PreviewBuilder(Builder):
             return None
         return _stand_in(bound.spec.kind, **arguments)
 
-    def known(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
+    def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
         """Return nothing: what is shown is the key."""
         return None  # noqa: RET501 - the base class returns a value
 
 
-def _initialised(behaviour: Behaviour) -> Behaviour:
+def _require_initialised(behaviour: Behaviour) -> Behaviour:
     if not hasattr(behaviour, "id"):
         message = "its constructor has not called super().__init__(name)"
         raise TypeError(message)

@@ -54,14 +54,14 @@ class Arguments:
         arguments: dict[str, Any] = {"name": bound.name, **spec.plain_defaults}
         for parameter in spec.plain:
             if parameter.name in bound.keys or parameter.name in bound.values:
-                arguments[parameter.name] = self.fixed(instance, bound, parameter)
+                arguments[parameter.name] = self.fixed_value(instance, bound, parameter)
         for parameter in spec.ports:
             self._port(instance, bound, parameter, arguments)
         for parameter in spec.handed_over:
             arguments[parameter.name] = self._handed_over(instance, bound, parameter)
         return arguments
 
-    def fixed(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+    def fixed_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
         """Return the value of an attribute that is fixed when the tree is compiled; its default if it is not written."""
         if parameter.name in bound.keys:
             return self._blackboard_value(instance, bound, parameter)

@@ -130,7 +130,7 @@ def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) 
             elif parameter.direction is None:
                 attributes[name] = bound.spec.fixed.get(name, parameter.default)
     for parameter in bound.spec.references:
-        target = instance.referred(bound, parameter.name)
+        target = instance.target_of(bound, parameter.name)
         if target is not None:
             attributes[parameter.name] = target[1].name
     return attributes

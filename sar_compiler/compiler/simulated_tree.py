@@ -115,7 +115,7 @@ class SimulatedTree:
         for leaf in self.leaves:
             leaf.policy = policy
 
-    def told(self, error: BaseException) -> str:
+    def explain(self, error: BaseException) -> str:
         """Return an exception of a tick in words, with what is known to help."""
         if isinstance(error, NoStatusError):
             return f"'{error.behaviour.name}' ({type(error.behaviour).__name__}) failed: {error}"
@@ -287,15 +287,15 @@ class SimulationBuilder(Builder):
         """Return the whole numbers that the scripts of some answers speak of, by their placeholders."""
         scripts = [script for answer in said for script in (answer.when, answer.then)]
         return {
-            parameter.name: number_text(self._source.fixed(instance, bound, parameter))
+            parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
             for parameter in bound.spec.parameters.values()
             if parameter.is_whole_number and any(f"{{{parameter.name}}}" in script for script in scripts)
         }
 
-    def only_described(self, bound: BoundNode) -> None:
+    def report_only_described(self, bound: BoundNode) -> None:
         """Report a subtree that is in no file; what else is only described here is a leaf, which answers."""
         if bound.element.tag == SUBTREE_TAG:
-            super().only_described(bound)
+            super().report_only_described(bound)
 
     def _maker(self, bound: BoundNode) -> Any:
         """Return the constructor of a node, or that of its stand-in."""
@@ -325,7 +325,7 @@ class SimulationBuilder(Builder):
         """Make the leaf that answers for a node, or for the world around it."""
         names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
-            target = instance.referred(bound, parameter.name)
+            target = instance.target_of(bound, parameter.name)
             names[parameter.name] = NOBODY if target is None else self._names.get(target, NOBODY)
         for fact, value in bound.spec.facts.items():
             self._add_fact(fill_text(fact, names), value, bound.name)

@@ -86,10 +86,10 @@ def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
         return _in_order(bound, means)
     if means.limit_sec is not None:
         limit = means.limit_sec(bound)
-        return None if limit is None else _limited(clock, limit)
+        return None if limit is None else _limit(clock, limit)
     if means.repeats:
         rounds = means.rounds and means.rounds(bound)
-        return partial(_repeated, means.repeats, rounds) if rounds else None
+        return partial(_repeat, means.repeats, rounds) if rounds else None
     return _turning(bound, means)
 
 
@@ -115,14 +115,14 @@ def _turning(bound: BoundNode, means: Semantics) -> Substitute | None:
     return partial(behaviour_class(OwnDecorator, TurningNode), turned=(*turned[:2], "SKIPPED"))
 
 
-def _limited(clock: Clock, seconds: float) -> Substitute:
+def _limit(clock: Clock, seconds: float) -> Substitute:
     if seconds == math.inf:
         return behaviour_class(OwnDecorator, SubTreeNode)
     msec = Input(source=int(1000 * seconds))
     return partial(behaviour_class(OwnDecorator, TimeoutNode), msec=msec, clock=clock)
 
 
-def _repeated(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour:
+def _repeat(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour:
     count = -1 if rounds == math.inf else int(rounds)
     return decorators.Retry(name, child, count) if again == F else decorators.Repeat(name, child, count)
 

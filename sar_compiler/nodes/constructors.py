@@ -43,7 +43,7 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     docs = _inherited_documentation(spec.cls)
     found = (
         _parameter(spec, parameter, hints.get(name), docs.get(name, ""))
-        for name, parameter in _written(constructor)
+        for name, parameter in _writable(constructor)
     )
     parameters = {parameter.name: parameter for parameter in found}
     _complain_unless_structured(spec, parameters)
@@ -56,7 +56,7 @@ def summary_of(cls: type | None) -> str:
     return _documentation(cls)[0]
 
 
-def _written(constructor: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
+def _writable(constructor: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
     """Yield the parameters without `self`, and without `*args` and `**kwargs`."""
     for name, parameter in list(inspect.signature(constructor).parameters.items())[1:]:
         if parameter.kind not in _VARIADIC:

@@ -31,11 +31,7 @@ _STRUCTURE = {Kind.CONTROL: [CHILDREN], Kind.DECORATOR: [CHILD]}
 
 
 def signature(
-    kind: Kind,
-    doc: str,
-    *parameters: Parameter,
-    fixed: Mapping[str, object] | None = None,
-    factory: str = "",
+    kind: Kind, doc: str, *parameters: Parameter, fixed: Mapping[str, object] | None = None, factory: str = ""
 ) -> Signature:
     """Return the signature of a node.
 

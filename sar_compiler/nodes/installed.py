@@ -59,12 +59,12 @@ def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
         group: The group.
         checkout: A folder whose content does not count as installed, in addition to the current folder.
     """
-    return list(_entry_points(group, _installed(checkout)).values())
+    return list(_entry_points(group, _installed_folders(checkout)).values())
 
 
 def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple[EntryPoint, str]]:
     """Return the entry points found only in the checkout or the current folder, with that folder."""
-    installed = _installed(checkout)
+    installed = _installed_folders(checkout)
     found = [
         (entry_point, entry or os.curdir)
         for entry in (*sys.path, *_passed_over)
@@ -190,7 +190,7 @@ def _in_group(text: str, group: str) -> Iterator[EntryPoint]:
             yield EntryPoint(name.strip(), value.strip())
 
 
-def _installed(checkout: Path | None) -> list[str]:
+def _installed_folders(checkout: Path | None) -> list[str]:
     """Return the folders of `sys.path` with installed packages."""
     strange, outside = _current_folders(), checkout.resolve() if checkout else None
     sourced = [Path(part).resolve() for part in _parts("AMENT_PREFIX_PATH") if Path(part).is_absolute()]
@@ -198,7 +198,7 @@ def _installed(checkout: Path | None) -> list[str]:
     def is_installed_in(folder: Path) -> bool:
         if folder not in strange and not (outside and folder.is_relative_to(outside)):
             return True
-        return any(folder.is_relative_to(prefix) for prefix in sourced) or folder in _trusted()
+        return any(folder.is_relative_to(prefix) for prefix in sourced) or folder in _trusted_folders()
 
     # What is not absolute is the current folder's, or no folder: the mark of an editable installation.
     return [entry for entry in sys.path if os.path.isabs(entry) and is_installed_in(Path(entry).resolve())]  # noqa: PTH117
@@ -212,7 +212,7 @@ def _current_folders() -> set[Path]:
     return set()
 
 
-def _trusted() -> Iterator[Path]:
+def _trusted_folders() -> Iterator[Path]:
     """Yield the folders of the interpreter's packages, and of this one."""
     yield _OWN_FOLDER
     yield from (Path(folder).resolve() for folder in (*site.getsitepackages(), site.getusersitepackages()))
@@ -239,9 +239,9 @@ def _importing(checkout: Path | None) -> Iterator[None]:
 
 def _importable(checkout: Path | None) -> list[str]:
     """Return the folders of `sys.path` with installed packages, including those of editable installations."""
-    installed = _installed(checkout)
+    installed = _installed_folders(checkout)
     origins = (origin for _, origin in _metadata(installed, "direct_url.json"))
-    edited = [folder for origin in origins if (folder := _edited(origin)) is not None]
+    edited = [folder for origin in origins if (folder := _editable_folder(origin)) is not None]
     return [
         entry
         for entry in sys.path
@@ -250,7 +250,7 @@ def _importable(checkout: Path | None) -> list[str]:
     ]
 
 
-def _edited(origin: str) -> Path | None:
+def _editable_folder(origin: str) -> Path | None:
     """Return the folder of a distribution that was installed with `pip install -e`; None for any other."""
     from urllib.parse import unquote, urlsplit
 

@@ -154,7 +154,7 @@ def counting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
             return S
         return F if count - failed < enough or failed == too_many else 0
 
-    return _counted(children, decide, lambda _succeeded, _failed, skipped: K if skipped == count else R)
+    return _count_all(children, decide, lambda _succeeded, _failed, skipped: K if skipped == count else R)
 
 
 def counting_all(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
@@ -170,13 +170,13 @@ def counting_all(bound: "BoundNode", children: Sequence[int], sure: bool) -> int
         through = succeeded + failed + skipped == count
         return (F if failed >= too_many else S) if through else R
 
-    return _counted(children, lambda *_: 0, decide)
+    return _count_all(children, lambda *_: 0, decide)
 
 
 Decision: TypeAlias = Callable[[int, int, int], int]
 
 
-def _counted(children: Sequence[int], at_once: Decision, at_the_end: Decision) -> int:
+def _count_all(children: Sequence[int], at_once: Decision, at_the_end: Decision) -> int:
     """Return the results of counting over all combinations of the children's results.
 
     Args:
@@ -237,11 +237,11 @@ def turning(turns: dict[int, int]) -> Possible:
 
 def _turning(turned: tuple[int, ...], bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     turns = dict(zip(ANSWERS, turned, strict=True))
-    child = _interrupted(bound, children[0]) if sure and turns[R] != R else children[0]
+    child = _sure_if_interrupted(bound, children[0]) if sure and turns[R] != R else children[0]
     return union(new for old, new in turns.items() if child & old)
 
 
-def _interrupted(bound: "BoundNode", child: int) -> int:
+def _sure_if_interrupted(bound: "BoundNode", child: int) -> int:
     """Return the sure results of a child whose decorator ends, and resets it, in each tick in which it runs.
 
     A leaf can end in any tick; a branch of several nodes may have to run for some ticks first.
@@ -314,7 +314,7 @@ def time_limit(limit_sec: Number) -> Possible:
 def _time_limit(limit_sec: Number, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     child, limit = children[0], limit_sec(bound)
     if limit is not None and limit <= 0:
-        child = _interrupted(bound, child) if sure else child
+        child = _sure_if_interrupted(bound, child) if sure else child
         return child & ~R | (F if child & R else 0)
     # A child that is skipped may nevertheless be running, such as one that repeats a skipped node.
     late = child & R and limit not in (None, math.inf) if sure else child & (R | K)
@@ -342,7 +342,7 @@ def awaiting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     wanted = BITS.get(str(bound.value("status")))
     if wanted is None:
         return unknown(bound, children, sure)
-    child = _interrupted(bound, children[0]) if sure and wanted == R else children[0]
+    child = _sure_if_interrupted(bound, children[0]) if sure and wanted == R else children[0]
     return (S if child & wanted else 0) | (R if child & ~wanted else 0)
 
 

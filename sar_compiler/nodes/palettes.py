@@ -79,9 +79,7 @@ def _specs_of(program: str, version: str, checkout: Path | None) -> list[NodeSpe
     installed = {each.name: each for each in entry_points(ENTRY_POINTS, checkout)}
     if program not in installed:
         known = ", ".join(f"{name}:..." for name in sorted(installed)) or "none"
-        message = (
-            f"there is no palette '{program}:{version}'{_meant(program, installed, ':...')}; there is {known}"
-        )
+        message = f"there is no palette '{program}:{version}'{_suggestion(program, installed, ':...')}; there is {known}"
         raise PaletteError(message)
     try:
         module = import_installed(installed[program].module, checkout)
@@ -90,12 +88,12 @@ def _specs_of(program: str, version: str, checkout: Path | None) -> list[NodeSpe
         raise PaletteError(message) from error
     if version not in module.VERSIONS:
         known = ", ".join(f"{program}:{each}" for each in module.VERSIONS)
-        near = _meant(version, module.VERSIONS, "", f"{program}:")
+        near = _suggestion(version, module.VERSIONS, "", f"{program}:")
         message = f"there is no palette '{program}:{version}'{near}; there is {known}"
         raise PaletteError(message)
     return list(module.specs(version))
 
 
-def _meant(word: str, known: Iterable[str], after: str, before: str = "") -> str:
+def _suggestion(word: str, known: Iterable[str], after: str, before: str = "") -> str:
     near = nearest(word, known)
     return f", did you mean '{before}{near}{after}'?" if near is not None else ""

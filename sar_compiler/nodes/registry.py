@@ -161,17 +161,17 @@ def load_registry(
         PaletteError: If there is no such palette.
     """
 
-    def installed(module: str) -> ModuleType:
+    def import_it(module: str) -> ModuleType:
         return import_installed(module, checkout)
 
     registry = Registry(each for each in language() if each.tag != SUBTREE_TAG)
     for entry_point in entry_points(ENTRY_POINTS, checkout):
         before = set(registry.tags)
-        registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", installed))
+        registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", import_it))
         for tag in registry.tags - before:
             registry.belongs_to(tag, entry_point.value)
     for module in configured:
-        _add_import(registry, module, "nodes of the configuration", installed)
+        _add_import(registry, module, "nodes of the configuration", import_it)
     for each in named:
         if isinstance(each, str):
             look_in_current_folder()

@@ -121,7 +121,7 @@ class Provenance(Enum):
         """Whether only a file tells of the node."""
         return self in (Provenance.DESCRIBED, Provenance.FROM_USE)
 
-    def unlisted(self, *, is_near: bool) -> Severity:
+    def severity_of_unlisted(self, *, is_near: bool) -> Severity:
         """Return the severity of an attribute that is not listed.
 
         Args:
@@ -228,7 +228,7 @@ def _path(class_or_path: type | str | None) -> str:
     return path_of(class_or_path)
 
 
-def _unwritten(port: Parameter) -> Input[Any] | None:
+def _default_port(port: Parameter) -> Input[Any] | None:
     return None if port.direction is Direction.OUTPUT else Input(port.default)
 
 
@@ -406,7 +406,7 @@ class NodeSpec:
             return functools.partial(load(self.signature.factory), self)
         if not self._is_of_kernel:
             return self.cls
-        unwritten = {p.keyword or p.name: _unwritten(p) for p in self.ports if not p.required}
+        unwritten = {p.keyword or p.name: _default_port(p) for p in self.ports if not p.required}
         made: Callable[..., Any] | None = self.cls
         assert made is not None  # noqa: S101 - it is named
         return functools.partial(made, **{**unwritten, **self.fixed})

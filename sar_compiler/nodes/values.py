@@ -356,7 +356,7 @@ def _at_least(least: int, label: str, text: str) -> int:
     return value
 
 
-def _sized(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
+def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
     """Return the type of C++'s whole numbers of a size, which BehaviorTree.CPP refuses to leave."""
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
     label = f"a whole number from {least} to {most}"
@@ -627,13 +627,13 @@ AS_WRITTEN = ValueType("anything", "a value", str)
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
-    "int": _sized("int", 32),
-    "int64_t": _sized("int64_t", 64),
-    "uint64_t": _sized("uint64_t", 64, is_signed=False),
+    "int": _whole_of_size("int", 32),
+    "int64_t": _whole_of_size("int64_t", 64),
+    "uint64_t": _whole_of_size("uint64_t", 64, is_signed=False),
     "unsigned int": UNSIGNED,
     "unsigned": UNSIGNED,
-    "short": _sized("short", 16),
-    "long": _sized("long", 64),
+    "short": _whole_of_size("short", 16),
+    "long": _whole_of_size("long", 64),
     "double": REAL_NUMBER,
     "float": REAL_NUMBER,
     _CPP_TEXT: _PLAIN[str],

@@ -35,7 +35,7 @@ from sar_compiler.ros.engine import (
 )
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.hooked_tick import TickHooks, hooked_tick
-from sar_compiler.runtime.kernel.live import LiveTree, shown
+from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
@@ -444,6 +444,6 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 def _show(visits: list[Visit], visitors: list[VisitorBase]) -> None:
     """Show the nodes that were ticked, each once."""
     ticked, visits[:] = visits[:], []
-    for node in shown(ticked):
+    for node in show_visits(ticked):
         for visitor in visitors:
             node.visit(visitor)

@@ -99,7 +99,7 @@ class Board:
         if self._kinds.get(name) is None:
             self._kinds[name] = kind
 
-    def declared(self, name: str) -> bool:
+    def is_declared(self, name: str) -> bool:
         """Return whether an entry is named."""
         return name in self._kinds
 
@@ -162,9 +162,9 @@ class Entry:
         return self.board.has(self.name)
 
     @property
-    def declared(self) -> bool:
+    def is_declared(self) -> bool:
         """Whether a port, a write or the mission has named it."""
-        return self.board.declared(self.name)
+        return self.board.is_declared(self.name)
 
     @property
     def kind(self) -> type | None:

@@ -11,7 +11,7 @@ _NUMBERS = (bool, int, float)
 _BOOLS = ("True", "TRUE", "False", "FALSE")
 
 
-def kept(current: object, value: object, enums: Mapping[str, int]) -> object:
+def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> object:
     """Return what is stored when an entry that holds one value is given another.
 
     Args:
@@ -56,7 +56,7 @@ def read_as(text: str, kind: type) -> ScriptValue:
     return fit(text.lower() if text in _BOOLS else text, bool) if kind is bool else fit(number_of(text), kind)
 
 
-def assigned(held: object, kind: type | None, value: ScriptValue, enums: Mapping[str, int]) -> object:
+def value_to_assign(held: object, kind: type | None, value: ScriptValue, enums: Mapping[str, int]) -> object:
     """Return what an entry stores that a script gives a value.
 
     Args:
@@ -76,15 +76,15 @@ def assigned(held: object, kind: type | None, value: ScriptValue, enums: Mapping
             return read_as(value, kind)
         if isinstance(held, (int, float)) and not isinstance(held, bool):
             return float(whole_or_real(value, enums))
-    return kept(held, value, enums)
+    return value_to_keep(held, value, enums)
 
 
-def written(held: object, value: object) -> object:
+def value_to_write(held: object, value: object) -> object:
     """Return what an entry stores that a port gives a value: a number stays whole or real, where nothing is lost."""
     numbers = type(held) in _NUMBERS and type(value) in _NUMBERS
     if numbers and type(held) is not type(value) and held is not None:
         with suppress(RefusedValueError):
-            return kept(held, value, {})
+            return value_to_keep(held, value, {})
     return value
 
 

@@ -180,7 +180,7 @@ class _Maker:
         def run(variables: Variables) -> ScriptValue:
             value = condition(variables)
             try:
-                chosen = operators.chosen(value)
+                chosen = operators.is_chosen(value)
             except RefusedValueError as error:
                 raise failure(self._text, node.condition, error) from error
             return then(variables) if chosen else otherwise(variables)
@@ -206,7 +206,7 @@ class _Maker:
         name, value = node.target.name, self.make(node.value)
         calculate = operators.BINARY[node.operator.removesuffix("=")]
 
-        def changed(left: ScriptValue, right: ScriptValue) -> ScriptValue:
+        def calculate_with(left: ScriptValue, right: ScriptValue) -> ScriptValue:
             try:
                 return calculate(left, right)
             except RefusedValueError as error:
@@ -216,7 +216,7 @@ class _Maker:
             right = value(variables)
             try:
                 # Not through an enumeration: what is assigned to is a variable.
-                return variables.assign(name, changed(variables.read(name), right))
+                return variables.assign(name, calculate_with(variables.read(name), right))
             except VariableError as error:
                 raise _assignment_failure(node, error) from error
 

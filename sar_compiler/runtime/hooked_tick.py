@@ -39,7 +39,7 @@ def hooked_tick(tree: LiveTree, hooks: TickHooks, visits: list[Visit]) -> Genera
     node = tree.nodes[0]
     try:
         while True:
-            outcome = yield from _begun(node, ticker, hooks)
+            outcome = yield from _begin(node, ticker, hooks)
             while outcome != CALLED:
                 outcome = _come_to((yield from hooks.after(node.behaviour)), outcome, node, ticker)
                 ticker.note(node, outcome)
@@ -60,7 +60,7 @@ def hooked_tick(tree: LiveTree, hooks: TickHooks, visits: list[Visit]) -> Genera
         tree._show()
 
 
-def _begun(node: TreeNode, ticker: Ticker, hooks: TickHooks) -> Generator[None, None, int]:
+def _begin(node: TreeNode, ticker: Ticker, hooks: TickHooks) -> Generator[None, None, int]:
     given = yield from hooks.before(node.behaviour)
     if getattr(node.behaviour, "answer_label", "") == OVERRIDDEN:
         node.behaviour.answer_label = ""

@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
-from sar_compiler.runtime.entry_types import kept, read_as
+from sar_compiler.runtime.entry_types import read_as, value_to_keep
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, SKIPPED, SUCCESS
@@ -18,7 +18,7 @@ from sar_compiler.runtime.kernel.turning import ConditionsNode
 from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
-from sar_compiler.runtime.variables import RefusedValueError, said
+from sar_compiler.runtime.variables import RefusedValueError, describe_value
 
 
 class EntryTypeError(SarError):
@@ -93,7 +93,7 @@ class SetBlackboard(Behaviour):
     def update(self) -> Status:
         """Write the entry."""
         entry, source = self._target(), self._value.entry
-        if source is not None and source.declared and not source.exists:
+        if source is not None and source.is_declared and not source.exists:
             entry.declare(source.kind)
             self.feedback_message = f"nothing has been written to '{source.key}' yet"
             return Status.FAILURE
@@ -110,14 +110,14 @@ class SetBlackboard(Behaviour):
     def _target(self) -> Entry:
         key = self._output_key.get()
         if not isinstance(key, str):
-            message = f"'{self.name}': output_key: {said(key)} is no key"
+            message = f"'{self.name}': output_key: {describe_value(key)} is no key"
             raise EntryTypeError(message)
         return self._scope.resolve(key)
 
     def _as_before(self, entry: Entry, kind: type, value: object) -> object:
         if isinstance(value, str):
             return read_as(value, kind)
-        return kept(entry.read() if entry.exists else None, value, self._enums.numbers)
+        return value_to_keep(entry.read() if entry.exists else None, value, self._enums.numbers)
 
 
 class UnsetBlackboard(Behaviour):

@@ -48,7 +48,7 @@ class NumberedBoard(Board):
         board.__class__ = cls
         assert isinstance(board, NumberedBoard)  # noqa: S101 - the line above says so
         board.cells = cells
-        cells.freeze = board._frozen_again
+        cells.freeze = board._freeze_lent
         for name in {**values, **kinds}:
             if name in kinds:
                 board.declare(name, kinds[name])
@@ -61,11 +61,11 @@ class NumberedBoard(Board):
 
     def has(self, name: str) -> bool:
         """Return whether there is an entry with an absolute name."""
-        return self._held(name).frozen is not None
+        return self._content_of(name).frozen is not None
 
     def get(self, name: str) -> object:
         """Return an entry's value; a `KeyError` if there is none."""
-        frozen = self._held(name).frozen
+        frozen = self._content_of(name).frozen
         if frozen is None:
             raise KeyError(name)
         kind, held, *_ = frozen
@@ -81,28 +81,28 @@ class NumberedBoard(Board):
 
     def set(self, name: str, value: object) -> None:
         """Write an entry, which is made if there is none."""
-        held = self._held(name)
-        self._put(name, held._replace(frozen=self._frozen(name, value), stamp=self._next_stamp(name)))
+        held = self._content_of(name)
+        self._put(name, held._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
 
     def declare(self, name: str, kind: type | None) -> None:
         """Name an entry, which stays empty until it is written; the first type that it is given counts."""
-        held = self._held(name)
+        held = self._content_of(name)
         if held.kind is None:
             self._put(name, held._replace(kind=(kind,)))
 
     def settle(self, name: str, kind: type) -> None:
         """Give an entry a type, if it has none of its own."""
-        held = self._held(name)
+        held = self._content_of(name)
         if held.kind in (None, (None,)):
             self._put(name, held._replace(kind=(kind,)))
 
-    def declared(self, name: str) -> bool:
+    def is_declared(self, name: str) -> bool:
         """Return whether an entry is named."""
-        return self._held(name).kind is not None
+        return self._content_of(name).kind is not None
 
     def kind(self, name: str) -> type | None:
         """Return the type of an entry; None if it has none of its own."""
-        kind = self._held(name).kind
+        kind = self._content_of(name).kind
         return None if kind is None else kind[0]
 
     def remove(self, name: str) -> None:
@@ -111,7 +111,7 @@ class NumberedBoard(Board):
 
     def stamp(self, name: str) -> int:
         """Return how often an entry was written, if that is watched; 0 if there is none."""
-        return self._held(name).stamp
+        return self._content_of(name).stamp
 
     def names(self) -> Iterator[str]:
         """Yield the absolute names of all entries."""
@@ -120,11 +120,11 @@ class NumberedBoard(Board):
 
     def restamp(self, name: str, stamp: int) -> None:
         """Have an entry, if there is one, count as written so often."""
-        held = self._held(name)
+        held = self._content_of(name)
         if held.stamp not in (0, stamp):
             self._put(name, held._replace(stamp=stamp))
 
-    def _held(self, name: str) -> EntryContent:
+    def _content_of(self, name: str) -> EntryContent:
         held: EntryContent | None = self.cells.content(self.cells.place_of(name))
         return held or _NOTHING
 
@@ -136,13 +136,13 @@ class NumberedBoard(Board):
     def _next_stamp(self, name: str) -> int:
         return self.stamp(name) + 1 if name in self._watched else 1
 
-    def _frozen(self, name: str, value: object) -> Hashable:
+    def _freeze(self, name: str, value: object) -> Hashable:
         try:
             return freeze(value)
         except FrozenValueError as error:
             message = f"the entry '{name.removeprefix(self.prefix + '/')}' holds {error}"
             raise FrozenValueError(message) from error
 
-    def _frozen_again(self, place: int, value: object) -> Hashable:
+    def _freeze_lent(self, place: int, value: object) -> Hashable:
         name, held = self.cells.names[place], self.cells.content(place)
-        return held._replace(frozen=self._frozen(name, value)) if held else None
+        return held._replace(frozen=self._freeze(name, value)) if held else None

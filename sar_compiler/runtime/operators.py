@@ -12,8 +12,8 @@ from sar_compiler.runtime.variables import (
     ScriptValue,
     as_real,
     as_whole,
+    describe_value,
     number_of,
-    said,
     whole_or_real,
 )
 
@@ -27,7 +27,7 @@ LONGEST_TEXT = 4096
 def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Add two numbers or join two texts."""
     if isinstance(left, str) and isinstance(right, str):
-        return _joined(left, right)
+        return _join(left, right)
     return as_real(left) + as_real(right)
 
 
@@ -54,9 +54,9 @@ def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Join two texts, or a text and a number."""
     if not isinstance(left, str) and not isinstance(right, str):
-        message = f"neither {said(left)} nor {said(right)} is a text"
+        message = f"neither {describe_value(left)} nor {describe_value(right)} is a text"
         raise RefusedValueError(message)
-    return _joined(_written(left), _written(right))
+    return _join(_written(left), _written(right))
 
 
 def both(left: ScriptValue, right: ScriptValue) -> ScriptValue:
@@ -117,7 +117,7 @@ def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping
     return _COMPARISONS[operator](left, right)
 
 
-def chosen(condition: ScriptValue) -> bool:
+def is_chosen(condition: ScriptValue) -> bool:
     """Return whether the condition of `?:` chooses the first value: a number but zero, or a text that says one."""
     if isinstance(condition, str):
         condition = float(number_of(condition))
@@ -131,7 +131,7 @@ def as_condition(value: ScriptValue) -> bool:
         RefusedValueError: If it is anything else.
     """
     if not isinstance(value, (int, float)):
-        message = f"{said(value)} is neither true (1) nor false (0)"
+        message = f"{describe_value(value)} is neither true (1) nor false (0)"
         raise RefusedValueError(message)
     return _truth(value)
 
@@ -155,7 +155,7 @@ def _comparable(value: ScriptValue, enums: Mapping[str, int]) -> float:
     return float(whole_or_real(value, enums)) if isinstance(value, str) else as_real(value)
 
 
-def _joined(left: str, right: str) -> str:
+def _join(left: str, right: str) -> str:
     length = len(left) + len(right)
     if length > LONGEST_TEXT:
         message = (
@@ -173,7 +173,7 @@ def _written(value: object) -> str:
         return str(as_whole(value))
     if isinstance(value, float):
         return f"{value:f}"
-    message = f"{said(value)} is neither a text nor a number"
+    message = f"{describe_value(value)} is neither a text nor a number"
     raise RefusedValueError(message)
 
 
@@ -186,7 +186,7 @@ def _truth(value: ScriptValue) -> bool:
     """Return what a number is where true or false is wanted, as `as_condition` has it."""
     number = as_real(value)
     if number < 0 or (isinstance(value, int) and value not in {0, 1}):
-        message = f"{said(value)} is neither true (1) nor false (0)"
+        message = f"{describe_value(value)} is neither true (1) nor false (0)"
         raise RefusedValueError(message)
     return number != 0
 

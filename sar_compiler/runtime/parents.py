@@ -64,13 +64,13 @@ class Built(Behaviour):
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick once; then yield every node that was ticked on the way as it was after its tick, and this one last."""
-        from sar_compiler.runtime.kernel.live import shown
+        from sar_compiler.runtime.kernel.live import show_visits
 
         visits: list[Visit] = []
         try:
             self.work(visits)
         finally:
-            yield from shown(visits)
+            yield from show_visits(visits)
         yield self
 
     def work(self, visits: "list[Visit] | None") -> int:

@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar, overload
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import Entry
-from sar_compiler.runtime.entry_types import written
+from sar_compiler.runtime.entry_types import value_to_write
 
 T = TypeVar("T")
 D = TypeVar("D")
@@ -126,7 +126,7 @@ def _write(entry: Entry, value: object, kind: type | None = None) -> None:
         # As in BehaviorTree.CPP, which looks only at entries of the node's own tree.
         entry.write(value)
     elif entry.kind is not None and entry.exists:
-        entry.write(written(entry.read(), value))
+        entry.write(value_to_write(entry.read(), value))
     else:
         if kind is not None:
             entry.settle(kind)

@@ -186,13 +186,13 @@ class _ScriptParser:
             operand = self._expression(_PREFIX)
             return Prefix(token.text, operand, token.start, self._end)
         if token.kind is TokenKind.SIGN and token.text == "(":
-            return self._bracketed(token)
+            return self._in_brackets(token)
         if token.kind is TokenKind.SIGN:
             self._index -= 1
             self._next = token
-        raise self._no_operand()
+        raise self._explain_no_operand()
 
-    def _bracketed(self, opening: Token) -> Expression:
+    def _in_brackets(self, opening: Token) -> Expression:
         inner = self._expression(_ANY)
         if self._take(")"):
             return inner
@@ -261,7 +261,7 @@ class _ScriptParser:
         message = f"there is no operator '{word.text}'"
         raise ScriptError(message, word.start, word.end, suggestion=_WORDS[word.text])
 
-    def _no_operand(self) -> ScriptError:
+    def _explain_no_operand(self) -> ScriptError:
         """Explain why there is no operand at the next token."""
         token, before = self._next, self._before()
         if before is not None and before.kind is TokenKind.SIGN:
@@ -271,10 +271,10 @@ class _ScriptParser:
             if (before.text, token.text) == ("(", ")"):
                 return ScriptError("there is nothing in these brackets", before.start, token.end)
             if before.text != ";" and (token.kind is TokenKind.END or token.text in {")", ";", ":"}):
-                return self._nothing_behind(before)
-        return _misplaced(token)
+                return self._explain_nothing_behind(before)
+        return _explain_misplaced(token)
 
-    def _nothing_behind(self, sign: Token) -> ScriptError:
+    def _explain_nothing_behind(self, sign: Token) -> ScriptError:
         message = f"a value is missing after '{sign.text}'"
         before = self._before(2)
         if sign.text == "-" and before is not None and before.text == "-" and before.end == sign.start:
@@ -309,7 +309,7 @@ def _too_deep(start: int, end: int) -> ScriptError:
     return ScriptError(message, start, end, hint="assign parts of it to variables first")
 
 
-def _misplaced(token: Token) -> ScriptError:
+def _explain_misplaced(token: Token) -> ScriptError:
     """Explain why a token cannot begin an expression."""
     if token.text == ")":
         return ScriptError("this ')' has no '('", token.start, token.end)

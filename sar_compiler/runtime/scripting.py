@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError, Scope
-from sar_compiler.runtime.entry_types import assigned, value_of
+from sar_compiler.runtime.entry_types import value_of, value_to_assign
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
@@ -59,7 +59,7 @@ class ScopeVariables:
             UnknownVariableError: If nothing was written to it.
             VariableError: If it is nothing that a script can calculate with.
         """
-        return _seen(name, self._held(name))
+        return _as_script_value(name, self._read_entry(name))
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write an entry, which is made if there is none; return what is stored.
@@ -78,10 +78,10 @@ class ScopeVariables:
             VariableError: If it holds something that the value cannot replace.
         """
         entry = self.entry(name)
-        held = None if entry.declared and not entry.exists else self._held(name)
-        stored = assigned(held, entry.kind, value, self._numbers)
+        held = None if entry.is_declared and not entry.exists else self._read_entry(name)
+        stored = value_to_assign(held, entry.kind, value, self._numbers)
         entry.write(stored)
-        return _seen(name, stored)
+        return _as_script_value(name, stored)
 
     def entry(self, name: str) -> Entry:
         """Return the entry that a name means."""
@@ -90,7 +90,7 @@ class ScopeVariables:
             entry = self._entries[name] = self._scope.resolve(name)
         return entry
 
-    def _held(self, name: str) -> object:
+    def _read_entry(self, name: str) -> object:
         try:
             return self.entry(name).read()
         except MissingEntryError as error:
@@ -137,7 +137,7 @@ class NodeScript:
         Raises:
             NodeScriptError: If it cannot be run; names the node, the attribute and the place.
         """
-        return self._remembered(Program.run)
+        return self._recall(Program.run)
 
     def holds(self) -> bool:
         """Run it and return whether its value is true.
@@ -145,23 +145,23 @@ class NodeScript:
         Raises:
             NodeScriptError: As `run`, and if its value is neither true nor false.
         """
-        return self._remembered(Program.holds)
+        return self._recall(Program.holds)
 
-    def _remembered(self, run: Callable[[Program, ScopeVariables], T]) -> T:
+    def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         """Run it; on a numbered board it is not run twice where its variables have the same values."""
         if not self._board.is_numbered or self._code.entry is not None or self.is_remembered:
-            return self._explained(run)
+            return self._run_or_explain(run)
         memo = self._memos.get(run)
         if memo is None:
             memo = self._memos[run] = self._board.memo(
                 [self._variables.entry(use.name) for use in name_uses(self._code.get())]
             )
-        answer: T = memo.call(lambda: self._explained(run))
+        answer: T = memo.call(lambda: self._run_or_explain(run))
         return answer
 
-    def _explained(self, run: Callable[[Program, ScopeVariables], T]) -> T:
+    def _run_or_explain(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         try:
-            program = self._current()
+            program = self._current_program()
         except PortError as error:
             message = f"'{self._node}': {error}"
             raise NodeScriptError(message, self._node, self._attribute, None, None) from error
@@ -170,7 +170,7 @@ class NodeScript:
         except EvaluationError as error:
             raise self._failure(error, program.script.text) from error
 
-    def _current(self) -> Program:
+    def _current_program(self) -> Program:
         if self._code.entry is None and self._program is not None:
             return self._program
         script = self._code.get()
@@ -184,7 +184,7 @@ class NodeScript:
         return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
 
 
-def _seen(name: str, value: object) -> ScriptValue:
+def _as_script_value(name: str, value: object) -> ScriptValue:
     seen = value_of(value)
     if seen is None:
         if value is None:

@@ -121,7 +121,7 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
     if kind not in {bool, int, float}:
         if isinstance(value, kind):
             return value
-        message = f"{said(value)} is not {'a text' if kind is str else f'of type {kind.__name__}'}"
+        message = f"{describe_value(value)} is not {'a text' if kind is str else f'of type {kind.__name__}'}"
         raise RefusedValueError(message)
     if isinstance(value, str):
         value = whole_or_real(value, enums or {})
@@ -130,7 +130,7 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
     whole = as_whole(value)
     if kind is bool:
         if whole not in {0, 1}:
-            message = f"{said(value)} is neither true (1) nor false (0)"
+            message = f"{describe_value(value)} is neither true (1) nor false (0)"
             raise RefusedValueError(message)
         return bool(whole)
     return whole
@@ -161,7 +161,7 @@ def number_of(text: str) -> int | float:
         value = float(text)
         if math.isfinite(value) or text.strip("-").isalpha():
             return value
-    message = f"{said(text)} is not a number"
+    message = f"{describe_value(text)} is not a number"
     raise RefusedValueError(message)
 
 
@@ -174,10 +174,12 @@ def as_real(value: ScriptValue) -> float:
     if isinstance(value, float):
         return value
     if not isinstance(value, int):
-        message = f"{said(value)} is not a number"
+        message = f"{describe_value(value)} is not a number"
         raise RefusedValueError(message)
     if not -LARGEST_EXACT <= value <= LARGEST_EXACT:
-        message = f"{said(value)} is too large to calculate with exactly (the limit is {LARGEST_EXACT})"
+        message = (
+            f"{describe_value(value)} is too large to calculate with exactly (the limit is {LARGEST_EXACT})"
+        )
         raise RefusedValueError(message)
     return float(value)
 
@@ -189,18 +191,18 @@ def as_whole(value: ScriptValue) -> int:
         RefusedValueError: If it is none, has a fraction, or is too large.
     """
     if not isinstance(value, (int, float)):
-        message = f"{said(value)} is not a number"
+        message = f"{describe_value(value)} is not a number"
         raise RefusedValueError(message)
     if isinstance(value, float) and not value.is_integer():
-        message = f"{said(value)} is not a whole number"
+        message = f"{describe_value(value)} is not a whole number"
         raise RefusedValueError(message)
     if not -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
-        message = f"{said(value)} is too large for a whole number (the limit is {LARGEST_INTEGER})"
+        message = f"{describe_value(value)} is too large for a whole number (the limit is {LARGEST_INTEGER})"
         raise RefusedValueError(message)
     return int(value)
 
 
-def said(value: object) -> str:
+def describe_value(value: object) -> str:
     """Return a value as a message says it."""
     if isinstance(value, str):
         return f"the text '{excerpt(value)}'"

@@ -31,7 +31,7 @@ from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.turning import PreconditionNode
 from sar_compiler.runtime.language_nodes import Conditions, SetBlackboard
 from sar_compiler.runtime.parents import Built, OwnDecorator, behaviour_class
-from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
+from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, describe_value
 
 Case = Mapping[str, Any]
 
@@ -196,7 +196,7 @@ def _literals_lost() -> Iterator[None]:
             return ours(self)
         value = self._value.get()
         if entry.kind is _AnyType and isinstance(value, str):
-            message = f"{said(value)} cannot become any type"
+            message = f"{describe_value(value)} cannot become any type"
             raise RefusedValueError(message)
         entry.write(value)
         if isinstance(value, str):
@@ -215,7 +215,7 @@ def _literals_lost() -> Iterator[None]:
 def _front_of(text: str) -> int | float:
     match = _REAL.match(text)
     if match is None:
-        message = f"{said(text)} is not a number"
+        message = f"{describe_value(text)} is not a number"
         raise RefusedValueError(message)
     return int(match.group()) if _WHOLE.fullmatch(match.group()) else float(match.group())
 

@@ -10,7 +10,7 @@ from py_trees.trees import BehaviourTree
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.runtime.answers import OVERRIDDEN, Answer
-from sar_compiler.runtime.kernel.live import LiveTree, shown
+from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
@@ -162,7 +162,7 @@ def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal)
     watch.initialise()
     live.tick_and_visit(visits)
     live.tick_and_visit(visits)
-    for behaviour in shown(visits):
+    for behaviour in show_visits(visits):
         watch.run(behaviour)
     journal._write()
     entries = [entry.data for entry in journal._file.watched("status")]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.entry_types import kept, read_as, value_of
+from sar_compiler.runtime.entry_types import read_as, value_of, value_to_keep
 from sar_compiler.runtime.language_nodes import EntryTypeError, SetBlackboard, UnsetBlackboard
 from sar_compiler.runtime.ports import Input, PortError
 from sar_compiler.runtime.variables import RefusedValueError
@@ -133,7 +133,7 @@ def test_a_subtree_removes_its_own_entries_only():
 def test_an_entry_that_is_removed_has_no_name_and_no_type_any_more():
     stage = typed(k=1)
     unset(stage.scope, "k")
-    assert (stage.entry("k").declared, stage.entry("k").kind) == (False, None)
+    assert (stage.entry("k").is_declared, stage.entry("k").kind) == (False, None)
 
 
 def test_a_key_of_the_root_is_not_removed_and_the_node_says_so():
@@ -202,7 +202,7 @@ def test_after_a_halt_the_child_needs_another_update(cls, answer):
     ],
 )
 def test_an_entry_keeps_its_type(current, value, stored):
-    found = kept(current, value, {})
+    found = value_to_keep(current, value, {})
     assert found == stored
     assert type(found) is type(stored)
 
@@ -213,7 +213,7 @@ def test_an_entry_keeps_its_type(current, value, stored):
 )
 def test_an_entry_refuses_what_it_cannot_be(current, value):
     with pytest.raises(RefusedValueError):
-        kept(current, value, {})
+        value_to_keep(current, value, {})
 
 
 @given(
@@ -222,7 +222,7 @@ def test_an_entry_refuses_what_it_cannot_be(current, value):
 )
 def test_whatever_an_entry_is_given_it_keeps_its_type_or_refuses(current, value):
     try:
-        stored = kept(current, value, {})
+        stored = value_to_keep(current, value, {})
     except RefusedValueError:
         return
     # A truth value is a whole number to a script.

@@ -56,7 +56,7 @@ def test_entries_come_back_with_their_values_and_types(board, cells, scope):
     assert (scope.resolve("a").kind, scope.resolve("b").kind) == (int, str)
     assert not scope.resolve("b").exists
     assert not scope.resolve("c").exists
-    assert not scope.resolve("c").declared
+    assert not scope.resolve("c").is_declared
     assert [name.removeprefix(board.prefix) for name in board.names()] == ["/a"]
 
 

@@ -97,7 +97,7 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
             own = any(f"{{{SELF}}}" in fact for fact in (*spec.facts, *spec.reads, *spec.writes))
             names = {**({SELF: identifier(instance, bound)} if own else {}), **_numbers(bound)}
             for parameter in spec.references:
-                referred = instance.referred(bound, parameter.name)
+                referred = instance.target_of(bound, parameter.name)
                 if referred is not None:
                     names[parameter.name] = identifier(*referred)
             key = (id(spec), *names.items())

@@ -228,7 +228,7 @@ class _Folding:
 
     def _conditional(self, node: Conditional) -> _Samples:
         condition = self.values_of(node.condition)
-        chosen = self.applied(operators.chosen, self._failure(node.condition), condition)
+        chosen = self.applied(operators.is_chosen, self._failure(node.condition), condition)
         if chosen.is_known:
             return self.values_of(node.then if chosen.values[0] else node.otherwise)
         self.values_of(node.then)

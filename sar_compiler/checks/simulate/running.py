@@ -124,7 +124,7 @@ class ScenarioPlayer:
                 if self.is_over():
                     break
         except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
-            run.trouble = self._simulated.told(error)
+            run.trouble = self._simulated.explain(error)
         return run
 
 

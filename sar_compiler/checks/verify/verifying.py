@@ -51,7 +51,7 @@ def verify(
         names = (*properties.names, OWN_RECORDS)
         graph = explore(stepper.steps, max_states, on_progress, names, helpers)
     space = StateSpace(stepper, graph, properties.names, properties.owing)
-    questions = Questions(space, simulated.told)
+    questions = Questions(space, simulated.explain)
     verdicts = (
         questions.no_error(),
         questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),

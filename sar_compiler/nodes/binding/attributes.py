@@ -88,7 +88,7 @@ class AttributeBinder:
             elif not self.common(bound, name) and not (name == "ID" and _is_explicit(bound)):
                 unknown.append(name)
         for name in unknown:
-            meant.add(self._unknown(bound, name, other_variants, is_only=len(unknown) == 1))
+            meant.add(self._report_unknown(bound, name, other_variants, is_only=len(unknown) == 1))
         for parameter in bound.spec.required:
             # One that is misspelt is not missing as well.
             if parameter.name not in meant:
@@ -105,10 +105,10 @@ class AttributeBinder:
         elif not name.startswith("_") or self.slip_in_note(name) is not None:
             return False
         elif _LIKE_CONDITION.fullmatch(name):
-            self._no_condition(bound.element, name)
+            self._report_no_condition(bound.element, name)
         return True
 
-    def _no_condition(self, element: Element, name: str) -> None:
+    def _report_no_condition(self, element: Element, name: str) -> None:
         """Report a note that reads as a condition, which nothing would ever ask."""
         message = f"no condition is called '{name}': this is a note, and nothing is done with it"
         advice = Advice(hint=f"the conditions are {join_words(CONDITIONS)}", severity=Severity.WARNING)
@@ -203,7 +203,7 @@ class AttributeBinder:
             message += "".join(f" or '{other}'" for other in others)
         self._collector.add("missing-attribute", message, element, hint=f'write {name}="..." ({label})')
 
-    def _unknown(
+    def _report_unknown(
         self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
     ) -> str | None:
         """Report an attribute that the node does not have; return the one that was probably meant."""
@@ -230,7 +230,7 @@ class AttributeBinder:
             free = [other for other in known if other not in element.attributes]
             near = self._collector.guesses.nearest(name, free) or condition_meant(name)
         if spec.is_only_described:
-            self._unlisted(bound, name, message, near)
+            self._report_unlisted(bound, name, message, near)
             return near
         missing = [p.name for p in spec.required if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
@@ -249,9 +249,9 @@ class AttributeBinder:
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
         return missing[0]
 
-    def _unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
+    def _report_unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
         """Report an attribute that a file's description does not list, and take it for a port if no other was meant."""
-        severity = bound.spec.provenance.unlisted(is_near=near is not None)
+        severity = bound.spec.provenance.severity_of_unlisted(is_near=near is not None)
         hint = "if the node has it, add the port to the description"
         advice = Advice(suggestion=near, hint=hint, severity=severity)
         self._collector.add("unknown-attribute", message, bound.element, name=name, **advice)

@@ -200,14 +200,14 @@ class Binder:
 
     def tree(self, element: Element) -> BoundTree:
         """Bind a `BehaviorTree` element and the trees that it uses."""
-        tree = self._known(element)
+        tree = self._tree_of(element)
         while self._waiting:
             self._enter(self._waiting.pop())
-            self._content(self._current)
+            self._bind_content(self._current)
             resolve_references(self._current, self._collector)
         return tree
 
-    def _known(self, element: Element) -> BoundTree:
+    def _tree_of(self, element: Element) -> BoundTree:
         """Return the bound tree of a `BehaviorTree` element; it is bound after those before it."""
         tree = self._trees.get(id(element))
         if tree is None:
@@ -216,7 +216,7 @@ class Binder:
             self._waiting.append(tree)
         return tree
 
-    def _content(self, tree: BoundTree) -> None:
+    def _bind_content(self, tree: BoundTree) -> None:
         element = tree.element
         if not element.children:
             self._collector.add("missing-child", f"<{TREE_TAG}> has no node in it", element)
@@ -241,14 +241,14 @@ class Binder:
         if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
             variants = []
         if not variants:
-            return self._unknown(element, tag)
+            return self._report_unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
         if spec.required and is_own_word(tag) and is_anothers(element, variants, self._guesses):
-            self._anothers(element, spec)
+            self._report_anothers(element, spec)
             return None
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
-            self._kind(bound)
+            self._check_kind(bound)
         others = () if len(variants) == 1 else [other for other in variants if other is not spec]
         self._attributes.bind(bound, others)
         self._file_away(bound)
@@ -299,7 +299,7 @@ class Binder:
             tree.wrappers += bool(bound.conditions) + (bound.oneshot is not None)
             tree.skips = tree.skips or by_itself(bound)
 
-    def _kind(self, bound: BoundNode) -> None:
+    def _check_kind(self, bound: BoundNode) -> None:
         element, kind = bound.element, bound.spec.kind.value
         if element.tag == kind:
             return
@@ -310,7 +310,7 @@ class Binder:
         severity = Severity.WARNING if is_read else Severity.ERROR
         self._collector.add("wrong-kind", message, element, suggestion=kind, severity=severity)
 
-    def _unknown(self, element: Element, tag: str) -> BoundNode | None:
+    def _report_unknown(self, element: Element, tag: str) -> BoundNode | None:
         """Report an unknown tag, and continue with the one that was probably meant."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
         near = self._meant_by(element, tag)
@@ -324,7 +324,9 @@ class Binder:
             self._collector.add("unknown-node", message, element, hint=hint)
             return None
         elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
-            self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
+            self._report_without_id(
+                element, f"<{element.tag}> does not say which node it is", "the node's name"
+            )
         else:
             message, near, hint, cause = self._no_such_node(tag, near)
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
@@ -344,7 +346,7 @@ class Binder:
         self._take_in(bound)
         return bound
 
-    def _anothers(self, element: Element, spec: NodeSpec) -> None:
+    def _report_anothers(self, element: Element, spec: NodeSpec) -> None:
         """Report a node of another library that is called as one of py_trees."""
         needed = " and ".join(f"'{each.name}'" for each in spec.required)
         message = f"<{spec.tag}> with {needed} is py_trees'; this one is another library's"
@@ -355,7 +357,7 @@ class Binder:
 
     def _no_such_node(self, tag: str, near: str | None) -> tuple[str, str | None, str, str]:
         """Return what to say of an unknown tag: the message, the tag to write instead, what to do, the cause of several."""
-        message = f"no node is called '{tag}'{self._was_called(tag, near)}"
+        message = f"no node is called '{tag}'{self._former_name(tag, near)}"
         if tag in self._forest.known_ids:
             hint = f'write <{SUBTREE_TAG} ID="{tag}"/>'
             return f"{message}; that is a tree", None, hint, "these are trees, not nodes"
@@ -364,7 +366,7 @@ class Binder:
             return message, None, f"a palette knows it: --model {names}", f"these are nodes of {names}"
         return message, near, _UNKNOWN_HINT, _UNKNOWN
 
-    def _without_id(self, element: Element, message: str, what: str) -> None:
+    def _report_without_id(self, element: Element, message: str, what: str) -> None:
         """Report an element without its required ID; `id` in another case does not count."""
         written = [name for name in element.attributes if name.upper() == "ID"]
         if written and written != ["ID"]:
@@ -391,7 +393,7 @@ class Binder:
         near = self._guesses.nearest(tag, known)
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
-    def _was_called(self, tag: str, today: str | None) -> str:
+    def _former_name(self, tag: str, today: str | None) -> str:
         """Return a phrase about a name of BehaviorTree.CPP 3; empty for any other."""
         spec = subtree() if today == SUBTREE_TAG else self._registry.get(today or "")
         former = spec is not None and tag in spec.former_tags and spec.semantics.counterpart.built_in
@@ -457,16 +459,16 @@ class Binder:
             message = f"<{SUBTREE_TAG}> names a tree; its nodes belong in that <{TREE_TAG}>"
             self._collector.add("child-of-leaf", message, child)
         if not tree_id:
-            self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
+            self._report_without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
             return bound
         target = self._forest.target(element, tree_id)
         _, theirs, *_ = self._words_of(self._forest.homes.get(id(target)))
         model = self._models.subtrees.get(tree_id) or theirs.subtrees.get(tree_id)
         bound.remapping = self._remapping(bound, model)
         if target is not None:
-            bound.subtree = self._known(target)
+            bound.subtree = self._tree_of(target)
         elif model is not None:
-            self._described(bound, model)
+            self._bind_described(bound, model)
         else:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
@@ -477,7 +479,7 @@ class Binder:
         self._file_away(bound)
         return bound
 
-    def _described(self, bound: BoundNode, model: Model) -> None:
+    def _bind_described(self, bound: BoundNode, model: Model) -> None:
         """Bind a `SubTree` whose tree only a model describes: as a leaf with the ports of the model."""
         bound.spec = spec = model.spec()
         bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}

@@ -40,7 +40,7 @@ class Instance:
         for key, text in self.place.remapping.constants.items() if self.place is not None else ():
             yield key, text if key in self.texts else literal_value(text)
 
-    def referred(self, bound: BoundNode, name: str) -> "tuple[Instance, BoundNode] | None":
+    def target_of(self, bound: BoundNode, name: str) -> "tuple[Instance, BoundNode] | None":
         """Return the node that a reference resolves to, with its instance; None if there is none."""
         target = bound.references.get(name)
         return (self, target) if target is not None else self.references.get((bound, name))
@@ -219,11 +219,7 @@ def _python_type(parameter: Parameter) -> type | None:
 
 
 def _report_types(
-    bound: BoundNode,
-    parameter: Parameter,
-    key: str,
-    first: tuple[BoundNode, Parameter],
-    collector: Collector,
+    bound: BoundNode, parameter: Parameter, key: str, first: tuple[BoundNode, Parameter], collector: Collector
 ) -> None:
     other, known = first
     assert parameter.value_type is not None  # noqa: S101 - the caller has looked

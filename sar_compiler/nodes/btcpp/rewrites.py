@@ -60,7 +60,7 @@ class Draft:
 Rewrite = Callable[[Draft, Collector], None]
 
 
-def renamed(tag: str) -> Rewrite:
+def rename_to(tag: str) -> Rewrite:
     """Return a rewrite that only changes the tag."""
     return partial(_rename, tag)
 

@@ -105,7 +105,7 @@ def _checks(text: str) -> list[str]:
     return checks
 
 
-def _compared(checks: object) -> list[str]:
+def _keys_in(checks: object) -> list[str]:
     assert isinstance(checks, list)  # noqa: S101 - of this type
     return [entry_of(check.split(" ", 1)[0]) for check in checks]
 
@@ -117,6 +117,6 @@ CHECKS = ValueType(
     python=list,
     cpp="std::vector<std::string>",
     example="a eq 0;b eq 0",
-    keys_in=_compared,
+    keys_in=_keys_in,
 )
 """Comparisons: `battery gt 20;speed lt 1.5`."""

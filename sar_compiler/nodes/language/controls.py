@@ -22,7 +22,7 @@ _MEMORY = "Whether to go on with the child that was running (true), or to look a
 _own = partial(own, Kind.CONTROL, skipping=FROM_CHILD)
 
 
-def _ordered(
+def _in_order(
     tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
 ) -> NodeSpec:
     """Return a sequence or selector; *memory* is implied by its tag, or None if it is an attribute."""
@@ -84,19 +84,19 @@ def _branching(tag: str, doc: str) -> NodeSpec:
 
 
 SPECS = [
-    _ordered("Sequence", _by_memory("Sequence", "ReactiveSequence"), is_sequence=True, memory=None),
-    _ordered(
+    _in_order("Sequence", _by_memory("Sequence", "ReactiveSequence"), is_sequence=True, memory=None),
+    _in_order(
         "Selector",
         _by_memory("Fallback", "ReactiveFallback", built_in=False),
         "Chooser",
         is_sequence=False,
         memory=None,
     ),
-    _ordered(
+    _in_order(
         "Fallback", _by_memory("Fallback", "ReactiveFallback"), "FallbackStar", is_sequence=False, memory=None
     ),
-    _ordered("ReactiveSequence", _REACTIVE_ONE, is_sequence=True, memory=False),
-    _ordered("ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False),
+    _in_order("ReactiveSequence", _REACTIVE_ONE, is_sequence=True, memory=False),
+    _in_order("ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False),
     _own(
         "AsyncSequence",
         "stock:AsyncSequence",
@@ -145,9 +145,7 @@ SPECS = [
         "Parallel",
         "Ticks all its children in every tick; fails as soon as one of them does.",
         attribute(
-            "policy",
-            PolicyName,
-            "Which children have to succeed; those still running then are interrupted.",
+            "policy", PolicyName, "Which children have to succeed; those still running then are interrupted."
         ),
         attribute(
             "synchronise",

@@ -34,7 +34,7 @@ _own = partial(own, Kind.DECORATOR, skipping=FROM_CHILD)
 _stock = partial(stock, Kind.DECORATOR)
 
 
-def _rewritten(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
+def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
     """Return semantics with what the node becomes in BehaviorTree.CPP."""
     return replace(semantics, counterpart=Counterpart(built_in, rewrite))
 
@@ -44,7 +44,7 @@ def _results_after(turns: Mapping[int, int]) -> frozenset[str]:
     return frozenset(_WORDS[turns.get(each, each)] for each in (S, F, R))
 
 
-def _shared(
+def _stock_unless_skipping(
     tag: str,
     stock_class: str,
     doc: str,
@@ -68,7 +68,7 @@ def _shared(
 def _turning(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HINT) -> NodeSpec:
     """Return a py_trees decorator that replaces one result of its child."""
     turns = {old: new}
-    rewrite = rewrites.renamed(instead) if instead else None
+    rewrite = rewrites.rename_to(instead) if instead else None
     return _stock(
         tag,
         f"Turns {_NOUNS[old]} into {_NOUNS[new]}.",
@@ -116,10 +116,12 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
 _WRITTEN = KeyRole(AccessKind.WRITE)
 
 BEHAVIORTREE_CPP = [
-    _shared("Inverter", "Inverter", "Turns success into failure and failure into success.", {S: F, F: S}),
-    _shared("ForceSuccess", "FailureIsSuccess", "Succeeds whenever its child ends.", {F: S}),
-    _shared("ForceFailure", "SuccessIsFailure", "Fails whenever its child ends.", {S: F}),
-    _shared(
+    _stock_unless_skipping(
+        "Inverter", "Inverter", "Turns success into failure and failure into success.", {S: F, F: S}
+    ),
+    _stock_unless_skipping("ForceSuccess", "FailureIsSuccess", "Succeeds whenever its child ends.", {F: S}),
+    _stock_unless_skipping("ForceFailure", "SuccessIsFailure", "Fails whenever its child ends.", {S: F}),
+    _stock_unless_skipping(
         "KeepRunningUntilFailure",
         "SuccessIsRunning",
         "Starts its child again after every success, until it fails.",
@@ -136,7 +138,7 @@ BEHAVIORTREE_CPP = [
             int,
             "How many successes; -1: without an end, 0: none, and the node succeeds at once.",
         ),
-        semantics=_rewritten(Semantics.repeating(S, "num_cycles"), rewrites.repeat),
+        semantics=_with_rewrite(Semantics.repeating(S, "num_cycles"), rewrites.repeat),
     ),
     _own(
         "RetryUntilSuccessful",
@@ -176,12 +178,10 @@ BEHAVIORTREE_CPP = [
         "kernel.timing:TimeoutNode",
         "Fails if its child is still running after a time; the child is halted without another tick.",
         input_port(
-            "msec",
-            MILLISECONDS,
-            "How long the child may run, in milliseconds; 0: as long as it likes.",
+            "msec", MILLISECONDS, "How long the child may run, in milliseconds; 0: as long as it likes."
         ),
         CLOCK,
-        semantics=_rewritten(Semantics.limiting(within), rewrites.timeout),
+        semantics=_with_rewrite(Semantics.limiting(within), rewrites.timeout),
     ),
     _own(
         "Precondition",
@@ -232,7 +232,7 @@ PY_TREES = [
         attribute("duration", SECONDS, "How long the child may run, in seconds."),
         CLOCK,
         outcomes=ALL,
-        semantics=_rewritten(Semantics.limiting("duration"), rewrites.timeout),
+        semantics=_with_rewrite(Semantics.limiting("duration"), rewrites.timeout),
         skipping=Skipping(advice='msec="..."'),
         variant=True,
     ),
@@ -240,14 +240,14 @@ PY_TREES = [
         "Retry",
         "Ticks its child again after a failure, until it has failed too often.",
         attribute("num_failures", int, "With how many failures to fail; 1 or less: with the first one."),
-        semantics=_rewritten(Semantics.repeating(F, failures), rewrites.retry, built_in=False),
+        semantics=_with_rewrite(Semantics.repeating(F, failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
     ),
     _stock(
         "Repeat",
         "Ticks its child again after a success, until it has succeeded often enough.",
         attribute("num_success", int, "With how many successes to succeed; 0 or less: never."),
-        semantics=_rewritten(Semantics.repeating(S, successes), rewrites.repeat),
+        semantics=_with_rewrite(Semantics.repeating(S, successes), rewrites.repeat),
         instead='num_cycles="..."',
         variant=True,
     ),
@@ -267,9 +267,7 @@ PY_TREES = [
         "EternalGuard",
         "Ticks its child as long as a condition is true; when it is not, interrupts the child and fails.",
         input_port(
-            "condition",
-            CONDITION,
-            "The condition, a script; it is evaluated before every tick of the child.",
+            "condition", CONDITION, "The condition, a script; it is evaluated before every tick of the child."
         ),
         SCOPE,
         ENUMS,

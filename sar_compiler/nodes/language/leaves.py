@@ -28,9 +28,9 @@ def _peeking(*ports: str, resumes: bool = False) -> Semantics:
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 
-def _renamed(tag: str) -> Semantics:
+def _as_in_btcpp(tag: str) -> Semantics:
     """Return the semantics of a leaf that BehaviorTree.CPP has by another name."""
-    return Semantics(counterpart=Counterpart(rewrite=rewrites.renamed(tag)))
+    return Semantics(counterpart=Counterpart(rewrite=rewrites.rename_to(tag)))
 
 
 def _question(
@@ -131,8 +131,8 @@ BEHAVIORTREE_CPP = [
 ]
 
 PY_TREES = [
-    _stock("Success", "Succeeds.", outcomes=_SUCCESS, semantics=_renamed("AlwaysSuccess")),
-    _stock("Failure", "Fails.", outcomes=_FAILURE, semantics=_renamed("AlwaysFailure")),
+    _stock("Success", "Succeeds.", outcomes=_SUCCESS, semantics=_as_in_btcpp("AlwaysSuccess")),
+    _stock("Failure", "Fails.", outcomes=_FAILURE, semantics=_as_in_btcpp("AlwaysFailure")),
     _stock(
         "Running",
         "Runs for ever.",

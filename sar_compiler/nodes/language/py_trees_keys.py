@@ -103,7 +103,7 @@ class Keys:
         """Return py_trees' name for a key without an attribute; see `variable`."""
         return self._name(_text(port))
 
-    def numbered(self, port: Input[object], count: int) -> str:
+    def number_keys(self, port: Input[object], count: int) -> str:
         """Return py_trees' name for a namespace with the keys `1`, `2` and so on; see `variable`."""
         folder = _text(port)
         for number in range(1, count + 1):
@@ -111,7 +111,7 @@ class Keys:
             self._entries[f"/{key}"] = self._scope.resolve(key)
         return f"/{folder}"
 
-    def given_to(self, behaviour: B) -> B:
+    def give_to(self, behaviour: B) -> B:
         """Connect a stock node that was created with these names to the tree's keys."""
         for attribute, client in list(vars(behaviour).items()):
             if isinstance(client, Client):

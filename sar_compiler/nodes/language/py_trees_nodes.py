@@ -80,7 +80,7 @@ def stock(
             value = _GIVEN[kind](value)  # noqa: PLW2901
         arguments[parameter] = value
     made: Behaviour = _class_of(spec)(name=name, **arguments)
-    return made if keys is None else keys.given_to(made)
+    return made if keys is None else keys.give_to(made)
 
 
 def status_queue(spec: NodeSpec, name: str, queue: list[str], eventually: str | None = None) -> Behaviour:
@@ -133,7 +133,7 @@ def comparing(
 ) -> Behaviour:
     """Make a node that compares a key with a value."""
     keys = Keys(scope)
-    return keys.given_to(_class_of(spec)(name, expression(keys.variable(variable), operator, value)))
+    return keys.give_to(_class_of(spec)(name, expression(keys.variable(variable), operator, value)))
 
 
 def check_values(
@@ -150,8 +150,8 @@ def check_values(
         expression(keys.variable(Input(check.variable)), check.comparison, Input(check.value))
         for check in map(read_check, checks)
     ]
-    folder = None if namespace is None else keys.numbered(namespace, len(expressions))
-    return keys.given_to(_class_of(spec)(name, expressions, JUNCTIONS[operator], folder))
+    folder = None if namespace is None else keys.number_keys(namespace, len(expressions))
+    return keys.give_to(_class_of(spec)(name, expressions, JUNCTIONS[operator], folder))
 
 
 def _written_name(child: Behaviour) -> str:

@@ -155,11 +155,7 @@ _TYPES = {
     "Goals": _of_fields("Goals", "a list of goals", "nav_msgs::msg::Goals", _HEADER, _POSE),
     "Path": _of_fields("Path", "a path", "nav_msgs::msg::Path", _HEADER, _POSE),
     "WaypointStatus[]": _of_fields(
-        "WaypointStatuses",
-        "the statuses of goals",
-        "std::vector<nav2_msgs::msg::WaypointStatus>",
-        0,
-        _STATUS,
+        "WaypointStatuses", "the statuses of goals", "std::vector<nav2_msgs::msg::WaypointStatus>", 0, _STATUS
     ),
     "Duration": _message("Duration", "a duration of ROS", "builtin_interfaces::msg::Duration", _no_text),
     "Route": _message("Route", "a route", "nav2_msgs::msg::Route", _no_text),

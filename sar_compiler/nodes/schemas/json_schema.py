@@ -14,14 +14,7 @@ from sar_compiler.nodes.schemas import attributes_by_name, value_types
 from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.model import (
-    CHILDREN_KEY,
-    INCLUDE_TAG,
-    MODEL_TAG,
-    ROOT_TAG,
-    SUBTREE_TAG,
-    TREE_TAG,
-)
+from sar_compiler.tree.model import CHILDREN_KEY, INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG
 
 Schema = dict[str, Any]
 

@@ -77,7 +77,7 @@ if STATE != "absent" and not IS_COMPILED:
     sys.meta_path.insert(0, _Sources)
 
 
-def described() -> str:
+def describe() -> str:
     """Return what is in use, for people."""
     words: Mapping[str, str] = {
         "compiled": "Python, although it is compiled (SAR_KERNEL=python)",

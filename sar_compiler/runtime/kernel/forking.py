@@ -176,7 +176,7 @@ class ForkingTicker(Ticker):
         trail = self.trail
         self.entries.settle()
         head = [node.index, trail.watched, trail.broken, *ended]
-        state = self._code.written(head, cells, self.values, self.entries.now)
+        state = self._code.write(head, cells, self.values, self.entries.now)
         place = (node.index, state, trail.going_on, trail.changed)
         if place in self._seen:
             return True

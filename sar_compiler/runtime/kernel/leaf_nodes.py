@@ -6,7 +6,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, STATUSES, SUCCESS, number_of
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
+from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, Part, Ticker, Visit
 from sar_compiler.runtime.kernel.turning import is_news, watched_entry
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.parents import Built
@@ -17,7 +17,7 @@ _SUCCESS: Final[Any] = Status.SUCCESS
 _FAILURE: Final[Any] = Status.FAILURE
 
 
-class LeafNode(TreeNode):
+class LeafNode(ChildlessNode):
     """A leaf with py_trees' own `tick` and `stop`.
 
     Attributes:
@@ -29,10 +29,6 @@ class LeafNode(TreeNode):
         super().__init__(part)
         self.initialises = is_own(part.behaviour, "initialise")
         self.terminates = is_own(part.behaviour, "terminate")
-
-    def tick(self, ticker: Ticker) -> int:
-        """Tick the leaf."""
-        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf."""
@@ -127,7 +123,7 @@ class StrictUpdate:
         return answer
 
 
-class ForeignNode(TreeNode):
+class ForeignNode(ChildlessNode):
     """A behaviour that is ticked by its own methods, because nothing else is known of its class.
 
     The nodes below it, if there are any, are none of this tree.
@@ -142,10 +138,6 @@ class ForeignNode(TreeNode):
         for each in self.behaviour.iterate():
             if not isinstance(each, Built) and not isinstance(each.update, StrictUpdate):
                 each.update = StrictUpdate(each)
-
-    def tick(self, ticker: Ticker) -> int:
-        """Tick the behaviour."""
-        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the behaviour; the nodes below it that it shows are visits, too."""
@@ -193,9 +185,9 @@ class RememberingNode(LeafNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.kept = part.value(self.saved(), keeps=True)
+        self.kept = part.value(self.save(), keeps=True)
 
-    def saved(self) -> Any:
+    def save(self) -> Any:
         """Return what the leaf remembers, as a value that can be hashed."""
         raise NotImplementedError
 
@@ -209,7 +201,7 @@ class RememberingNode(LeafNode):
             return super().begin(ticker)
         self.load(ticker.values[self.kept])
         outcome = super().begin(ticker)
-        ticker.values[self.kept] = self.saved()
+        ticker.values[self.kept] = self.save()
         return outcome
 
     def stop(self, ticker: Ticker) -> None:
@@ -219,13 +211,13 @@ class RememberingNode(LeafNode):
             return
         self.load(ticker.values[self.kept])
         super().stop(ticker)
-        ticker.values[self.kept] = self.saved()
+        ticker.values[self.kept] = self.save()
 
 
 class StatusQueueNode(RememberingNode):
     """A StatusQueue; what is left of its queue is the end of the list that it was given."""
 
-    def saved(self) -> Any:
+    def save(self) -> Any:
         """Return how much of the queue is left."""
         return len(self.behaviour.current_queue)
 
@@ -238,7 +230,7 @@ class StatusQueueNode(RememberingNode):
 class PeriodicNode(RememberingNode):
     """A Periodic."""
 
-    def saved(self) -> Any:
+    def save(self) -> Any:
         """Return its count and its answer."""
         return self.behaviour.count, number_of(self.behaviour.response)
 
@@ -250,7 +242,7 @@ class PeriodicNode(RememberingNode):
 class SuccessEveryNNode(RememberingNode):
     """A SuccessEveryN, which begins again after each success."""
 
-    def saved(self) -> Any:
+    def save(self) -> Any:
         """Return its count since the last success."""
         return int(self.behaviour.count % abs(self.behaviour.every_n))
 
@@ -262,7 +254,7 @@ class SuccessEveryNNode(RememberingNode):
 class TickCounterNode(RememberingNode):
     """A TickCounter, which begins again whenever it is started."""
 
-    def saved(self) -> Any:
+    def save(self) -> Any:
         """Return its count."""
         return int(self.behaviour.counter) if self.behaviour.status is _RUNNING else 0
 
@@ -271,7 +263,7 @@ class TickCounterNode(RememberingNode):
         self.behaviour.counter = kept
 
 
-class UpdateCheckNode(TreeNode):
+class UpdateCheckNode(ChildlessNode):
     """A leaf that succeeds if an entry was written since it last looked, else fails.
 
     Attributes:
@@ -283,10 +275,6 @@ class UpdateCheckNode(TreeNode):
         self.entry = watched_entry(part.behaviour)
         self.seen = part.cell(keeps=True)
         part.watch(self.entry, self.seen)
-
-    def tick(self, ticker: Ticker) -> int:
-        """Look at the entry."""
-        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Look at the entry."""

@@ -1,4 +1,32 @@
-"""Trees that are ticked for real: what their behaviours and their cells say of a status is the same between ticks."""
+"""Trees that are ticked for real: what their behaviours and their cells say of a status is the same between ticks.
+
+A state of a tree is its cells, and `verify` copies nothing else. A tree that is ticked for real has behaviours as well, and these belong to
+others too: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a neighbour stops a
+single leaf, and a user's class may set its own status. So a status is said twice, and this module keeps both in step.
+
+Why it is done between ticks and not at each change. Within a tick nobody else runs: parents read cells, which costs a load, where an attribute
+of a Python object costs a dictionary. So a tick begins with the statuses that the behaviours have (`_take_over`) and ends with the
+behaviours getting those of the cells (`_show`), whether it was finished or broken off by an exception. A plain leaf is left out of both: its node looks at
+its behaviour's status itself, since `update` may look at it, and writes it where it changes. There are more leaves than other nodes, and a tick that
+reaches few of them must not visit all.
+
+Why a changed status makes a node forget. Somebody who stops a running behaviour calls `stop(INVALID)`, as py_trees does from its generators. For a
+node of ours that is a halt: where it was, and what it counted, is no longer so. Only a node that had ended and is INVALID now was not halted: it was
+brought to rest, as its parent does before it starts it again, and what outlasts an end (whose turn it is in a RoundRobin) stays.
+When anything has changed all cells are read again, because a `stop` reaches the behaviours below, too.
+
+Why visits are kept and shown afterwards. py_trees' `tick()` is a generator: a visitor sees each node just after its tick, with the status and the
+message of that moment. A node of ours may be ticked twice in a tick (Repeat), or be halted after it has been ticked. So the end of each node's tick is
+noted as a `Visit`, and when the tick is over each behaviour is shown once more as it was then, and put back.
+
+Why a behaviour may be ticked by itself. `py_trees_ros` ticks the root by its generator, and a py_trees composite of somebody's own ticks a control
+of ours below it in the same way. Such a behaviour is the root of a tree of its own (`Built._place`), as deep as the nodes are known; a `ForeignNode`
+stands for what is ticked by methods of its own, with all that is below it. Each place where one way of ticking ends and the other begins is such a node.
+
+Why a new tree may take over from a former one. Whoever adds or takes away children at run time (py_trees' `insert_subtree`) changes the number
+of the cells. The tree is made anew then. A node goes on from where it was if the children that it had are still its first ones, since its cells hold
+indexes of children; any other begins from the start.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -189,7 +217,7 @@ class _NodeClocks(Times):
         return known
 
 
-def shown(visits: list[Visit]) -> Iterator[Any]:
+def show_visits(visits: list[Visit]) -> Iterator[Any]:
     """Yield the behaviours that were ticked, each with the status and the message that it had at the end of its tick."""
     for visit in visits:
         behaviour, status = visit.behaviour, STATUSES[visit.status]

@@ -157,7 +157,7 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
             if work:
                 low[work[-1]] = min(low[work[-1]], low[state])
             if low[state] == order[state]:
-                yield _popped(stack, on_stack, state)
+                yield _pop_component(stack, on_stack, state)
 
 
 _Arrays = tuple["array[int]", "array[int]", bytearray, "array[int]", bytearray]
@@ -183,7 +183,7 @@ def _enter(graph: Graph, state: int, stop: int, arrays: _Arrays) -> int | None:
     return found
 
 
-def _popped(stack: list[int], on_stack: bytearray, first: int) -> list[int]:
+def _pop_component(stack: list[int], on_stack: bytearray, first: int) -> list[int]:
     component = []
     while True:
         state = stack.pop()
@@ -252,13 +252,13 @@ def _round(graph: Graph, entry: int, inside: set[int]) -> list[int]:
                 continue
             ways[following] = (place, edge)
             if following == (entry, 0):
-                return _retraced(ways, start, following)
+                return _retrace(ways, start, following)
             queue.append(following)
     message = "one cannot go round in this component"
     raise ValueError(message)
 
 
-def _retraced(
+def _retrace(
     ways: dict[tuple[int, int], tuple[tuple[int, int], int]], start: tuple[int, int], end: tuple[int, int]
 ) -> list[int]:
     way: list[int] = []

@@ -285,14 +285,14 @@ class PauseResumeNode(ControlNode):
         if cells[self.asking]:
             cells[self.asking] = 0
             self.asked.rest(ticker)
-            return self.answered(ticker, outcome)
+            return self.take_answer(ticker, outcome)
         if outcome == RUNNING:
             return RUNNING
         if outcome == FAILURE or cells[self.mode] == _RESUMED:
             return self.come_to(ticker, FAILURE if outcome == FAILURE else SUCCESS)
         return self.next_mode(ticker)
 
-    def answered(self, ticker: Ticker, outcome: int) -> int:
+    def take_answer(self, ticker: Ticker, outcome: int) -> int:
         """Change the mode as was requested, and tick its child."""
         cells = ticker.cells
         is_paused = cells[self.mode] == _PAUSED

@@ -142,7 +142,7 @@ class LoopNode(DecoratorNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         queue = part.behaviour.queue
-        self.literal: Any = _frozen(self.read(queue.get())) if queue.entry is None else _UNSEEN
+        self.literal: Any = _freeze_items(self.read(queue.get())) if queue.entry is None else _UNSEEN
         self.left, self.child_runs = part.value(_UNSEEN), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
@@ -169,7 +169,7 @@ class LoopNode(DecoratorNode):
     def next_item(self, ticker: Ticker) -> bool:
         """Write the next item to the output, if there is one."""
         values = ticker.values
-        shared = self.shared(ticker)
+        shared = self.shared_queue(ticker)
         if not (values[self.left] if shared is None else shared):
             return False
         if shared is None:
@@ -177,7 +177,7 @@ class LoopNode(DecoratorNode):
             raw, values[self.left] = thaw(first), tuple(others)
         else:
             raw = shared.popleft()
-            values[self.left] = _frozen(shared)
+            values[self.left] = _freeze_items(shared)
         self.write(raw, len(values[self.left]))
         return True
 
@@ -201,7 +201,7 @@ class LoopNode(DecoratorNode):
             behaviour.value.set(item)
         behaviour.feedback_message = f"item {excerpt(str(item))}, {left} left"
 
-    def shared(self, ticker: Ticker) -> Any:
+    def shared_queue(self, ticker: Ticker) -> Any:
         """Look at the queue; return it if others take from it, too, else note what is left of it."""
         if self.literal != _UNSEEN:
             return None
@@ -209,9 +209,9 @@ class LoopNode(DecoratorNode):
         if isinstance(held, deque):
             return held
         if ticker.values[self.left] == _UNSEEN:
-            ticker.values[self.left] = _frozen(self.read(held))
+            ticker.values[self.left] = _freeze_items(self.read(held))
         return None
 
 
-def _frozen(items: Any) -> tuple[Any, ...]:
+def _freeze_items(items: Any) -> tuple[Any, ...]:
     return tuple(freeze(item) for item in items)

@@ -138,12 +138,7 @@ def explore(
 
 class _Exploration:
     def __init__(
-        self,
-        stepper: Stepper,
-        max_states: int,
-        report: Report,
-        names: Sequence[str],
-        helpers: Helpers | None,
+        self, stepper: Stepper, max_states: int, report: Report, names: Sequence[str], helpers: Helpers | None
     ) -> None:
         self._stepper = stepper
         self._max_states = max_states

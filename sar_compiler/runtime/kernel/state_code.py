@@ -32,7 +32,7 @@ class StateCode:
         """How many other values have a number."""
         return len(self._numbered)
 
-    def written(self, head: list[int], cells: list[int], values: list[Any], entries: list[int]) -> bytes:
+    def write(self, head: list[int], cells: list[int], values: list[Any], entries: list[int]) -> bytes:
         """Return a state as bytes.
 
         Args:

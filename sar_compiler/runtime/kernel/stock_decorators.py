@@ -92,12 +92,12 @@ class StockDecoratorNode(TreeNode):
         """Return what the `update` of its class makes of the child's status."""
         status = ticker.cells[self.child.at]
         if ticker.tells or not self.turns:
-            return self.updated(ticker, status)
+            return self.call_update(ticker, status)
         if self.turned[status] == CALLED:
-            self.turned[status] = self.updated(ticker, status)
+            self.turned[status] = self.call_update(ticker, status)
         return self.turned[status]
 
-    def updated(self, ticker: Ticker, status: int) -> int:
+    def call_update(self, ticker: Ticker, status: int) -> int:
         """Call the `update` of its class."""
         self.child.behaviour.status = STATUSES[status]
         return ticker.number_of(self.behaviour, self.behaviour.update())

@@ -50,11 +50,7 @@ class LeafNodes:
     """
 
     def __init__(
-        self,
-        board: Any,
-        numbers: Mapping[tuple[int, str, int], int],
-        choices: Choices,
-        trail: Trail,
+        self, board: Any, numbers: Mapping[tuple[int, str, int], int], choices: Choices, trail: Trail
     ) -> None:
         self.ran: set[int] = set()
         self.board = board
@@ -222,10 +218,10 @@ class StubNode(TreeNode):
         """Return what the leaf can answer now."""
         if self._asked is None:
             return self._all
-        possible: list[_Reply] = self._asked.call(self._worked_out)
+        possible: list[_Reply] = self._asked.call(self._work_out)
         return possible
 
-    def _worked_out(self) -> list[_Reply]:
+    def _work_out(self) -> list[_Reply]:
         possible = self.behaviour.options()
         return [reply for answer, reply in self._replies if any(answer is each for each in possible)]
 

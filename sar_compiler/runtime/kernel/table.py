@@ -23,11 +23,7 @@ STOCK: dict[type[Behaviour], NodeClass] = {
     composites.Parallel: stock_composites.StockParallelNode,
     # What Count counts makes no difference to any tick.
     **dict.fromkeys(
-        (
-            *stock_decorators.TURNING,
-            decorators.Count,
-            decorators.StatusToBlackboard,
-        ),
+        (*stock_decorators.TURNING, decorators.Count, decorators.StatusToBlackboard),
         stock_decorators.StockDecoratorNode,
     ),
     decorators.Repeat: stock_decorators.StockRepeatNode,

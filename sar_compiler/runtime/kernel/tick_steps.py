@@ -34,13 +34,7 @@ class TickSteps:
     """
 
     def __init__(
-        self,
-        flat: FlatTree,
-        ticker: ForkingTicker,
-        judge: Judge,
-        judged_by: list[int],
-        *,
-        forgets: bool,
+        self, flat: FlatTree, ticker: ForkingTicker, judge: Judge, judged_by: list[int], *, forgets: bool
     ) -> None:
         self._flat = flat
         self._ticker = ticker
@@ -52,7 +46,7 @@ class TickSteps:
         self._judged_by = judged_by
         self._judged: dict[tuple[int, int, bool | None], Memo] = {}
         self._is_fresh = True
-        self._first = self._taken(0, 0)
+        self._first = self._write_state(0, 0)
         self.state: bytes | None = self._first
         self.waits = self.broken = self.outcome = 0
         self.error: Exception | None = None
@@ -98,7 +92,7 @@ class TickSteps:
                 trail = ticker.trail
                 self._flat.share(ticker)
                 self._flat.renumber(ticker)
-                self.state = self._taken(outcome, trail.watched)
+                self.state = self._write_state(outcome, trail.watched)
                 self.outcome, self.waits, self.broken = outcome, trail.waits, trail.broken
             except UndecidableError:
                 raise
@@ -131,7 +125,7 @@ class TickSteps:
         head = self._code.head(state)
         return head[0], head[1]
 
-    def _taken(self, outcome: int, watched: int) -> bytes:
+    def _write_state(self, outcome: int, watched: int) -> bytes:
         ticker = self._ticker
         ticker.entries.settle()
-        return self._code.written([outcome, watched], ticker.cells, ticker.values, ticker.entries.now)
+        return self._code.write([outcome, watched], ticker.cells, ticker.values, ticker.entries.now)

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode, reset
+from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, Part, Ticker, reset
 
 OFF: Final = 0
 COUNTING: Final = 1
@@ -155,7 +155,7 @@ class TimeoutNode(TimedNode):
         return self.come_to(ticker, outcome)
 
 
-class SleepNode(TreeNode):
+class SleepNode(ChildlessNode):
     """A leaf that waits, then succeeds; it tells nothing any more when it is stopped."""
 
     def __init__(self, part: Part) -> None:
@@ -165,10 +165,6 @@ class SleepNode(TreeNode):
     def ways(self, ticker: Ticker) -> int:  # noqa: ARG002
         """Return whether the time may be over, or not; it may be as soon as it has started."""
         return 2
-
-    def tick(self, ticker: Ticker) -> int:
-        """Look at the time."""
-        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Look at the time."""

@@ -9,15 +9,7 @@ from typing import Any, ClassVar, Final
 
 from py_trees.common import Status
 
-from sar_compiler.runtime.kernel.cells import (
-    CALLED,
-    ENDED,
-    INVALID,
-    RUNNING,
-    SKIPPED,
-    STATUSES,
-    number_of,
-)
+from sar_compiler.runtime.kernel.cells import CALLED, ENDED, INVALID, RUNNING, SKIPPED, STATUSES, number_of
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 
@@ -181,6 +173,14 @@ class TreeNode:
         ticker.cells[self.at] = INVALID
         if ticker.is_live:
             self.behaviour.status = _INVALID
+
+
+class ChildlessNode(TreeNode):
+    """A node without children, which is ticked in passing unless all nodes are ticked step by step."""
+
+    def tick(self, ticker: "Ticker") -> int:
+        """Tick the node."""
+        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
 
 
 class Visit:

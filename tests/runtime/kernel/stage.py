@@ -163,12 +163,12 @@ def entries_of(board: Board) -> tuple[tuple[str, object, object, int], ...]:
     return tuple(
         (
             name.removeprefix(board.prefix),
-            (board.kind(name), board.declared(name)),
+            (board.kind(name), board.is_declared(name)),
             freeze(board.get(name)) if board.has(name) else None,
             board.stamp(name),
         )
         for name in sorted(names)
-        if board.has(name) or board.declared(name)
+        if board.has(name) or board.is_declared(name)
     )
 
 

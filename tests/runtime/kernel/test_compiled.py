@@ -76,4 +76,4 @@ def test_the_version_says_which_is_in_use(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--version"])
     assert end.value.code == 0
-    assert f"kernel: {kernel.described()})" in capsys.readouterr().out
+    assert f"kernel: {kernel.describe()})" in capsys.readouterr().out

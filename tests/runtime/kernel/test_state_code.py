@@ -36,7 +36,7 @@ def without_end(entries):
 def test_a_state_is_read_as_it_was_written(state):
     head, cells, values, entries = state
     states = code()
-    written = states.written(head, cells, values, entries)
+    written = states.write(head, cells, values, entries)
     read_cells, read_values = [9] * len(cells), [9] * len(values)
     assert states.read(written, read_cells, read_values) == without_end(entries)
     assert (read_cells, read_values, states.head(written)) == (cells, values, head)
@@ -45,7 +45,7 @@ def test_a_state_is_read_as_it_was_written(state):
 @given(st.lists(STATES, max_size=6))
 def test_two_states_are_written_alike_only_if_they_are_the_same(states):
     coding = code()
-    written = [coding.written(*state) for state in states]
+    written = [coding.write(*state) for state in states]
     same = [(head, cells, values, without_end(entries)) for head, cells, values, entries in states]
     for index, one in enumerate(same):
         assert [other == one for other in same] == [other == written[index] for other in written]
@@ -55,14 +55,14 @@ def test_how_a_forgotten_node_has_ended_is_not_written():
     states = code([True, False, True])
     ended, running = [SUCCESS, FAILURE, INVALID, 0, 7], [INVALID, FAILURE, RUNNING, 0, 7]
     read = [0] * 5
-    states.read(states.written([0, 0], ended, FIRST_VALUES, []), read, [0, 0])
+    states.read(states.write([0, 0], ended, FIRST_VALUES, []), read, [0, 0])
     assert read == [INVALID, FAILURE, INVALID, 0, 7]
-    states.read(states.written([0, 0], running, FIRST_VALUES, []), read, [0, 0])
+    states.read(states.write([0, 0], running, FIRST_VALUES, []), read, [0, 0])
     assert read == running
 
 
 def test_a_tree_as_it_was_at_first_takes_two_bytes():
-    assert len(code().written([0, 0], FIRST_CELLS, FIRST_VALUES, [0, 0])) == 2
+    assert len(code().write([0, 0], FIRST_CELLS, FIRST_VALUES, [0, 0])) == 2
 
 
 @given(st.lists(st.binary(max_size=2), max_size=3000))
