@@ -11,3 +11,15 @@ class SarError(Exception):
 
 class UndecidableError(SarError):
     """The runs of a tree cannot be searched."""
+
+
+class NodeError(SarError):
+    """A node cannot go on.
+
+    Attributes:
+        node: Its name; empty where that is not known.
+    """
+
+    def __init__(self, message: str, node: str = "") -> None:
+        super().__init__(message)
+        self.node = node

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import NodeError
 from sar_compiler.runtime.entry_types import value_of
 from sar_compiler.runtime.variables import RefusedValueError, fit
 
@@ -13,7 +13,7 @@ _LABELS = {int: "a whole number", float: "a number", bool: "true or false", str:
 _BOOLS = frozenset({"True", "TRUE", "False", "FALSE"})
 
 
-class QueueError(SarError):
+class QueueError(NodeError):
     """The value that a loop should iterate over is no queue, or an item of it has the wrong type."""
 
 

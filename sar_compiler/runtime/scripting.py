@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import NodeError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError, Scope
 from sar_compiler.runtime.entry_types import value_of, value_to_assign
 from sar_compiler.runtime.enums import Enums
@@ -18,19 +18,17 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class NodeScriptError(SarError):
+class NodeScriptError(NodeError):
     """A node's script cannot be run.
 
     Attributes:
-        node: The node's name.
         attribute: The attribute that has the script.
         start: Where the part begins that is at fault, in characters of the script; None if all of it is.
         end: Where that part ends.
     """
 
     def __init__(self, message: str, node: str, attribute: str, start: int | None, end: int | None) -> None:
-        super().__init__(message)
-        self.node = node
+        super().__init__(message, node)
         self.attribute = attribute
         self.start = start
         self.end = end

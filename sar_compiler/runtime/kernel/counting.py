@@ -1,20 +1,12 @@
 """Parallels of BehaviorTree.CPP: children side by side, until enough of them have ended."""
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker
 
 
-class ThresholdError(SarError):
-    """A parallel is to wait for more children than it has.
-
-    Attributes:
-        node: The node's name.
-    """
-
-    def __init__(self, message: str, node: str) -> None:
-        super().__init__(message)
-        self.node = node
+class ThresholdError(NodeError):
+    """A parallel is to wait for more children than it has."""
 
 
 class CountingNode(ControlNode):

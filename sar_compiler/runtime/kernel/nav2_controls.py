@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import ControlNode, InTurnNode, Part, Ticker, reset, reset_all
 
@@ -10,7 +10,7 @@ _USUAL_RETRIES: Final = 1
 """How often to recover where the number is less than 0."""
 
 
-class Nav2ControlError(SarError):
+class Nav2ControlError(NodeError):
     """A control cannot go on with what a child has answered, or a port holds."""
 
 
@@ -189,7 +189,7 @@ class NonblockingNode(InTurnNode):
         if outcome == SKIPPED:
             name = self.children[index].behaviour.name
             message = f"'{name}' was skipped, which '{self.behaviour.name}' takes for an error"
-            raise Nav2ControlError(message)
+            raise Nav2ControlError(message, self.behaviour.name)
         cells[self.runs] |= int(outcome == RUNNING)
         cells[self.position] = index + 1
         return INVALID
@@ -217,7 +217,7 @@ class PersistentNode(InTurnNode):
         place: int = self.behaviour.current_child_idx.get()
         if place < 0:
             message = f"'{self.behaviour.name}' is to begin with child {place}; they are counted from 0"
-            raise Nav2ControlError(message)
+            raise Nav2ControlError(message, self.behaviour.name)
         ticker.cells[self.position] = place
         return super().begin(ticker)
 

@@ -191,7 +191,7 @@ class LoopNode(DecoratorNode):
             return queue_items(held, self.behaviour.kind)
         except QueueError as error:
             message = f"'{self.behaviour.name}': queue: {error}"
-            raise QueueError(message) from None
+            raise QueueError(message, self.behaviour.name) from None
 
     def write(self, raw: object, left: int) -> None:
         """Write an item to the output, and tell how many are left."""

@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, Part, Ticker, reset
 
@@ -13,7 +13,7 @@ UNLIMITED: Final = 3
 _MILLISECONDS: Final = 1000.0
 
 
-class DurationError(SarError):
+class DurationError(NodeError):
     """A node is to wait for less than no time."""
 
 
@@ -26,7 +26,7 @@ def seconds_of(behaviour: Any, port: str) -> float:
     milliseconds: int = getattr(behaviour, port).get()
     if milliseconds < 0:
         message = f"'{behaviour.name}' is to wait {milliseconds} milliseconds; {port} is 0 or more"
-        raise DurationError(message)
+        raise DurationError(message, behaviour.name)
     return milliseconds / _MILLISECONDS
 
 
