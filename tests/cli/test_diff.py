@@ -40,11 +40,11 @@ def test_a_file_that_is_not_there_has_status_2(capsys):
     )
 
 
-def test_a_malformed_file_has_status_2_because_nothing_is_known_of_the_difference(capsys, tmp_path):
+def test_a_malformed_file_has_status_1_and_its_findings(capsys, tmp_path):
     path = tmp_path / "cut.xml"
     path.write_text("<root>", encoding="utf-8")
     status, out, err = run(capsys, "diff", SHIPPED, path)
-    assert (status, out) == (2, "")
+    assert (status, out) == (1, "")
     assert f"{path}:1:7: error[malformed-xml]" in err
 
 
