@@ -81,6 +81,8 @@ class Patrol:
             self.finds.pop(data["name"], None)
         elif fact.kind == "held":
             self.phase = MissionPhase("held", "by the operator") if data["is_held"] else MissionPhase()
+        elif fact.kind == "aborted":
+            self.phase = MissionPhase("aborted", "by the operator")
         elif fact.kind == "alarmed":
             self.alarms[data["text"]] = Alarm(data["text"], is_over=data.get("is_over", False))
 

@@ -1,0 +1,105 @@
+"""A run in a process of its own, as far as somebody looks at it: `python -m tests.web.flown SCENE JOURNAL`.
+
+It prints the address of its page, and goes on until it is killed.
+"""
+
+import signal
+import sys
+from concurrent.futures import Future
+from pathlib import Path
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.web.feed import LiveFeed
+from sar_compiler.web.page_server import PageServer
+from tests.web.conftest import ABOUT, KINDS, Patrol
+
+VERBS = [
+    {"name": name, "label": name.title(), "help": "", "confirm": confirm, "role": role, "fields": []}
+    for name, role, confirm in (("pause", "hold", ""), ("resume", "release", ""), ("abort", "stop", "Sure?"))
+]
+
+
+def drive(journal):
+    """Drive to the second point, 84 s after the beginning."""
+    journal.clock.advance(42.0)
+    journal.note("point_reached", point="north")
+    journal.clock.advance(42.0)
+    journal.watch("pose", x=1.0, y=2.0, yaw=0.5)
+    journal.watch("progress", target="east", distance=2.5, time_left=5.0)
+    journal.note(GOAL_SENT, action="navigate_to_pose", goal="a")
+
+
+def hold(journal):
+    drive(journal)
+    journal.watch(GOAL_ENDED, goal="a", status=5)
+    journal.note("held", is_held=True)
+
+
+def lack(text):
+    def happen(journal):
+        drive(journal)
+        journal.watch("lacks", text=text)
+        journal.note("point_added", point="west", x=0.0, y=0.0)
+
+    return happen
+
+
+def finish(ending, status, reason, *facts):
+    def happen(journal):
+        drive(journal)
+        journal.watch("status", node=1, tick=9, status="FAILURE", message="no way there")
+        journal.watch(GOAL_ENDED, goal="a", status=6)
+        for fact in facts:
+            journal.note(fact)
+        journal.end(ending, status, reason)
+
+    return happen
+
+
+SCENES = {
+    "driving": drive,
+    "paused": hold,
+    "waiting for Nav2": lack("Nav2 is not active: bt_navigator is inactive"),
+    "no localisation": lack("No transform from 'map' has come for 3 s: the localisation has stopped"),
+    "complete": finish(Ending.OVER, 0, "Every point was visited."),
+    "failed": finish(Ending.OVER, 1, "No point is left. east was not visited."),
+    "aborted": finish(Ending.OVER, 1, "The patrol has ended where the robot stands.", "aborted"),
+}
+"""What happens in a run, by a name."""
+
+
+def fly(journal: Journal, scene: str) -> None:
+    """Let a run come to a scene, from its beginning on."""
+    journal.clock = ManualClock(100.0)
+    journal.attach(Patrol(), KINDS)
+    journal.begin(ABOUT, {"node": "/patrol"})
+    SCENES[scene](journal)
+
+
+class Deaf:
+    """Heeds every order, and does nothing."""
+
+    def give(self, *_):
+        answer: Future[tuple[bool, str]] = Future()
+        answer.set_result((True, "done"))
+        return answer
+
+
+def main(scene: str, place: str) -> None:
+    """Let a run come to a scene, with its page."""
+    journal = open_journal(Path(place))
+    verbs = [[verb["name"] for verb in VERBS]]
+    feed = LiveFeed({"robots": ["/patrol"], "verbs": [VERBS]}, lambda: {"verbs": verbs})
+    journal.listen(feed.take)
+    fly(journal, scene)
+    server = PageServer(feed, 0, Deaf())
+    server.start()
+    print(server.url, flush=True)  # noqa: T201 - whoever has begun it reads that
+    signal.pause()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,140 @@
+"""What is said of a mission in each condition, by who shows it: the table of `docs/page.md`, row by row, in a real browser."""
+
+import re
+import signal
+import sys
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from sar_compiler.web.feed import ReplayFeed
+from sar_compiler.web.page_server import PageServer
+from sar_compiler.web.replay import Replay
+from tests.processes import Command
+
+pytestmark = pytest.mark.unmeasured
+
+
+class Row(NamedTuple):
+    """How a run comes to a condition.
+
+    Attributes:
+        scenes: What happens, of `tests.web.flown`, one for each robot.
+        sent: The signal that its process gets after that.
+        seen: Where it is looked at: on its own page, in a replay, or by `sar-journal watch`.
+    """
+
+    scenes: tuple[str, ...]
+    sent: int = 0
+    seen: str = "own"
+
+
+ROWS = {
+    "it drives": Row(("driving",)),
+    "the operator has paused it": Row(("paused",)),
+    "Nav2 is not there": Row(("waiting for Nav2",)),
+    "the localisation has stopped": Row(("no localisation",)),
+    "its process is frozen": Row(("driving",), signal.SIGSTOP),
+    "its process was killed": Row(("driving",), signal.SIGKILL),
+    "it is complete": Row(("complete",)),
+    "it has failed": Row(("failed",)),
+    "the operator has aborted it": Row(("aborted",)),
+    "replay": Row(("driving",), seen="replay"),
+    "replay of a killed run, at its end": Row(("driving",), signal.SIGKILL, "replay"),
+    "`watch`, and the process was killed": Row(("driving",), signal.SIGKILL, "watch"),
+    "`watch` of two robots": Row(("driving", "paused"), seen="watch"),
+}
+
+
+def table():
+    """Return the table of the docs: by the first column, what stands in the others by their names."""
+    text = Path("docs/page.md").read_text(encoding="utf-8").partition("\n### Conditions\n")[2]
+    lines = [line for line in text.partition("\n#")[0].splitlines() if line.startswith("|")]
+    names, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return {name: dict(zip(names[1:], cells, strict=True)) for name, *cells in rows}
+
+
+def plain(text):
+    """Return what is said without the times and the marks of a cell: how long something took is not the same each time."""
+    return re.sub(r"\d+:\d\d\b", "0:00", text.replace("`", "")).strip()
+
+
+@pytest.fixture
+def start():
+    """Start commands; what is left of them ends with the test, also what is stopped."""
+    with ExitStack() as stack:
+
+        def begin(*command):
+            started = Command(*command)
+            stack.callback(started.kill)
+            return started
+
+        yield begin
+
+
+def address(command):
+    """Return the address of the page that a command serves."""
+    found = re.search(r"http://\S+", command.wait_for("http://").output)
+    assert found
+    return found[0]
+
+
+def go_to_end(browser):
+    """Move the slider of a replay to its end."""
+    browser.js(
+        "const time = document.getElementById('time'); time.value = time.max; time.dispatchEvent(new Event('input'))"
+    )
+
+
+def look(row, start, stack, browser, tmp_path):
+    """Bring runs to a condition, and open the page that shows them."""
+    journals = [tmp_path / f"robot{number}.journal" for number, _ in enumerate(row.scenes, 1)]
+    python = Path(sys.executable).name
+    runs = [
+        start(python, "-m", "tests.web.flown", scene, journal)
+        for scene, journal in zip(row.scenes, journals, strict=True)
+    ]
+    own = [address(run) for run in runs]
+    if row.seen == "own":
+        browser.open(own[0])
+    if row.sent:
+        runs[0].send(row.sent)
+    if row.sent == signal.SIGKILL:
+        runs[0].end()
+    if row.seen == "watch":
+        browser.open(address(start("sar-journal", "watch", *journals, "--web-port", 0)))
+    elif row.seen == "replay":
+        feed = ReplayFeed(Replay(journals), {"robots": ["run"]})
+        server = stack.enter_context(closing(PageServer(feed, 0)))
+        server.start()
+        browser.open(server.url)
+        go_to_end(browser)
+
+
+SAID = """
+const said = (place) => [...place.querySelectorAll('strong, time, span')].map((each) => each.textContent).filter(Boolean).join(' ');
+const cards = [...document.querySelectorAll('.card')].map((card) => `${card.firstChild.textContent}: ${said(card.querySelector('.state'))}`);
+return cards.length ? cards.join('; ') : said(document.getElementById('condition'));
+"""
+MAY_ORDER = """
+return [...document.querySelectorAll('.stop, .toggle')].some((each) => !each.disabled && each.offsetParent !== null);
+"""
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_page_says_what_the_table_says(name, start, browser, tmp_path):
+    row, wanted = ROWS[name], table()[name]
+    browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET")
+    with ExitStack() as stack:
+        look(row, start, stack, browser, tmp_path)
+        said = plain(wanted["the page"])
+        browser.wait(lambda: plain(browser.js(SAID)) == said, f"{said!r}")
+        browser.wait(lambda: browser.js(MAY_ORDER) == (wanted["orders"] == "yes"), "the orders")
+        is_silent = row.seen == "own" and row.sent != 0
+        assert browser.js("return document.body.classList.contains('stale')") == is_silent
+
+
+def test_every_row_of_the_table_is_tried():
+    assert set(table()) == set(ROWS)
