@@ -44,7 +44,7 @@ def test_the_parameter_file_has_every_value_that_the_tree_takes_from_parameters(
 def test_the_timeout_runs_on_the_mission_s_clock():
     tree = compiled(TREE, registry=load_registry([LEAVES]))
     timeouts = [node for node in tree.root.iterate() if node.name == "DriveForwardTimeout"]
-    assert type(timeouts[0]).__name__ == "StockTimeout"
+    assert type(timeouts[0]).__name__ == "Timeout"
 
 
 def run_example(start, until, *ros):
