@@ -286,19 +286,9 @@ class _Formatter(argparse.HelpFormatter):
     def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
         named = [action for action in actions if action.required or not action.option_strings]
         if usage is None and len(named) < len(actions):
-            options = _OptionsInUsage()
+            options = argparse.Action([], "options", metavar="[options]")
             return super()._format_usage(usage, [options, *named], [], prefix)
         return super()._format_usage(usage, actions, groups, prefix)
-
-
-class _OptionsInUsage(argparse.Action):
-    """Stands in a usage for the options."""
-
-    def __init__(self) -> None:
-        super().__init__([], dest="options", nargs=None, metavar="[options]")
-
-    def __call__(self, *_: object) -> None:
-        raise NotImplementedError
 
 
 class _HelpAllAction(argparse.Action):
