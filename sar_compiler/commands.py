@@ -85,8 +85,7 @@ def _done(command: Callable[[], int]) -> int:
     if sys.stderr is None:  # `print` would take standard output for it
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - to the end of the process
     if sys.stdout is None:
-        message = "standard output is closed"
-        raise SarError(message)
+        raise SarError("standard output is closed")
     try:
         return command()
     finally:

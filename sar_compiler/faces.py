@@ -23,8 +23,7 @@ def lazy(
 
     def look_up(name: str) -> object:
         if name not in homes:
-            message = f"module '{group}' has no attribute '{name}'"
-            raise AttributeError(message, name=name)
+            raise AttributeError(f"module '{group}' has no attribute '{name}'", name=name)
         value = getattr(importlib.import_module(f"sar_compiler.{homes[name]}"), name)
         setattr(sys.modules[group], name, value)
         return value

@@ -43,11 +43,10 @@ def shipped_root(package: Path = _PACKAGE) -> Path:
     places = [package.parent, *(above / "share" / "sar_compiler" for above in package.parents)]
     found = next((place for place in places if (place / _MANIFEST).is_file()), None)
     if found is None:
-        message = (
+        raise ResourceError(
             f"the files that ship with sar_compiler are not there: the package is in {package}, but no folder "
             "above it has them in share/sar_compiler; install it again, with pip or colcon"
         )
-        raise ResourceError(message)
     return found
 
 
@@ -62,8 +61,7 @@ def shipped(kind: str, name: str) -> Path:
     if path.is_file():
         return path
     present = ", ".join(sorted(entry.name for entry in folder.glob("*") if entry.is_file())) or "nothing"
-    message = f"no file '{name}' is shipped in {folder} (there is: {present})"
-    raise ResourceError(message)
+    raise ResourceError(f"no file '{name}' is shipped in {folder} (there is: {present})")
 
 
 def find(kind: str, name: str, suffix: str) -> Path:

@@ -91,8 +91,7 @@ def assert_matches_golden(
     )
     different = compare_golden(Path(golden), text, f"{tree} (compiled now)")
     if different is not None:
-        message = f"the compiled tree is not the committed one:\n{different}"
-        raise AssertionError(message)
+        raise AssertionError(f"the compiled tree is not the committed one:\n{different}")
 
 
 def simulate(

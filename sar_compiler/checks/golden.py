@@ -40,5 +40,4 @@ def _write(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        message = f"cannot write {path}: {error.strerror}"
-        raise SarError(message) from error
+        raise SarError(f"cannot write {path}: {error.strerror}") from error

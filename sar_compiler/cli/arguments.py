@@ -69,8 +69,7 @@ def reader(
             value = read(text)
             if fits(value):
                 return value
-        message = f"'{text}' is not {what}"
-        raise argparse.ArgumentTypeError(message)
+        raise argparse.ArgumentTypeError(f"'{text}' is not {what}")
 
     return parse
 

@@ -102,8 +102,7 @@ def errors_of(option: str) -> Iterator[None]:
     try:
         yield
     except SarError as error:
-        message = f"{option}: {error}"
-        raise SarError(message) from error
+        raise SarError(f"{option}: {error}") from error
 
 
 class Companions:

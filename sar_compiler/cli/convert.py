@@ -41,8 +41,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     path = find_tree(arguments.file)
     output: Path | None = arguments.output
     if output is not None and same_file(path, output):
-        message = f"{output} is the file to convert; write to another one"
-        raise WriteError(message)
+        raise WriteError(f"{output} is the file to convert; write to another one")
     converted = _convert(path, arguments)
     for loss in converted.losses:
         print(loss.render(), file=sys.stderr)

@@ -149,8 +149,7 @@ def _default_tree(mission: str | None) -> str:
 
     tree = find_mission(mission).default_tree
     if tree is None:
-        message = f"the mission '{mission}' comes without a tree: name one"
-        raise MissionError(message)
+        raise MissionError(f"the mission '{mission}' comes without a tree: name one")
     return tree
 
 

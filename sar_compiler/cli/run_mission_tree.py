@@ -52,11 +52,10 @@ def end_condition(setup: RunSetup) -> EndCondition:
     until, simulated = setup.options.until, setup.options.sim is not None
     ends_itself = setup.mission.shortfalls() is not None
     if not ends_itself and until is Until.COMPLETE:
-        message = (
+        raise SarError(
             "--until complete is for a mission with an end of its own; for this tree say end, success, "
             "failure or forever"
         )
-        raise SarError(message)
     if until is None:
         until = Until.END if not ends_itself else Until.COMPLETE if simulated else Until.FOREVER
     limit = setup.parameters.time_limit_sec

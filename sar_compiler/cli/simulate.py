@@ -77,8 +77,7 @@ def scenario_files(paths: "list[Path]") -> "list[Path | None]":
         if path.is_dir():
             found = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
             if not found:
-                message = f"there is no scenario in {path}: no file in it ends with .yaml"
-                raise ScenarioFolderError(message)
+                raise ScenarioFolderError(f"there is no scenario in {path}: no file in it ends with .yaml")
             files += found
         else:
             files.append(path)

@@ -72,8 +72,7 @@ def parse_variation(text: str) -> Variation:
         items = parse_yaml(f"[{listed}]", "", "").root.listed
         values = [(f"[{listed}]"[item.start : item.end], item.data) for item in items]
     if not (name.strip() and sign and values):
-        message = f"'{text}' is not NAME=VALUE,VALUE, such as tries=1,2,3"
-        raise argparse.ArgumentTypeError(message)
+        raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE,VALUE, such as tries=1,2,3")
     return name.strip(), values
 
 

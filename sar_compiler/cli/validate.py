@@ -301,6 +301,5 @@ def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
 
     path, source = tree.path, tree.source
     if bytes_of(source, source.text) != read_bytes(path):
-        message = f"{path} is not mended: it has changed meanwhile, or its encoding has no way back"
-        raise WriteError(message)
+        raise WriteError(f"{path} is not mended: it has changed meanwhile, or its encoding has no way back")
     write_bytes(path, bytes_of(source, apply_fixes(source.text, chosen)))

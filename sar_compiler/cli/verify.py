@@ -174,8 +174,7 @@ def _facts(pairs: "list[tuple[str, str]]") -> "Document | None":
 def _assignment(text: str) -> tuple[str, str]:
     name, sign, value = text.partition("=")
     if not (name.strip() and sign and value.strip()):
-        message = f"'{text}' is not FACT=VALUE, such as points_left=4"
-        raise argparse.ArgumentTypeError(message)
+        raise argparse.ArgumentTypeError(f"'{text}' is not FACT=VALUE, such as points_left=4")
     return name.strip(), value.strip()
 
 

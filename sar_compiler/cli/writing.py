@@ -51,8 +51,7 @@ def _write(path: Path, data: Iterable[bytes]) -> None:
         else:
             _replace(target, data)
     except OSError as error:
-        message = f"cannot write {path}: {error.strerror or error}"
-        raise WriteError(message) from error
+        raise WriteError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def _replace(target: Path, data: Iterable[bytes]) -> None:

@@ -204,8 +204,7 @@ class PreviewBuilder(Builder):
 
 def _require_initialised(behaviour: Behaviour) -> Behaviour:
     if not hasattr(behaviour, "id"):
-        message = "its constructor has not called super().__init__(name)"
-        raise TypeError(message)
+        raise TypeError("its constructor has not called super().__init__(name)")
     return behaviour
 
 

@@ -198,11 +198,10 @@ class UnreadableClock(ManualClock):
         Raises:
             UndecidableError: Always.
         """
-        message = (
+        raise UndecidableError(
             "a control or decorator reads the clock; what time it is cannot be said of all runs: measure a time with "
             "start_timer() and time_is_up() of the tick"
         )
-        raise UndecidableError(message)
 
 
 class SimulationArguments(Arguments):

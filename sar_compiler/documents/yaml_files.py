@@ -87,10 +87,9 @@ def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Docum
         text = as_yaml(said)
     except (yaml.representer.RepresenterError, RecursionError) as error:
         what = repr(error.args[1]) if len(error.args) > 1 else "something that contains itself"
-        message = (
+        raise DataError(
             f"{what} cannot be part of the {name}: give texts, numbers, True, False, lists and dictionaries"
-        )
-        raise DataError(message) from None
+        ) from None
     return parse_yaml(text, name, empty_hint)
 
 

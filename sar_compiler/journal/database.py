@@ -161,8 +161,7 @@ class JournalFile:
         file = cls.open(path)
         if file.runs():
             file.close()
-            message = f"a mission has begun in {path} already"
-            raise JournalError(message)
+            raise JournalError(f"a mission has begun in {path} already")
         return file
 
     @classmethod
@@ -303,8 +302,7 @@ class JournalFile:
                     raise
                 if self._patience.was_disturbed:
                     raise KeyboardInterrupt from error
-                message = "to read it takes far more steps than its size is reason for"
-                raise ValueError(message) from error
+                raise ValueError("to read it takes far more steps than its size is reason for") from error
 
     def about(self) -> dict[str, Any]:
         """Return what the mission is: `mission`, `tree`, `identity` and so on; empty before its first run."""
@@ -633,15 +631,13 @@ def _start(run: JournalRun) -> float:
 def _mapping(text: str) -> dict[str, Any]:
     data = json_value(text)
     if not isinstance(data, dict):
-        message = f"{text} is where names with values belong"
-        raise TypeError(message)
+        raise TypeError(f"{text} is where names with values belong")
     return data
 
 
 def _finite(number: Any) -> float:
     if not math.isfinite(value := float(number)):
-        message = f"{number} is no time"
-        raise ValueError(message)
+        raise ValueError(f"{number} is no time")
     return value
 
 
@@ -700,8 +696,7 @@ def _readable(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        message = f"the journal {path} cannot be used: {error.strerror or error}"
-        raise JournalPlaceError(message) from error
+        raise JournalPlaceError(f"the journal {path} cannot be used: {error.strerror or error}") from error
     except (sqlite3.Error, sqlite3.Warning, ValueError, TypeError, OverflowError, RecursionError) as error:
         message = f"the journal {path} cannot be used: {error}; is it a journal, and whole?"
         raise JournalError(message) from error

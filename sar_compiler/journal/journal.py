@@ -213,10 +213,9 @@ class Journal:
                 TypeError,
                 ValueError,
             ) as error:
-                message = (
+                raise JournalError(
                     f"fact {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not fit: {error}"
-                )
-                raise JournalError(message) from error
+                ) from error
         self._state, self._apply, self._kinds = state, state.apply, tuple(kinds)
 
     def begin(self, about: Mapping[str, object], run_about: Mapping[str, object]) -> None:
@@ -253,8 +252,7 @@ class Journal:
         try:
             self._run, self._is_written = file.begin_run(about, of_run, time.time()), True
         except Error as error:
-            message = f"the journal {self.place} cannot be written: {error}"
-            raise JournalError(message) from error
+            raise JournalError(f"the journal {self.place} cannot be written: {error}") from error
         self._began = file.runs()[0].began
         self._reserve = file.reserve()
         self._reserve.keep(Kept(self._began), {})

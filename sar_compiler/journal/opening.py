@@ -40,8 +40,7 @@ def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_na
             process writes to it, or it is no journal.
     """
     if resume and not os.path.exists(place):  # noqa: PTH110 - which raises nothing
-        message = f"there is no journal {place}, so nothing to resume: leave --resume out"
-        raise JournalError(message)
+        raise JournalError(f"there is no journal {place}, so nothing to resume: leave --resume out")
     file = JournalFile.open(place)
     try:
         return _judged(file, resume=resume, anew=anew, is_named=is_named)
@@ -56,24 +55,21 @@ def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> J
     if last is None:
         if not resume:
             return Journal(file)
-        message = (
+        raise JournalError(
             f"nothing has begun in the journal {file.path}, so there is nothing to resume: leave --resume out"
         )
-        raise JournalError(message)
     if resume:
         if last.is_over:
-            message = (
+            raise JournalError(
                 f"the mission in the journal {file.path} is over ({last.reason}): there is nothing to resume; leave "
                 "--resume out to begin anew"
             )
-            raise JournalError(message)
         return Journal(file)
     if not (anew or last.is_over or (last.ending is Ending.STOPPED and not is_named)):
-        message = (
+        raise JournalError(
             f"the mission in the journal {file.path} is not over: it {_told(last)}. Go on with it: --resume; or begin "
             "anew, and keep that journal under another name: --new"
         )
-        raise JournalError(message)
     return Journal(file, _aside(file.path, runs[0].began))
 
 

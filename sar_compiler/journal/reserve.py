@@ -132,8 +132,7 @@ def read_reserve(journal: Path) -> Kept:
     slots = _slots(content)
     try:
         if not slots:
-            message = "no part of it is whole"
-            raise ValueError(message)  # noqa: TRY301 - the words are below, for all that can be wrong
+            raise ValueError("no part of it is whole")  # noqa: TRY301 - the words are below, for all that can be wrong
         return _kept(max(slots)[1])
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         message = f"{path} is damaged ({error}): it has the last facts of the journal beside it; move it away to go without them"
@@ -144,8 +143,7 @@ def _opened(path: Path, flags: int) -> int:
     descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_NOFOLLOW, 0o644)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        message = f"{path} is no file, but a folder, a device or a pipe"
-        raise OSError(message)
+        raise OSError(f"{path} is no file, but a folder, a device or a pipe")
     return descriptor
 
 
@@ -182,8 +180,7 @@ def _fitting(kept: Kept, numbers: Mapping[str, int]) -> str:
         if len(text) <= _SLOT_BYTES - _HEAD_BYTES:
             return text
         if not count:
-            message = f"an end of a run does not fit: {kept.end}"
-            raise OSError(message)
+            raise OSError(f"an end of a run does not fit: {kept.end}")
         count = count * 3 // 4
 
 

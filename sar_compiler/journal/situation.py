@@ -321,6 +321,5 @@ def position(x: Any, y: Any) -> tuple[float, float]:
     """
     place = float(x), float(y)
     if not all(map(math.isfinite, place)):
-        message = f"({x}, {y}) is no position"
-        raise ValueError(message)
+        raise ValueError(f"({x}, {y}) is no position")
     return place

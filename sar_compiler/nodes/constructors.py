@@ -78,8 +78,7 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     if structure is not None and not spec.kind.is_leaf:
         return Parameter(name, structure, required=required, doc=doc)
     if annotation is None:
-        message = f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} has no annotation"
-        raise RegistrationError(message)
+        raise RegistrationError(f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} has no annotation")
     target = without_none(annotation)
     direction = _DIRECTIONS.get(typing.get_origin(target) or target)
     value_type = _carried_type(target) if direction else value_type_of(target)
@@ -89,25 +88,22 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
         return Parameter(name, Role.CONTEXT, target_or_path=target, **common)
     if is_class(target) and issubclass(target, Behaviour):
         return Parameter(name, Role.REFERENCE, target_or_path=target, **common)
-    message = (
+    raise RegistrationError(
         f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
         "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
         "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context"
     )
-    raise RegistrationError(message)
 
 
 def _complain_unless_structured(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
     roles = {parameter.role for parameter in parameters.values()}
     wanted = {Kind.CONTROL: Role.CHILDREN, Kind.DECORATOR: Role.CHILD}.get(spec.kind)
     if wanted is not None and wanted not in roles:
-        message = (
+        raise RegistrationError(
             f"<{spec.tag}>: {_name_of(spec)} is a {spec.kind.value} without a parameter '{wanted.value}'"
         )
-        raise RegistrationError(message)
     if Role.NAME not in roles:
-        message = f"<{spec.tag}>: the constructor of {_name_of(spec)} has no parameter 'name'"
-        raise RegistrationError(message)
+        raise RegistrationError(f"<{spec.tag}>: the constructor of {_name_of(spec)} has no parameter 'name'")
 
 
 def _complain_unless_answerable(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
@@ -121,8 +117,7 @@ def _complain_unless_answerable(spec: NodeSpec, parameters: Mapping[str, Paramet
         mistake = mistake_in(answer, known, numbers)
         if mistake is not None:
             part, text, error = mistake
-            message = f"<{spec.tag}>: answer '{answer.name}': {part} '{text}': {error}"
-            raise RegistrationError(message)
+            raise RegistrationError(f"<{spec.tag}>: answer '{answer.name}': {part} '{text}': {error}")
 
 
 def _complain_of_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -> None:

@@ -89,8 +89,7 @@ def _specs_of(program: str, version: str, checkout: Path | None) -> list[NodeSpe
     if version not in module.VERSIONS:
         known = ", ".join(f"{program}:{each}" for each in module.VERSIONS)
         near = _suggestion(version, module.VERSIONS, "", f"{program}:")
-        message = f"there is no palette '{program}:{version}'{near}; there is {known}"
-        raise PaletteError(message)
+        raise PaletteError(f"there is no palette '{program}:{version}'{near}; there is {known}")
     return list(module.specs(version))
 
 

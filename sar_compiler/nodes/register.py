@@ -94,18 +94,16 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
 
 def _refuse(what: str, value: object, advice: str) -> NoReturn:
     """Raise the error of an argument that is not what it should be."""
-    message = f"{what} {_quote(value)}{advice}"
-    raise RegistrationError(message)
+    raise RegistrationError(f"{what} {_quote(value)}{advice}")
 
 
 def _require_tag(tag: object) -> None:
     if isinstance(tag, str) and _TAG.fullmatch(tag):
         return
-    message = (
+    raise RegistrationError(
         f"a leaf cannot be registered under {_quote(tag)}: a tag is one word of letters, digits, '_', '-' and '.', "
         "and begins with a letter or '_'"
     )
-    raise RegistrationError(message)
 
 
 def _require_kind(tag: str, kind: object) -> None:
@@ -124,8 +122,7 @@ def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
     if count is None:
         return CHILD_COUNTS[kind]
     if kind is not Kind.CONTROL:
-        message = f"<{tag}>: child_count is for controls: leave it out"
-        raise RegistrationError(message)
+        raise RegistrationError(f"<{tag}>: child_count is for controls: leave it out")
     match count:
         case (int(least), int() | None as most) if 1 <= least <= (least if most is None else most):
             return least, most
@@ -153,10 +150,9 @@ class _UsersFunction:
             message = f"{self._whose} raised {type(error).__name__}: {error}, for '{bound.name}' in line {bound.element.line}"
             raise RegistrationError(message) from error
         if self._name == "possible" and not (isinstance(found, int) and 0 <= found <= ALL):
-            message = (
+            raise RegistrationError(
                 f"{self._whose} returned {_quote(found)}; return a set of outcomes, such as that of a child"
             )
-            raise RegistrationError(message)
         return found
 
 
@@ -174,10 +170,9 @@ def _guard_functions(tag: str, cls: type[Any], semantics: Semantics) -> Semantic
 
 def _require_behaviour(tag: str, cls: object) -> None:
     if not (isinstance(cls, type) and issubclass(cls, Behaviour)):
-        message = (
+        raise RegistrationError(
             f"<{tag}>: {_quote(cls)} is no class of behaviours; derive one from py_trees.behaviour.Behaviour"
         )
-        raise RegistrationError(message)
 
 
 def _status_names(tag: str, outcomes: object) -> frozenset[str]:
@@ -211,8 +206,7 @@ def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answe
             _refuse(f"<{tag}>: answers holds one with the status", answer.status, advice)
     twice = [answer.name for index, answer in enumerate(said) if answer in said[:index]]
     if twice:
-        message = f"<{tag}>: answers holds '{twice[0]}' twice"
-        raise RegistrationError(message)
+        raise RegistrationError(f"<{tag}>: answers holds '{twice[0]}' twice")
     return said
 
 
@@ -221,10 +215,9 @@ def _facts(tag: str, facts: object) -> Mapping[str, Fact]:
         _refuse(f"<{tag}>: facts is", facts, "; write names and values at the start: {'zones_left': 3}")
     for name, value in facts.items():
         if not (isinstance(name, str) and is_fact_name(name)):
-            message = (
+            raise RegistrationError(
                 f"<{tag}>: a fact cannot be called {_quote(name)}: it is a word of letters, digits and '_'"
             )
-            raise RegistrationError(message)
         if not isinstance(value, (bool, int, float, str)):
             _refuse(f"<{tag}>: the fact '{name}' is", value, "; write a number, a text, True or False")
     return dict(facts)

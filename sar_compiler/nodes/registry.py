@@ -52,8 +52,7 @@ class Registry:
             return
         if known and not spec.variant:
             classes = " and ".join(each.maker_path.replace(":", ".") for each in (known[0], spec))
-            message = f"two classes are registered as <{spec.tag}>: {classes}"
-            raise RegistryError(message)
+            raise RegistryError(f"two classes are registered as <{spec.tag}>: {classes}")
         known.append(spec)
 
     def belongs_to(self, tag: str, entry_point: str) -> None:
@@ -80,8 +79,7 @@ class Registry:
             RegistryError: If it is not marked, or its tag already means another class.
         """
         if not is_marked(cls):
-            message = f"{_name_of(cls)} is not registered: write @register above the class"
-            raise RegistryError(message)
+            raise RegistryError(f"{_name_of(cls)} is not registered: write @register above the class")
         self.add(vars(cls)[MARK])
 
     @property
@@ -227,13 +225,11 @@ def _add_palettes(registry: Registry, specs: Iterable[NodeSpec]) -> None:
 def _add_import(registry: Registry, name: str, source: str, load: Callable[[str], ModuleType]) -> None:
     """Add the leaves of a module named by its import path."""
     if name.endswith(".py") or "/" in name:
-        message = f"'{name}' ({source}) is a file; {_as_module(Path(name))}"
-        raise RegistryError(message)
+        raise RegistryError(f"'{name}' ({source}) is a file; {_as_module(Path(name))}")
     module = _import(name, source, load)
     if not registry.add_module(module):
         hint = did_you_mean(next(_submodules_with_leaves(module), None))
-        message = f"the module '{name}' ({source}) registers no node{hint}"
-        raise RegistryError(message)
+        raise RegistryError(f"the module '{name}' ({source}) registers no node{hint}")
 
 
 def _as_module(path: Path) -> str:
@@ -260,10 +256,9 @@ def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> Module
     try:
         return load(name)
     except (Exception, SystemExit) as error:  # whatever a user's module does when it is imported
-        message = (
+        raise RegistryError(
             f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {error}"
-        )
-        raise RegistryError(message) from error
+        ) from error
 
 
 def _is_same(first: NodeSpec, second: NodeSpec) -> bool:

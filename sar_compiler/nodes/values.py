@@ -132,8 +132,7 @@ class ValueType:
         """
         fitted = self._as_python(value)
         if isinstance(fitted, int) and not self._within(fitted):
-            message = f"{value!r} is not {self.label}"
-            raise ConversionError(message)
+            raise ConversionError(f"{value!r} is not {self.label}")
         return fitted
 
     def _within(self, number: int) -> bool:
@@ -154,8 +153,7 @@ class ValueType:
             with suppress(OverflowError, ValueError):  # infinity, or a whole number beyond every float
                 if value == self.python(value):
                     return self.python(value)
-        message = f"{value!r} is not {self.label}"
-        raise ConversionError(message)
+        raise ConversionError(f"{value!r} is not {self.label}")
 
 
 def literal_value(text: str) -> int | float | str:
@@ -314,8 +312,7 @@ def whole_number(text: str, least: float = -math.inf, most: float = math.inf) ->
     """
     if re.fullmatch(INTEGER, text):
         if len(text) > LONGEST:
-            message = f"a whole number of {len(text)} digits is too large"
-            raise ConversionError(message)
+            raise ConversionError(f"a whole number of {len(text)} digits is too large")
         return int(text)
     message, meant = f"'{text}' is not a whole number", meant_whole_number(text)
     fits = meant is not None and least <= int(meant) <= most
@@ -325,8 +322,7 @@ def whole_number(text: str, least: float = -math.inf, most: float = math.inf) ->
 def _unsigned(text: str) -> int:
     value = whole_number(text, 0, _LARGEST_UNSIGNED)
     if text.startswith("-") or value > _LARGEST_UNSIGNED:
-        message = f"'{text}' is not {UNSIGNED.label}"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is not {UNSIGNED.label}")
     return value
 
 
@@ -351,8 +347,7 @@ def at_least(least: int) -> ValueType:
 def _at_least(least: int, label: str, text: str) -> int:
     value = whole_number(text, least)
     if value < least:
-        message = f"'{text}' is not {label}"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is not {label}")
     return value
 
 
@@ -367,8 +362,7 @@ def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
 def _between(least: int, most: int, label: str, text: str) -> int:
     value = whole_number(text, least, most)
     if not least <= value <= most:
-        message = f"'{text}' is not {label}"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is not {label}")
     return value
 
 
@@ -391,12 +385,10 @@ def real_number(text: str) -> float:
         ConversionError: If the text is not a number, or it is too large for a float.
     """
     if not re.fullmatch(REAL, text):
-        message = f"'{text}' is not a number"
-        raise ConversionError(message, meant_number(text), number_hint(text))
+        raise ConversionError(f"'{text}' is not a number", meant_number(text), number_hint(text))
     value = float(text)
     if not math.isfinite(value):
-        message = f"'{text}' is too large for a number"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is too large for a number")
     return value
 
 
@@ -410,8 +402,7 @@ def _duration(text: str) -> timedelta:
     try:
         return timedelta(seconds=_seconds(text))
     except OverflowError:
-        message = f"'{text}' is too long for a duration"
-        raise ConversionError(message) from None
+        raise ConversionError(f"'{text}' is too long for a duration") from None
 
 
 def _seconds(text: str) -> float:
@@ -430,8 +421,7 @@ def _milliseconds(text: str) -> int:
     if milliseconds is None:
         raise _no_duration(text, MILLISECONDS.label, meant_whole_number(text), _milliseconds)
     if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
-        message = f"'{text}' is not a whole number of milliseconds from 0 to {_LARGEST_UNSIGNED}"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is not a whole number of milliseconds from 0 to {_LARGEST_UNSIGNED}")
     return int(milliseconds)
 
 
@@ -465,8 +455,7 @@ def _parse_script(text: str, *, allow_empty: bool) -> object:
     try:
         return _cached_parse(text, allow_empty=allow_empty)
     except ScriptError as error:
-        place = (error.start, error.end)
-        raise ConversionError(str(error), error.suggestion, error.hint, place) from None
+        raise ConversionError(str(error), error.suggestion, error.hint, (error.start, error.end)) from None
 
 
 # A script that comes from the blackboard is asked for in every tick.
@@ -554,11 +543,9 @@ def _anything(text: str) -> object:
     try:
         return json.loads(text.removeprefix(JSON))
     except RecursionError:
-        message = "what follows json: is nested too deeply"
-        raise ConversionError(message) from None
+        raise ConversionError("what follows json: is nested too deeply") from None
     except ValueError as error:
-        message = f"what follows json: is not JSON: {error}"
-        raise ConversionError(message) from None
+        raise ConversionError(f"what follows json: is not JSON: {error}") from None
 
 
 _CPP_TEXT = "std::string"

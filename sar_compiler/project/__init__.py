@@ -693,10 +693,9 @@ def load(
     """
     for name, several in (("nodes", nodes), ("models", models), ("include_path", include_path)):
         if isinstance(several, str):
-            message = (
+            raise TypeError(
                 f"{name} is the text '{several}'; write several or one in brackets: {name}=['{several}']"
             )
-            raise TypeError(message)
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
     additions = Additions(tuple(nodes), palettes, folders, registry=registry, mission=mission)
     # The frames between are `_note`, `project_of` and the two `load`.

@@ -119,5 +119,4 @@ def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> No
         missed = [*missed, Failure("trace", different)]
     if missed:
         lines = [failure_line(run, failure) for failure in missed]
-        message = "\n".join([*lines, "", trace(run)])
-        raise AssertionError(message)
+        raise AssertionError("\n".join([*lines, "", trace(run)]))

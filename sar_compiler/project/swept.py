@@ -121,8 +121,7 @@ def content_of(tree: LoadedTree) -> str:
 def _stage(path: Path, content: str, additions: Additions) -> Stage:
     tree = Workspace(additions).load(path)
     if content_of(tree) != content:
-        message = f"{path}, or what belongs to it, has changed since the sweep began"
-        raise ChangedTreeError(message)
+        raise ChangedTreeError(f"{path}, or what belongs to it, has changed since the sweep began")
     return tree.stage()
 
 

@@ -74,8 +74,7 @@ class Content:
             self._record.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             self._record.write_text(f"{self.configuration}\n", encoding="utf-8")
         except OSError as error:
-            message = f"cannot record that {self.configuration} is trusted: {error}"
-            raise TrustError(message) from error
+            raise TrustError(f"cannot record that {self.configuration} is trusted: {error}") from error
 
     @property
     def _record(self) -> Path:
@@ -126,8 +125,7 @@ class _Finder(MetaPathFinder):
             # A folder without a module of its own has no origin.
             if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.files):
                 return spec
-        message = f"{fullname} is not among what is trusted"
-        raise ModuleNotFoundError(message, name=fullname)
+        raise ModuleNotFoundError(f"{fullname} is not among what is trusted", name=fullname)
 
 
 class _SourceLoader(SourceFileLoader):

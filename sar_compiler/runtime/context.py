@@ -57,8 +57,7 @@ def preview_of(cls: type) -> object:
     try:
         return factory()
     except Exception as error:
-        message = (
+        raise PreviewError(
             f"no stand-in for the context object {cls.__name__} can be made ({type(error).__name__}: {error}); "
             "mark its class with a function that makes one: @mission_context(preview=make)"
-        )
-        raise PreviewError(message) from error
+        ) from error

@@ -105,5 +105,4 @@ def _member(kind: type[enum.Enum], value: ScriptValue, enums: Mapping[str, int])
     try:
         return kind(number)
     except ValueError:
-        message = f"the entry holds a {kind.__name__}, and none of these is {number}"
-        raise RefusedValueError(message) from None
+        raise RefusedValueError(f"the entry holds a {kind.__name__}, and none of these is {number}") from None

@@ -45,11 +45,10 @@ def freeze(value: object) -> Hashable:
     try:
         hash(value)
     except TypeError:
-        message = (
+        raise FrozenValueError(
             f"a value of type {kind.__name__}, which can neither be copied nor hashed; "
             "keep lists, dictionaries, numbers and texts on the blackboard, or give its class a __hash__"
-        )
-        raise FrozenValueError(message) from None
+        ) from None
     return kind, value
 
 

@@ -103,15 +103,13 @@ class SetBlackboard(Behaviour):
         try:
             entry.write(value if entry.kind is None else self._as_before(entry, entry.kind, value))
         except RefusedValueError as error:
-            message = f"'{self.name}': {entry.key}: {error}"
-            raise EntryTypeError(message) from error
+            raise EntryTypeError(f"'{self.name}': {entry.key}: {error}") from error
         return Status.SUCCESS
 
     def _target(self) -> Entry:
         key = self._output_key.get()
         if not isinstance(key, str):
-            message = f"'{self.name}': output_key: {describe_value(key)} is no key"
-            raise EntryTypeError(message)
+            raise EntryTypeError(f"'{self.name}': output_key: {describe_value(key)} is no key")
         return self._scope.resolve(key)
 
     def _as_before(self, entry: Entry, kind: type, value: object) -> object:

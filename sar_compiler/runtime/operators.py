@@ -54,8 +54,7 @@ def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Join two texts, or a text and a number."""
     if not isinstance(left, str) and not isinstance(right, str):
-        message = f"neither {describe_value(left)} nor {describe_value(right)} is a text"
-        raise RefusedValueError(message)
+        raise RefusedValueError(f"neither {describe_value(left)} nor {describe_value(right)} is a text")
     return _join(_written(left), _written(right))
 
 
@@ -131,8 +130,7 @@ def as_condition(value: ScriptValue) -> bool:
         RefusedValueError: If it is anything else.
     """
     if not isinstance(value, (int, float)):
-        message = f"{describe_value(value)} is neither true (1) nor false (0)"
-        raise RefusedValueError(message)
+        raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
     return _truth(value)
 
 
@@ -158,10 +156,9 @@ def _comparable(value: ScriptValue, enums: Mapping[str, int]) -> float:
 def _join(left: str, right: str) -> str:
     length = len(left) + len(right)
     if length > LONGEST_TEXT:
-        message = (
+        raise RefusedValueError(
             f"the text would have {length:,} characters, and a script makes texts of {LONGEST_TEXT:,} at most"
         )
-        raise RefusedValueError(message)
     return left + right
 
 
@@ -173,8 +170,7 @@ def _written(value: object) -> str:
         return str(as_whole(value))
     if isinstance(value, float):
         return f"{value:f}"
-    message = f"{describe_value(value)} is neither a text nor a number"
-    raise RefusedValueError(message)
+    raise RefusedValueError(f"{describe_value(value)} is neither a text nor a number")
 
 
 def _bits(value: ScriptValue) -> int:
@@ -186,8 +182,7 @@ def _truth(value: ScriptValue) -> bool:
     """Return what a number is where true or false is wanted, as `as_condition` has it."""
     number = as_real(value)
     if number < 0 or (isinstance(value, int) and value not in {0, 1}):
-        message = f"{describe_value(value)} is neither true (1) nor false (0)"
-        raise RefusedValueError(message)
+        raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
     return number != 0
 
 

@@ -79,8 +79,7 @@ class Input(Generic[T]):
             return self._convert(source.read())
         except (SarError, ValueError) as error:
             prefix = f"{self._name}: " if self._name else ""
-            message = f"{prefix}{{{source.key}}}: {error}"
-            raise PortError(message, self._name, source.key) from error
+            raise PortError(f"{prefix}{{{source.key}}}: {error}", self._name, source.key) from error
 
 
 class Output(Generic[T]):

@@ -33,11 +33,10 @@ def queue_items(held: object, kind: type) -> list[Any]:
     elif isinstance(held, (list, tuple)):
         parts = held
     else:
-        message = (
+        raise QueueError(
             f"a value of type {type(held).__name__} is no queue; "
             "write a list, or a text with items between semicolons"
         )
-        raise QueueError(message)
     return [_item(part, kind) for part in parts]
 
 
@@ -49,5 +48,4 @@ def _item(held: object, kind: type) -> object:
             return fit(str(value).lower() if spelt else value, kind)
     except RefusedValueError:
         pass
-    message = f"{held!r} is not {_LABELS[kind]}"
-    raise QueueError(message) from None
+    raise QueueError(f"{held!r} is not {_LABELS[kind]}") from None

@@ -97,8 +97,7 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
     """
     script = _ScriptParser(text).script()
     if not script.statements and not allow_empty:
-        message = "this script is empty"
-        raise ScriptError(message, 0, len(text), hint="write an expression, such as x == 1")
+        raise ScriptError("this script is empty", 0, len(text), hint="write an expression, such as x == 1")
     return script
 
 
@@ -201,8 +200,7 @@ class _ScriptParser:
             message = "this '(' is not closed"
             raise ScriptError(message, opening.start, opening.end, hint="write the missing ')'")
         message = f"')' is missing before '{excerpt(self._next.text)}'"
-        hint = "brackets contain one expression"
-        raise ScriptError(message, self._next.start, self._next.end, hint=hint)
+        raise ScriptError(message, self._next.start, self._next.end, hint="brackets contain one expression")
 
     def _assignment(self, target: Expression, start: int) -> Assignment:
         operator = self._advance()
@@ -243,8 +241,7 @@ class _ScriptParser:
         following = self._next
         opens = following.kind is TokenKind.SIGN and following.text in {"(", "!", "~"}
         if name.text == "not" and (opens or following.kind in {TokenKind.NAME, TokenKind.LITERAL}):
-            message = "there is no operator 'not'"
-            raise ScriptError(message, name.start, name.end, suggestion="!")
+            raise ScriptError("there is no operator 'not'", name.start, name.end, suggestion="!")
         if self._at("(") and following.start == name.end and name.text not in _WORDS:
             message = f"a script cannot call '{excerpt(name.text)}': there are no functions"
             hint = "let a leaf calculate it; if two expressions are meant, write ';' between them"

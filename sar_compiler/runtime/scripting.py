@@ -187,10 +187,9 @@ def _as_script_value(name: str, value: object) -> ScriptValue:
     if seen is None:
         if value is None:
             raise UnknownVariableError(name)
-        message = (
+        raise VariableError(
             f"'{name}' holds a value of type {type(value).__name__}, with which a script cannot calculate"
         )
-        raise VariableError(message)
     return seen
 
 

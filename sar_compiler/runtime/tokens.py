@@ -132,8 +132,7 @@ def _token(text: str, group: str, word: str, end: int) -> Token:
         return Token(_SIGN, word, start, end)
     if group == "name":
         if word in _STATEMENTS and _CALLED.match(text, end):
-            message = f"there is no '{word}' in a script"
-            raise ScriptError(message, start, end, hint=_INSTEAD_OF_STATEMENTS)
+            raise ScriptError(f"there is no '{word}' in a script", start, end, hint=_INSTEAD_OF_STATEMENTS)
         return (
             Token(_LITERAL, word, start, end, _BOOLS[word])
             if word in _BOOLS
@@ -160,8 +159,7 @@ def _integer(word: str, start: int) -> int:
 def _real(word: str, start: int) -> float:
     value = float(word)
     if math.isinf(value):
-        message = f"{excerpt(word)} is too large for a number"
-        raise ScriptError(message, start, start + len(word))
+        raise ScriptError(f"{excerpt(word)} is too large for a number", start, start + len(word))
     return value
 
 

@@ -130,8 +130,7 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
     whole = as_whole(value)
     if kind is bool:
         if whole not in {0, 1}:
-            message = f"{describe_value(value)} is neither true (1) nor false (0)"
-            raise RefusedValueError(message)
+            raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
         return bool(whole)
     return whole
 
@@ -161,8 +160,7 @@ def number_of(text: str) -> int | float:
         value = float(text)
         if math.isfinite(value) or text.strip("-").isalpha():
             return value
-    message = f"{describe_value(text)} is not a number"
-    raise RefusedValueError(message)
+    raise RefusedValueError(f"{describe_value(text)} is not a number")
 
 
 def as_real(value: ScriptValue) -> float:
@@ -174,13 +172,11 @@ def as_real(value: ScriptValue) -> float:
     if isinstance(value, float):
         return value
     if not isinstance(value, int):
-        message = f"{describe_value(value)} is not a number"
-        raise RefusedValueError(message)
+        raise RefusedValueError(f"{describe_value(value)} is not a number")
     if not -LARGEST_EXACT <= value <= LARGEST_EXACT:
-        message = (
+        raise RefusedValueError(
             f"{describe_value(value)} is too large to calculate with exactly (the limit is {LARGEST_EXACT})"
         )
-        raise RefusedValueError(message)
     return float(value)
 
 
@@ -191,11 +187,9 @@ def as_whole(value: ScriptValue) -> int:
         RefusedValueError: If it is none, has a fraction, or is too large.
     """
     if not isinstance(value, (int, float)):
-        message = f"{describe_value(value)} is not a number"
-        raise RefusedValueError(message)
+        raise RefusedValueError(f"{describe_value(value)} is not a number")
     if isinstance(value, float) and not value.is_integer():
-        message = f"{describe_value(value)} is not a whole number"
-        raise RefusedValueError(message)
+        raise RefusedValueError(f"{describe_value(value)} is not a whole number")
     if not -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
         message = f"{describe_value(value)} is too large for a whole number (the limit is {LARGEST_INTEGER})"
         raise RefusedValueError(message)

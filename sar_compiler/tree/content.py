@@ -54,15 +54,13 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
         with Path(path).open("rb") as stream:
             return stream.read(limit + 1)
     except OSError as error:
-        message = f"cannot read {path}: {error.strerror or error}"
-        raise UnreadableFileError(message) from error
+        raise UnreadableFileError(f"cannot read {path}: {error.strerror or error}") from error
 
 
 @cache
 def _read_once(stream: TextIO | None, limit: int) -> bytes:
     if stream is None:
-        message = "cannot read standard input: it is closed"
-        raise UnreadableFileError(message)
+        raise UnreadableFileError("cannot read standard input: it is closed")
     return stream.buffer.read(limit + 1)
 
 

@@ -128,8 +128,7 @@ def _files_in(folder: Path) -> Iterator[Path]:
         try:
             entries = sorted(here.iterdir())
         except OSError as error:
-            message = f"cannot read {here}: {error.strerror or error}"
-            raise UnreadableFileError(message) from error
+            raise UnreadableFileError(f"cannot read {here}: {error.strerror or error}") from error
         for entry in entries:
             if entry.name.startswith("."):
                 continue
@@ -146,8 +145,7 @@ def path_named(name: str) -> Path:
         UnreadableFileError: If *name* is empty, which would mean the current folder.
     """
     if not name:
-        message = "the name of a tree file is empty"
-        raise UnreadableFileError(message)
+        raise UnreadableFileError("the name of a tree file is empty")
     return Path(name)
 
 

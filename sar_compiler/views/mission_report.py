@@ -187,21 +187,18 @@ def require_form(file: Path, place: Georeference | None) -> None:
     """
     form = FORMS.get(file.suffix.lower())
     if form is None:
-        message = f"a report ends in {', '.join(FORMS)}, and {file} does not"
-        raise ReportError(message)
+        raise ReportError(f"a report ends in {', '.join(FORMS)}, and {file} does not")
     if form.is_of_the_world and place is None:
-        message = (
+        raise ReportError(
             f"{file} has coordinates of the world, which takes {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} in the "
             "parameter file: where the origin of the frame map lies, in degrees, and where its x axis points, clockwise from "
             "north"
         )
-        raise ReportError(message)
     for library in (*(() if place is None else ("pyproj",)), *form.libraries):
         import_module(library)
     obstacle = _obstacle(file.absolute())
     if obstacle:
-        message = f"{file} cannot be written: {obstacle}"
-        raise ReportError(message)
+        raise ReportError(f"{file} cannot be written: {obstacle}")
 
 
 def _obstacle(file: Path) -> str:

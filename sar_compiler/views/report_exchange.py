@@ -190,8 +190,7 @@ def _remarks(find: Landmark) -> str:
 def _reference(state: MissionState) -> Georeference:
     reference = georeference(state)
     if reference is None:
-        message = "where the map lies on the earth is not known"
-        raise ReportError(message)
+        raise ReportError("where the map lies on the earth is not known")
     return reference
 
 

@@ -235,8 +235,7 @@ def _pack(state: PageState) -> bytes:
 def _unpack(packed: bytes | memoryview) -> PageState:
     state = _StateReader(io.BytesIO(zlib.decompress(packed))).load()
     if not isinstance(state, PageState):
-        message = f"{type(state)} is no state of a page"
-        raise TypeError(message)
+        raise TypeError(f"{type(state)} is no state of a page")
     return state
 
 
@@ -260,8 +259,7 @@ class _StateReader(pickle.Unpickler):
             UnpicklingError: If it is none of them.
         """
         if (module, name) not in _CLASSES:
-            message = f"{module}.{name} has no place in a state"
-            raise pickle.UnpicklingError(message)
+            raise pickle.UnpicklingError(f"{module}.{name} has no place in a state")
         return _CLASSES[module, name]
 
 
@@ -315,8 +313,7 @@ def _place(values: Any) -> TrackPlace:
     run, number, time = entry
     place = TrackPlace(StreamPlace(int(run), int(number), float(time)), *map(float, times))
     if not all(map(math.isfinite, times)):
-        message = f"{values} is no place"
-        raise ValueError(message)
+        raise ValueError(f"{values} is no place")
     return place
 
 

@@ -32,5 +32,4 @@ class RunVariables(FactVariables):
             return super().read(name)
         except UnknownVariableError as error:
             near = nearest(name, [*OWN, *self._simulated.fact_values()])
-            message = f"{error}{did_you_mean(near)}"
-            raise VariableError(message) from error
+            raise VariableError(f"{error}{did_you_mean(near)}") from error

@@ -111,8 +111,7 @@ class ScenarioPlayer:
         try:
             self.run.ended = self._until.holds(self._variables)
         except EvaluationError as error:
-            message = f"until '{self._until.script.text}': {error}"
-            raise UntilError(message) from error
+            raise UntilError(f"until '{self._until.script.text}': {error}") from error
         return self.run.ended
 
     def go(self) -> Run:

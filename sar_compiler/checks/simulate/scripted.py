@@ -124,11 +124,10 @@ class _Plan:
             return found[0]
         leaf = self._leaf
         conditions = [a.when for a in leaf.answers if name in (a.label, a.status) and a.when]
-        message = (
+        raise ScriptedError(
             f"'{leaf.name}' cannot answer '{name}' here: that needs {' or '.join(conditions)}; it can answer "
             f"{', '.join(answer.name for answer in options)}"
         )
-        raise ScriptedError(message)
 
     def _holds(self, step: AnswerStep) -> bool:
         if step.when is None:
@@ -136,8 +135,7 @@ class _Plan:
         try:
             return Program(step.when).holds(self._variables)
         except EvaluationError as error:
-            message = f"'{self._leaf.name}': when '{step.when.text}': {error}"
-            raise ScriptedError(message) from error
+            raise ScriptedError(f"'{self._leaf.name}': when '{step.when.text}': {error}") from error
 
 
 def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:

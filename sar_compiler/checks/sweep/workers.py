@@ -102,12 +102,10 @@ def on_dask(address: str) -> Workers:
     try:
         client = Client(address, timeout="5s")
     except (OSError, ValueError) as error:
-        message = f"no Dask scheduler answers at '{address}' ({error})"
-        raise ClusterError(message) from error
+        raise ClusterError(f"no Dask scheduler answers at '{address}' ({error})") from error
     count = sum(client.nthreads().values())
     if not count:
-        message = f"the Dask cluster at '{address}' has no workers"
-        raise ClusterError(message)
+        raise ClusterError(f"the Dask cluster at '{address}' has no workers")
 
     def stop(executor: Executor) -> None:
         executor.shutdown(wait=False)

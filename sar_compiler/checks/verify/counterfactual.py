@@ -105,8 +105,7 @@ def counterfactual(
     """
     runs = _Runs(simulated)
     if runs.names != list(names):
-        message = "the tree has nodes other than those that ran"
-        raise OtherTreeError(message)
+        raise OtherTreeError("the tree has nodes other than those that ran")
     # What could have been otherwise in a tick is a question of its ways: of ticks with the same ones, the latest is asked.
     moments: dict[int, _FoundTick] = {}
     for moment in reversed(_replayed(runs, record)):
@@ -333,14 +332,12 @@ def _replayed(runs: _Runs, record: Iterable[RecordedTick]) -> list[_FoundTick]:
             (state, way) for state in sorted(now) for way in runs.ways(state) if way.fits(noted, told, labels)
         ]
         if not ways and runs.is_spent:
-            message = "the tree has too many runs to find this one again among them"
-            raise UndecidableError(message)
+            raise UndecidableError("the tree has too many runs to find this one again among them")
         if not ways:
-            message = (
+            raise NotReplayedError(
                 f"the run cannot be found again in the tree from tick {tick.number} on, {tick.time_sec:.1f} s: "
                 "no leaf is known to answer like that there"
             )
-            raise NotReplayedError(message)
         moments.append(_FoundTick(tick.number, tick.time_sec, shared(ways)))
         now = {way.state for _, way in ways}
         told.update(dict.fromkeys(tick.gone, ""))

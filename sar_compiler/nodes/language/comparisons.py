@@ -46,15 +46,13 @@ def read_check(text: str) -> Check:
     """
     parts = text.split(maxsplit=2)
     if len(parts) < len(Check._fields) or "{" in text:
-        message = f"'{text}' is no comparison; {_EXAMPLE}"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is no comparison; {_EXAMPLE}")
     check = Check(*parts)
     VARIABLE.convert(check.variable)
     if check.comparison not in COMPARISONS:
         message = f"'{text}': '{check.comparison}' is not one of {', '.join(COMPARISONS)}"
         near = nearest(check.comparison, COMPARISONS)
-        suggestion = " ".join(check._replace(comparison=near)) if near else None
-        raise ConversionError(message, suggestion)
+        raise ConversionError(message, " ".join(check._replace(comparison=near)) if near else None)
     return check
 
 
@@ -100,8 +98,7 @@ def _checks(text: str) -> list[str]:
     checks = items_of(text, lambda item: " ".join(read_check(item)), blanks=True)
     if len(checks) < _LEAST_CHECKS:
         message = f"at least two comparisons are wanted, and there is {len(checks) or 'none'}"
-        hint = "for one there is CheckBlackboardVariableValue"
-        raise ConversionError(message, hint=hint)
+        raise ConversionError(message, hint="for one there is CheckBlackboardVariableValue")
     return checks
 
 

@@ -32,15 +32,13 @@ def _variable(text: str) -> str:
         message = f"'{text}' is no key; write its name, without a slash before it and without spaces"
         raise ConversionError(message)
     if name.startswith("."):
-        message = f"'{text}' is no key: it begins with a dot; write key.attribute"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is no key: it begins with a dot; write key.attribute")
     return text
 
 
 def _key(text: str) -> str:
     if "." in text:
-        message = f"'{text}' has a dot in it, and this node does not look into objects"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' has a dot in it, and this node does not look into objects")
     return _variable(text)
 
 
@@ -55,16 +53,14 @@ def _names(text: str) -> list[str]:
 def _nth(text: str) -> int:
     number = whole_number(text)
     if number == 0:
-        message = "there is no 0th tick; write 1 to succeed in every tick"
-        raise ConversionError(message)
+        raise ConversionError("there is no 0th tick; write 1 to succeed in every tick")
     return number
 
 
 def _chance(text: str) -> float:
     number = real_number(text)
     if number < 0:
-        message = f"'{text}' is less than 0; write 0 for never"
-        raise ConversionError(message)
+        raise ConversionError(f"'{text}' is less than 0; write 0 for never")
     return number
 
 
@@ -74,11 +70,9 @@ def _chances(text: str) -> list[float]:
         message = f"there are three ways to answer, and {len(chances)} numbers here"
         raise ConversionError(message, hint=_CHANCES)
     if not any(chances):
-        message = "one of the three must be more than 0"
-        raise ConversionError(message, hint=_CHANCES)
+        raise ConversionError("one of the three must be more than 0", hint=_CHANCES)
     if not math.isfinite(sum(chances)):
-        message = "the three together are too large for a number"
-        raise ConversionError(message, hint=_CHANCES)
+        raise ConversionError("the three together are too large for a number", hint=_CHANCES)
     return chances
 
 

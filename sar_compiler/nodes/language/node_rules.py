@@ -101,10 +101,8 @@ def place_of(name: str, names: list[str]) -> int:
     if count == 1:
         return names.index(name)
     if count:
-        message = f"{count} children are called '{name}'; give each a name of its own"
-        raise ConversionError(message)
-    message = f"no child is called '{name}'; there are {', '.join(names)}"
-    raise ConversionError(message, nearest(name, names))
+        raise ConversionError(f"{count} children are called '{name}'; give each a name of its own")
+    raise ConversionError(f"no child is called '{name}'; there are {', '.join(names)}", nearest(name, names))
 
 
 def _bound_name(child: BoundNode) -> str:

@@ -116,8 +116,7 @@ def parallel(
     if policy == "SuccessOnAll":
         return composites.Parallel(name, ParallelPolicy.SuccessOnAll(waits), children)
     if not selected:
-        message = f"selected: no child is named; {HOW_TO_SELECT}"
-        raise ValueError(message)
+        raise ValueError(f"selected: no child is named; {HOW_TO_SELECT}")
     names = [_written_name(child) for child in children]
     chosen = [children[place_of(text, names)] for text in selected]
     return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)

@@ -122,8 +122,7 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
 def _no_text(label: str, text: str) -> object:
     if text.startswith(JSON):
         return ANYTHING.convert(text)
-    message = f"'{text}' is not {label}: no text is one"
-    raise ConversionError(message, hint="give it a {key}")
+    raise ConversionError(f"'{text}' is not {label}: no text is one", hint="give it a {key}")
 
 
 def _message(name: str, label: str, cpp: str, convert: Callable[[str, str], object]) -> ValueType:
