@@ -38,20 +38,6 @@ if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import TreeError as TreeError
     from sar_compiler.tree.diagnostic import UnreadableFileError as UnreadableFileError
 
-
-_MODULES = {
-    "checks.verify.verdicts": ("ProofStatus", "Verdict", "Verification"),
-    "compiler": ("CompiledTree",),
-    "errors": ("SarError", "UndecidableError"),
-    "monitoring.groot2_publisher": ("Groot2Publisher",),
-    "nodes.registry": ("Registry", "RegistryError"),
-    "project": ("LoadedTree", "load"),
-    "project.simulated": ("Simulated",),
-    "ros.parameter_file": ("ParameterFileError",),
-    "ros.runner": ("TreeRunner",),
-    "runtime.kernel.searching": ("Progress",),
-    "tree.diagnostic": ("Diagnostic", "Severity", "TreeError", "UnreadableFileError"),
-}
 # What was named here before there were groups; until the next minor version.
 _MOVED = {
     "leaves": (
@@ -66,7 +52,7 @@ _MOVED = {
     ),
     "testing": ("ManualClock",),
 }
-_look_up, __dir__, __all__ = lazy(__name__, _MODULES)
+_look_up, __dir__, __all__ = lazy(__name__)
 
 
 def __getattr__(name: str) -> Any:

@@ -55,42 +55,5 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.ports import Output as Output
     from sar_compiler.runtime.skipping import SKIPPED as SKIPPED
     from sar_compiler.runtime.skipping import SkippableLeaf as SkippableLeaf
-
-
-_MODULES = {
-    "nodes.constructors": ("RegistrationError",),
-    "nodes.declaring": (
-        "attribute",
-        "handed_over",
-        "inout_port",
-        "input_port",
-        "leaf_spec",
-        "output_port",
-        "reference",
-    ),
-    "nodes.register": ("register",),
-    "nodes.semantics": ("Semantics",),
-    "nodes.spec": ("Kind", "Use"),
-    "nodes.values": ("Milliseconds", "Seconds", "at_least"),
-    "ros.leaves.action_leaf": ("ActionLeaf",),
-    "ros.clock": ("Deadline",),
-    "ros.leaves.goal": ("describe_status",),
-    "ros.leaves.goals": ("SUCCEEDED",),
-    "ros.leaves.interfaces": ("find_interface", "qos_profile"),
-    "ros.leaves.leaf": ("LeafDefinitionError", "RosLeaf", "alive"),
-    "ros.leaves.service_leaf": ("ServiceLeaf",),
-    "ros.leaves.standstill": ("Standstill",),
-    "ros.leaves.topic_leaf": ("TopicLeaf",),
-    "ros.nav2_log": ("nav2_log",),
-    "ros.of_node": ("of_node",),
-    "ros.poses": ("turn_by", "yaw_of"),
-    "ros.robot_estimate": ("RobotEstimate", "robot_estimate"),
-    "runtime.answers": ("Answer",),
-    "runtime.clock": ("Clock", "WallClock"),
-    "runtime.kernel.user_nodes": ("Tick",),
-    "runtime.parents": ("Control", "Decorator"),
-    "runtime.ports": ("InOut", "Input", "Output"),
-    "runtime.skipping": ("SKIPPED", "SkippableLeaf"),
-}
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = lazy(__name__, _MODULES)
+    __getattr__, __dir__, __all__ = lazy(__name__)

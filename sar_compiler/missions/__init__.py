@@ -43,34 +43,7 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.context import mission_context as mission_context
     from sar_compiler.tree.showing import short_line as short_line
 
-
 ENTRY_POINTS = "sar_compiler.missions"
 """The group of entry points by which missions are found."""
-_MODULES = {
-    "journal.journal": ("Journal",),
-    "journal.journal_entries": ("FACTS_LOST", "JournalEntry", "RUN_BEGAN", "RUN_ENDED"),
-    "journal.situation": (
-        "Alarm",
-        "Display",
-        "FactTime",
-        "Figure",
-        "Gauge",
-        "Landmark",
-        "LandmarkKind",
-        "Level",
-        "MissionPhase",
-        "position",
-    ),
-    "missions.choosing": ("MissionError",),
-    "missions.mission": ("Mission", "MissionRun", "Verb", "VerbField"),
-    "resources": ("shipped",),
-    "ros.arguments": ("readable_ros_errors",),
-    "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
-    "ros.parameter_reader": ("ParameterError", "ParameterReader", "lookalikes"),
-    "ros.parameters": ("DataNode", "flat_parameters"),
-    "ros.serving": ("serve",),
-    "runtime.context": ("mission_context",),
-    "tree.showing": ("short_line",),
-}
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = lazy(__name__, _MODULES)
+    __getattr__, __dir__, __all__ = lazy(__name__)
