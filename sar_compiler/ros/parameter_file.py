@@ -8,7 +8,7 @@ the rest, whichever nodes the file is for. The parser also has its own rules for
 import difflib
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -76,10 +76,7 @@ def check_parameter_file(path: Path | str) -> None:
         UnreadableFileError: If the file does not exist or cannot be read.
         ParameterFileError: If there are mistakes; has all of them, each with its place.
     """
-    file = Path(path)
-    problems = list(_problems(_text_of(file)))
-    if problems:
-        raise ParameterFileError(file, problems)
+    _sections(path)
 
 
 def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
@@ -92,8 +89,8 @@ def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
     Returns:
         The note; empty if there are no files, or a section is for the node.
     """
-    files = [yaml.compose(_text_of(Path(path)), Loader=_LOADER) for path in paths]
-    names = list(dict.fromkeys(name for root in files if root is not None for name, _ in _sections(root, "")))
+    files = list(paths)
+    names = list(dict.fromkeys(name for path in files for name in _sections(path)))
     if not names or any(_is_for(name, node) for name in names):
         return ""
     whose = "the file's" if len(files) == 1 else "the files'"
@@ -113,7 +110,6 @@ def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
     Raises:
         ParameterFileError: If there are mistakes; has all of them, each with its place.
     """
-    check_parameter_file(path)
     return {name: each.value for name, each in _values_for(path, node).items()}
 
 
@@ -125,14 +121,10 @@ class _Given(NamedTuple):
 
 
 def _values_for(path: Path | str, node: str) -> dict[str, _Given]:
-    """Return what a file without mistakes gives to a node, by the flat names."""
-    text = _text_of(Path(path))
-    walk, sections = _Walk(text), dict[str, dict[str, _Given]]()
-    for name, parameters in _sections(yaml.compose(text, Loader=_LOADER), ""):
-        sections.setdefault(name, {}).update(walk.values(parameters, ""))
+    """Return what a file gives to a node, by the flat names."""
     return {
         key: given
-        for name, values in sections.items()
+        for name, values in _sections(path).items()
         if _is_for(name, node)
         for key, given in values.items()
     }
@@ -179,14 +171,17 @@ def _plain(value: object) -> object:
     return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
 
 
-def _sections(root: yaml.Node | None, above: str) -> Iterator[tuple[str, yaml.MappingNode]]:
-    """Yield the sections of a file, by their full names with wildcards as written."""
-    if isinstance(root, yaml.MappingNode):
-        for key, value in root.value:
-            if key.value == _SECTION:
-                yield above, value
-            else:
-                yield from _sections(value, f"{above}/{key.value.strip('/')}")
+def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
+    """Return what the sections of a file give, by their full names with wildcards as written.
+
+    Raises:
+        ParameterFileError: If there are mistakes; has all of them.
+    """
+    file = Path(path)
+    reading = _Walk(_text_of(file))
+    if reading.problems:
+        raise ParameterFileError(file, reading.problems)
+    return reading.sections
 
 
 def _is_for(section: str, node: str) -> bool:
@@ -207,72 +202,6 @@ def _text_of(file: Path) -> str:
     raise ParameterFileError(file, [FileProblem(0, 0, wrong)])
 
 
-def _problems(text: str) -> Iterator[FileProblem]:
-    root = None
-    # This loader takes every scalar for text: no date, no number of Python's is in the way.
-    try:
-        found = list(_too_deep(text)) or list(_unread_by_ros(text))
-        root = None if found else yaml.compose(text, Loader=_LOADER)
-    except yaml.MarkedYAMLError as error:
-        found = [_not_yaml(error, text)]
-    except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position)
-        column = error.position - (text.rfind("\n", 0, error.position) + 1)
-        wrong = f"not YAML: the character {chr(error.character)!r} is not allowed"
-        found = [FileProblem(line + 1, column + 1, wrong)]
-    if found:
-        yield from found
-    elif root is None:
-        yield FileProblem(1, 1, f"the file is empty: it needs a node's name (or /**) and {_SECTION} below it")
-    elif not isinstance(root, yaml.MappingNode):
-        yield _at(
-            root, f"must be a mapping: a node's name (or /**), {_SECTION} below it, then the parameters"
-        )
-    else:
-        yield from _Walk(text).nodes(root, "")
-
-
-def _unread_by_ros(text: str) -> Iterator[FileProblem]:
-    """Find YAML features that ROS does not support.
-
-    An older libyaml, which some builds of ROS have, refuses some signs in plain scalars within brackets.
-    """
-    documents = brackets = 0
-    for event in yaml.parse(text, Loader=_LOADER):
-        if isinstance(event, yaml.DocumentStartEvent):
-            documents += 1
-            if event.version is not None and tuple(event.version) != (1, 1):
-                yield _at(
-                    event, f"ROS reads YAML 1.1 only: leave out '%YAML {event.version[0]}.{event.version[1]}'"
-                )
-            if documents == 2:  # noqa: PLR2004
-                yield _at(event, "a second document (---): ROS mixes it into the first; keep one")
-        elif isinstance(event, yaml.AliasEvent):
-            yield _at(event, f"ROS reads no aliases: write out the value of '*{event.anchor}'")
-        elif isinstance(event, yaml.CollectionStartEvent):
-            brackets += bool(event.flow_style)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            brackets = max(brackets - 1, 0)
-        elif isinstance(event, yaml.ScalarEvent) and brackets and _needs_quotes(event):
-            yield _at(
-                event, f"'{event.value}' needs quotes within [] and {{}}: not every ROS takes its ':' or '?'"
-            )
-
-
-def _needs_quotes(event: yaml.ScalarEvent) -> bool:
-    return event.implicit[0] and _SIGNS.search(event.value) is not None
-
-
-def _too_deep(text: str) -> Iterator[FileProblem]:
-    """Find the first place that is nested too deeply; nothing behind it is read."""
-    depth = 0
-    for event in yaml.parse(text, Loader=_LOADER):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > _MAX_DEPTH:
-            yield _at(event, "nested too deeply")
-            return
-
-
 def _not_yaml(error: yaml.MarkedYAMLError, text: str) -> FileProblem:
     mark = error.problem_mark or error.context_mark
     problem = error.problem or "cannot be parsed"
@@ -289,6 +218,10 @@ def _at(where: yaml.Node | yaml.Event, text: str) -> FileProblem:
     return FileProblem(mark.line + 1, mark.column + 1, text) if mark is not None else FileProblem(1, 1, text)
 
 
+def _needs_quotes(event: yaml.ScalarEvent) -> bool:
+    return event.implicit[0] and _SIGNS.search(event.value) is not None
+
+
 def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
     """Return whether a key is similar to the section's name, and not the name of a node with a section below it."""
     below = [each.value for each, _ in value.value] if isinstance(value, yaml.MappingNode) else []
@@ -296,64 +229,119 @@ def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
 
 
 class _Walk:
+    """What a text says, read in one walk.
+
+    Attributes:
+        problems: All mistakes.
+        sections: What each section gives, by its full name and by the flat names; of use if there are no mistakes.
+    """
+
     def __init__(self, text: str) -> None:
         self._text = text
+        self.problems: list[FileProblem] = []
+        self.sections: dict[str, dict[str, _Given]] = {}
+        try:
+            self._read()
+        except yaml.MarkedYAMLError as error:
+            self.problems = [_not_yaml(error, text)]
+        except yaml.reader.ReaderError as error:
+            line = text.count("\n", 0, error.position)
+            column = error.position - (text.rfind("\n", 0, error.position) + 1)
+            wrong = f"not YAML: the character {chr(error.character)!r} is not allowed"
+            self.problems = [FileProblem(line + 1, column + 1, wrong)]
 
-    def nodes(self, mapping: yaml.MappingNode, name: str) -> Iterator[FileProblem]:
+    def _report(self, where: yaml.Node | yaml.Event, text: str) -> None:
+        self.problems.append(_at(where, text))
+
+    def _read(self) -> None:
+        self._look_at_events()
+        if self.problems:
+            return
+        # This loader takes every scalar for text: no date, no number of Python's is in the way.
+        root = yaml.compose(self._text, Loader=_LOADER)
+        if root is None:
+            wrong = f"the file is empty: it needs a node's name (or /**) and {_SECTION} below it"
+            self.problems = [FileProblem(1, 1, wrong)]
+        elif not isinstance(root, yaml.MappingNode):
+            wrong = f"must be a mapping: a node's name (or /**), {_SECTION} below it, then the parameters"
+            self._report(root, wrong)
+        else:
+            self._nodes(root, "", "")
+
+    def _look_at_events(self) -> None:
+        """Find YAML features that ROS does not support, up to where it is nested too deeply; nothing behind that is read.
+
+        An older libyaml, which some builds of ROS have, refuses some signs in plain scalars within brackets.
+        """
+        documents = brackets = depth = 0
+        for event in yaml.parse(self._text, Loader=_LOADER):
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if event.version is not None and tuple(event.version) != (1, 1):
+                    version = f"%YAML {event.version[0]}.{event.version[1]}"
+                    self._report(event, f"ROS reads YAML 1.1 only: leave out '{version}'")
+                if documents == 2:  # noqa: PLR2004
+                    self._report(event, "a second document (---): ROS mixes it into the first; keep one")
+            elif isinstance(event, yaml.AliasEvent):
+                self._report(event, f"ROS reads no aliases: write out the value of '*{event.anchor}'")
+            elif isinstance(event, yaml.CollectionStartEvent):
+                brackets += bool(event.flow_style)
+                depth += 1
+                if depth > _MAX_DEPTH:
+                    self._report(event, "nested too deeply")
+                    return
+            elif isinstance(event, yaml.CollectionEndEvent):
+                brackets = max(brackets - 1, 0)
+                depth -= 1
+            elif isinstance(event, yaml.ScalarEvent) and brackets and _needs_quotes(event):
+                why = "needs quotes within [] and {}: not every ROS takes its ':' or '?'"
+                self._report(event, f"'{event.value}' {why}")
+
+    def _nodes(self, mapping: yaml.MappingNode, name: str, above: str) -> None:
         """Walk through the names of nodes and namespaces, which may be nested, down to the parameters."""
         if not mapping.value:
-            yield _at(mapping, f"has no {_SECTION}" if not name else f"'{name}' has no {_SECTION} below it")
-        yield from self._keys(mapping)
+            whose = f"'{name}' has no {_SECTION} below it" if name else f"has no {_SECTION}"
+            self._report(mapping, whose)
+        self._keys(mapping)
         for key, value in mapping.value:
             if not isinstance(key, yaml.ScalarNode):
                 continue
             if key.value != _SECTION:
-                if _is_meant_for_section(key.value, value):
-                    yield _at(key, f"'{key.value}': did you mean '{_SECTION}' (two underscores)?")
-                elif isinstance(value, yaml.MappingNode):
-                    if _SECTION in key.value or not _NODE_NAME.fullmatch(key.value):
-                        text = "is no name of a node or a namespace: letters, digits and _, / between them, * or **"
-                        yield _at(key, f"'{key.value}' {text}")
-                    yield from self.nodes(value, key.value)
-                else:
-                    yield _at(key, f"'{key.value}' is outside of {_SECTION}: move it below, or indent it")
+                self._node(key, value, above)
             elif not name:
-                yield _at(key, f"there is no node's name (or /**) above {_SECTION}")
+                self._report(key, f"there is no node's name (or /**) above {_SECTION}")
             elif isinstance(value, yaml.MappingNode):
-                yield from self._parameters(value, "", {})
+                given: dict[str, _Given] = {}
+                self._parameters(value, "", given)
+                self.sections.setdefault(above, {}).update(given)
             else:
-                yield _at(key, f"{_SECTION} must hold parameters, 'name: value'")
+                self._report(key, f"{_SECTION} must hold parameters, 'name: value'")
 
-    def values(self, mapping: yaml.MappingNode, prefix: str) -> Iterator[tuple[str, _Given]]:
-        """Yield the parameters of a section without mistakes, with their flat names."""
-        for key, value in mapping.value:
-            name = prefix + key.value
-            if isinstance(value, yaml.MappingNode):
-                yield from self.values(value, f"{name}.")
-            elif isinstance(value, yaml.SequenceNode):
-                yield name, _Given([self._value(entry) for entry in value.value], key)
-            else:
-                yield name, _Given(self._value(value), key)
+    def _node(self, key: yaml.ScalarNode, value: yaml.Node, above: str) -> None:
+        if _is_meant_for_section(key.value, value):
+            self._report(key, f"'{key.value}': did you mean '{_SECTION}' (two underscores)?")
+        elif isinstance(value, yaml.MappingNode):
+            if _SECTION in key.value or not _NODE_NAME.fullmatch(key.value):
+                text = "is no name of a node or a namespace: letters, digits and _, / between them, * or **"
+                self._report(key, f"'{key.value}' {text}")
+            self._nodes(value, key.value, f"{above}/{key.value.strip('/')}")
+        else:
+            self._report(key, f"'{key.value}' is outside of {_SECTION}: move it below, or indent it")
 
-    def _value(self, node: yaml.ScalarNode) -> object:
-        return _READ[self._kind(node)](node.value)
-
-    def _keys(self, mapping: yaml.MappingNode) -> Iterator[FileProblem]:
+    def _keys(self, mapping: yaml.MappingNode) -> None:
         seen: dict[str, int] = {}
         for key, _ in mapping.value:
             if not isinstance(key, yaml.ScalarNode):
-                yield _at(key, "a key must be a name, not a list or a mapping")
+                self._report(key, "a key must be a name, not a list or a mapping")
             elif not key.value:
-                yield _at(key, "a name is missing before this ':'")
+                self._report(key, "a name is missing before this ':'")
             elif key.value in seen:
-                yield _at(key, f"'{key.value}' is given twice (first in line {seen[key.value]})")
+                self._report(key, f"'{key.value}' is given twice (first in line {seen[key.value]})")
             else:
                 seen[key.value] = key.start_mark.line + 1
 
-    def _parameters(
-        self, mapping: yaml.MappingNode, prefix: str, seen: dict[str, int]
-    ) -> Iterator[FileProblem]:
-        yield from self._keys(mapping)
+    def _parameters(self, mapping: yaml.MappingNode, prefix: str, given: dict[str, _Given]) -> None:
+        self._keys(mapping)
         here: set[str] = set()
         for key, value in mapping.value:
             if not isinstance(key, yaml.ScalarNode) or key.value in here:
@@ -362,62 +350,57 @@ class _Walk:
             name = prefix + key.value
             if isinstance(value, yaml.MappingNode):
                 if not value.value:
-                    yield _at(value, f"'{name}' is empty: leave it out")
-                yield from self._parameters(value, f"{name}.", seen)
+                    self._report(value, f"'{name}' is empty: leave it out")
+                self._parameters(value, f"{name}.", given)
                 continue
             # `a.b: 1` and `a: {b: 2}` are the same parameter.
-            if name in seen:
-                yield _at(key, f"'{name}' is given twice (first in line {seen[name]})")
-            seen[name] = key.start_mark.line + 1
-            if isinstance(value, yaml.SequenceNode):
-                yield from self._list(name, value)
-            else:
-                yield from self._scalar(name, value)
+            if name in given:
+                first = given[name].name.start_mark.line + 1
+                self._report(key, f"'{name}' is given twice (first in line {first})")
+            is_list = isinstance(value, yaml.SequenceNode)
+            given[name] = _Given(self._list(name, value) if is_list else self._scalar(name, value), key)
 
-    def _list(self, name: str, sequence: yaml.SequenceNode) -> Iterator[FileProblem]:
+    def _list(self, name: str, sequence: yaml.SequenceNode) -> list[object]:
         if not sequence.value:
             # An empty list is an array of no type, which a node cannot declare.
-            yield _at(
-                sequence,
-                f"'{name}' is an empty list, of which ROS cannot tell the type: leave it out or fill it",
-            )
-            return
+            wrong = "is an empty list, of which ROS cannot tell the type: leave it out or fill it"
+            self._report(sequence, f"'{name}' {wrong}")
+        values: list[object] = []
         kinds: list[str] = []
         for entry in sequence.value:
             if not isinstance(entry, yaml.ScalarNode):
                 what = "mappings" if isinstance(entry, yaml.MappingNode) else "lists"
-                yield _at(entry, f"'{name}' is a list of {what}: ROS reads lists of plain values only")
-                return
-            yield from self._scalar(name, entry)
+                self._report(entry, f"'{name}' is a list of {what}: ROS reads lists of plain values only")
+                break
+            values.append(self._scalar(name, entry))
             kinds.append(self._kind(entry))
             if kinds[-1] != kinds[0]:
                 hint = " (write 1.0 for 1)" if {kinds[-1], kinds[0]} == {"a whole number", "a number"} else ""
-                text = f"'{name}' mixes {kinds[0]} with {kinds[-1]}: a list must be all of one type{hint}"
-                yield _at(entry, text)
-                return
+                mixed = f"'{name}' mixes {kinds[0]} with {kinds[-1]}: a list must be all of one type{hint}"
+                self._report(entry, mixed)
+                break
+        return values
 
-    def _scalar(self, name: str, node: yaml.ScalarNode) -> Iterator[FileProblem]:
+    def _scalar(self, name: str, node: yaml.ScalarNode) -> object:
+        """Return a value as ROS reads it, and find what its author did not mean."""
+        text = node.value
         if node.tag != "tag:yaml.org,2002:str":
             # Read as if the tag were not there: `!degrees 90` as 90, `!!int '3'` as text.
-            yield _at(node, f"'{name}' has the tag {node.tag}, which ROS ignores: write the value itself")
+            self._report(node, f"'{name}' has the tag {node.tag}, which ROS ignores: write the value itself")
         elif self._is_text(node):
-            return
-        elif node.value == "":
-            yield _at(node, f"'{name}' has no value")
-        elif node.value in ("~", "null", "Null", "NULL"):
-            yield _at(node, f"'{name}' is {node.value}: ROS has no empty values and would read that text")
-        else:
-            yield from self._number(name, node)
-
-    def _number(self, name: str, node: yaml.ScalarNode) -> Iterator[FileProblem]:
-        """Find numbers that ROS reads differently than their author meant."""
-        text = node.value
-        if re.fullmatch(r"[+-]?0[0-7]+", text) and int(text, 8) != int(text):
-            yield _at(
-                node, f"'{name}': ROS reads {text} as an octal number, {int(text, 8)}; write it without the 0"
-            )
+            return text
+        elif text == "":
+            self._report(node, f"'{name}' has no value")
+        elif text in ("~", "null", "Null", "NULL"):
+            self._report(node, f"'{name}' is {text}: ROS has no empty values and would read that text")
+        elif re.fullmatch(r"[+-]?0[0-7]+", text) and int(text, 8) != int(text):
+            octal = f"'{name}': ROS reads {text} as an octal number, {int(text, 8)}; write it without the 0"
+            self._report(node, octal)
         elif rcl_kind(text) == "text" and _means_number(text):
-            yield _at(node, f"'{name}': ROS reads {text} as text, not as a number; write it in plain digits")
+            self._report(
+                node, f"'{name}': ROS reads {text} as text, not as a number; write it in plain digits"
+            )
+        return _READ[self._kind(node)](text)
 
     def _kind(self, node: yaml.ScalarNode) -> str:
         return "text" if self._is_text(node) else rcl_kind(node.value)

@@ -500,7 +500,7 @@ class TestParameterFiles:
     def test_any_text_passes_or_is_refused_in_words(self, text: str) -> None:
         from sar_compiler.ros import parameter_file
 
-        for problem in parameter_file._problems(HEAD + "    x: " + text):
+        for problem in parameter_file._Walk(HEAD + "    x: " + text).problems:
             assert problem.text
             assert problem.line >= 1
 
