@@ -102,16 +102,44 @@ def test_a_message_that_is_explained_is_printed_by_the_project(message):
 
 
 BASE = next(block.text for block in blocks(PARAMETERS) if block.file == "params.yaml")
-MISTAKES = [
-    pytest.param(codes(cells[0])[0], codes(cells[1])[0], id=codes(cells[0])[0])
+# Mistakes whose messages say all, so that the page need not.
+FURTHER = [
+    ("zone_order: kitchen", "parameter zone_order: must be a list of zone ids, is the text 'kitchen'"),
+    ('zone_order: ["attic", "attic"]', "parameter zone_order: names 'attic' more than once"),
+    (
+        'zone_order: ["attic", 2]',
+        "'zone_order' mixes text with a whole number: a list must be all of one type",
+    ),
+    ("attic: {x: 3.5, y: .nan, yaw: 1.57}", "parameter zones.attic.y: must be a finite number, is nan"),
+    ("attic: {x: 3.5, y: 3.0}", "parameter zones.attic.yaw: is missing: give a number"),
+    (
+        "attic: {x: 3.5, y: 3.0, yaw: 1.57, z: 0.0}",
+        "parameter zones.attic.z: is not known there; there may be x, y, yaw",
+    ),
+    ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, is the text 'fast'"),
+    ("set_initial_pose: 3", "parameter set_initial_pose: must be true or false, is the number 3"),
+    (
+        "geofence: [0.0, 0.0, 5.0]",
+        "parameter geofence: must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds 3 numbers",
+    ),
+    (
+        "georeference: {lat: 91.0, lon: 16.4, heading: 90.0}",
+        "parameter georeference.lat: must be degrees between -90 and 90, is 91",
+    ),
+    ("time_limit_sec: -1", "parameter time_limit_sec: must be above 0, is -1"),
+    ("use_sim_time: hello", "parameter use_sim_time: must be true or false, is 'hello'"),
+]
+SHOWN = [
+    (codes(cells[0])[0], codes(cells[1])[0])
     for heading, _, cells in tables(PARAMETERS)
     if heading == "Mistakes"
 ]
+MISTAKES = [pytest.param(written, said, id=written) for written, said in [*SHOWN, *FURTHER]]
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("written", "said"), MISTAKES)
-def test_a_mistake_in_the_parameter_file_is_answered_as_the_page_says(tmp_path, written, said):
+def test_a_mistake_in_the_parameter_file_is_answered_by_its_message(tmp_path, written, said):
     file = tmp_path / "params.yaml"
     file.write_text(with_line(BASE, written), encoding="utf-8")
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""Whoever types a mistake that `docs/troubleshooting.md` explains reads the message that it quotes."""
+"""Whoever types a mistake reads the message that is expected here, and that `docs/troubleshooting.md` explains where it must."""
 
 import os
 import re
@@ -78,6 +78,25 @@ BESIDE_A_JOURNAL = {
     "the mission in the journal … is not over: …": False,
     "… is the journal of a mission that runs just now, in another process": True,
 }
+# Messages that need no row on the page, because they say what to write instead.
+PLAIN = {
+    "there is no journal …, so nothing to resume: leave --resume out",
+    "… cannot be run like this; nothing has moved",
+    "… is there already, and is not written over: name another one",
+    "the name of a tree file is empty",
+    "there is no tree file '…', nor a shipped tree of that name",
+    "there is no world file '…', nor a shipped world of that name",
+    "'…' (--nodes) is a file; write it as a module",
+    "did you mean 'ros__parameters' (two underscores)?",
+    "a namespace begins with a slash: __ns:=/…",
+    "'…' is not allowed in a name: letters, digits, _ and /",
+    "a name is replaced by from:=to",
+    "ROS does not accept its arguments: …",
+    "… is for the simulator: add --sim",
+    "--sim takes a world, and '…' looks like a tree: put the tree before --sim",
+    "there is no mission '…' (installed: …)",
+    "robot '…': …",
+}
 TAKEN_PORT = "port … of 127.0.0.1 cannot be used: …"
 COMPANY = "… already provides … here: a simulated robot must not mix with another one."
 MAKE = {
@@ -126,8 +145,10 @@ def explained(heading):
     }
 
 
-def test_every_mistake_of_usage_that_is_explained_is_typed():
-    assert explained(USAGE) == {*TYPED, *IN_A_SHELL, *BESIDE_A_JOURNAL, TAKEN_PORT, COMPANY}
+def test_every_mistake_of_usage_that_is_explained_is_typed_and_the_others_say_what_to_write():
+    typed = {*TYPED, *IN_A_SHELL, *BESIDE_A_JOURNAL, TAKEN_PORT, COMPANY}
+    assert explained(USAGE) == typed - PLAIN
+    assert typed >= PLAIN
 
 
 def test_every_hindrance_to_installing_that_is_explained_is_met():
