@@ -16,6 +16,7 @@ from sar_compiler.journal.journal_entries import (
     RUN_ENDED,
     Ending,
     JournalEntry,
+    Row,
 )
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.journal.situation import CHANGED, Display, LandmarkKind, beginning, changes_by
@@ -24,7 +25,7 @@ from sar_compiler.runtime.context import mission_context
 
 if TYPE_CHECKING:
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.journal.reserve import Kept, Reserve, Row, RunEnd
+    from sar_compiler.journal.reserve import Kept, Reserve, RunEnd
 
 Listener = Callable[[JournalEntry], object]
 
@@ -102,6 +103,7 @@ class Journal:
         clock: The mission's clock.
         on_failure: Called with a sentence when the file cannot be written, or a listener has raised.
         on_recovery: Called with a sentence when the file can be written again.
+        leaf_in_hand: Returns which `leaf` notes a fact just now, in which `tick`; nothing between two ticks.
     """
 
     def __init__(
@@ -118,6 +120,7 @@ class Journal:
         self._shown = Display()
         self.on_failure: Callable[[str], object] = lambda _: None
         self.on_recovery: Callable[[str], object] = lambda _: None
+        self.leaf_in_hand: Callable[[], Mapping[str, int]] = dict
         self._file = file
         self.aside = aside
         known = file if aside is None else None
@@ -232,7 +235,7 @@ class Journal:
         self._about, self._has_begun = self._about or dict(about), True
         if self._file is not None:
             self._begin_in(self._file, about, of_run)
-        self._tell(RUN_BEGAN, {**self._about, "run": of_run})
+        self._tell(self._entry(RUN_BEGAN, {**self._about, "run": of_run}))
         if self._state is not None:
             self._apply(self._entry(RUN_BEGAN, of_run))
             self._shown = self._state.display()
@@ -269,15 +272,14 @@ class Journal:
         """
         fact = self._entry(kind, data)
         self._apply(fact)
-        changed = self._changed(fact)
+        changed = {**self._changed(fact), **self.leaf_in_hand()}
+        behind = [fact._replace(kind=CHANGED, data=changed)] if changed else []
         if self._is_written:
-            self._pending.append(self._row(kind, data, fact))
-            if changed:
-                self._watched.append(self._row(CHANGED, changed, fact))
+            self._pending.append(self._row(fact))
+            self._watched.extend(map(self._row, behind))
             self._write()
-        self._tell(kind, data, fact)
-        if changed:
-            self._tell(CHANGED, changed, fact)
+        for entry in (fact, *behind):
+            self._tell(entry)
 
     def _entry(self, kind: str, data: Mapping[str, object]) -> JournalEntry:
         return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
@@ -308,16 +310,17 @@ class Journal:
         Raises:
             TypeError: If a value is no JSON value.
         """
+        entry = self._entry(kind, data)
         if self._is_written:
             if not self._watched and not self._is_failing:
                 self._pending_since = time.monotonic()
-            row = self._row(kind, data)
+            row = self._row(entry)
             if len(self._watched) < _MOST_WATCHED:
                 self._watched.append(row)
             else:
                 self._left_out += 1
             self.write_when_due()
-        self._tell(kind, data)
+        self._tell(entry)
 
     def write_when_due(self) -> None:
         """Write what is queued if the oldest of it is a second old, or the last attempt has failed a second ago."""
@@ -332,8 +335,7 @@ class Journal:
             status: The exit status.
             reason: The reason in a sentence.
         """
-        data = {"ending": ending.value, "status": status, "reason": reason}
-        entry = self._entry(RUN_ENDED, data)
+        entry = self._entry(RUN_ENDED, {"ending": ending.value, "status": status, "reason": reason})
         self._apply(entry)
         if changed := self._changed(entry):
             self.watch(CHANGED, **changed)
@@ -342,7 +344,7 @@ class Journal:
 
             self._end = RunEnd(self._run, time.time(), ending, status, reason)
             self._write()
-        self._tell(RUN_ENDED, data)
+        self._tell(entry)
 
     def close(self) -> None:
         """Write what is queued, and close the file; remove one in which nothing has begun."""
@@ -357,15 +359,14 @@ class Journal:
             self._file.remove()
         self._file, self._reserve, self._is_written = None, None, False
 
-    def _tell(self, kind: str, data: Mapping[str, object], at: JournalEntry | None = None) -> None:
-        """Give the listeners an entry, timed now or as another one."""
+    def _tell(self, entry: JournalEntry) -> None:
+        """Give the listeners an entry, with its number among those that they were given."""
         if self._listeners:
             # What is no JSON value is the caller's mistake where nothing is written, too.
             if not self._is_written:
-                json_text(data)
+                json_text(entry.data)
             self._told += 1
-            wall, now = self._moment(at)
-            entry = JournalEntry(self._told, self._run, wall, now, kind, data)
+            entry = JournalEntry(self._told, *entry[1:])
             for listener in list(self._listeners):
                 try:
                     listener(entry)
@@ -373,16 +374,11 @@ class Journal:
                     self._listeners.remove(listener)
                     self.on_failure(f"One who watches the mission has failed and watches no more: {error!r}.")
 
-    def _row(self, kind: str, data: Mapping[str, object], at: JournalEntry | None = None) -> "Row":
-        """Return an entry as it is written, timed now or as another one."""
-        from sar_compiler.journal.reserve import Row
-
+    def _row(self, entry: JournalEntry) -> Row:
+        """Return an entry as it is written, with the next number."""
         self._number += 1
-        wall, now = self._moment(at)
-        return Row(self._number, self._run, wall, now, kind, json_text(data))
-
-    def _moment(self, at: JournalEntry | None) -> tuple[float, float]:
-        return (time.time(), self.clock.now()) if at is None else (at.wall, at.time)
+        _, run, wall, now, kind, data = entry
+        return Row(self._number, run, wall, now, kind, json_text(data))
 
     def _write(self) -> None:
         file = self._file if self._is_written else None

@@ -50,6 +50,17 @@ class JournalEntry(NamedTuple):
     data: Mapping[str, Any]
 
 
+class Row(NamedTuple):
+    """An entry that is to be written; its number is the next one after those of facts and of what was watched."""
+
+    number: int
+    run: int
+    wall: float
+    time: float
+    kind: str
+    data: str
+
+
 class Ending(str, Enum):
     """How a run has ended."""
 

@@ -15,24 +15,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.journal_entries import FACTS_LOST, Ending
+from sar_compiler.journal.journal_entries import FACTS_LOST, Ending, Row
 
 SUFFIX = "-reserve"
 
 _SLOT_BYTES = 64 * 1024
 # Checksum, length, and number of the writing, in decimal digits.
 _HEAD_BYTES = 40
-
-
-class Row(NamedTuple):
-    """An entry that is to be written; its number is the next one after those of facts and of what was watched."""
-
-    number: int
-    run: int
-    wall: float
-    time: float
-    kind: str
-    data: str
 
 
 class RunEnd(NamedTuple):

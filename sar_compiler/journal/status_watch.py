@@ -1,6 +1,8 @@
 """The statuses of a tree's nodes, tick by tick, in the journal."""
 
+import sys
 from collections.abc import Callable, Iterable, Mapping
+from types import FrameType
 from uuid import UUID
 
 from py_trees.behaviour import Behaviour
@@ -22,6 +24,9 @@ class StatusWatch(VisitorBase):
     pre-order, as in the journal's tree. A leaf that has declared its answers has the `label` of the one it has given, which is
     empty if it has not said which. HALTED is the status of one that was stopped while it was running; IDLE of one that
     had ended, and was reset because what is above it began anew or was stopped; `last` is then the tick in which it was ticked last.
+
+    The journal asks it which leaf notes a fact. What that leaf has answered then is written whether it is another answer or not, so that
+    each fact of a tick has the answer by which it came.
 
     Args:
         root: The tree.
@@ -47,24 +52,45 @@ class StatusWatch(VisitorBase):
         self._standing: set[int] = set()
         self._tick = 0
         self._ticked: dict[int, int] = {}
+        self._is_ticking = False
+        self._noted: set[int] = set()
+        journal.leaf_in_hand = self._leaf_in_hand
+
+    def _leaf_in_hand(self) -> Mapping[str, int]:
+        """Return the leaf of which a method is being run, and the tick; nothing where no leaf is ticked.
+
+        Facts are rare, and ticks are not: so Python's stack is searched for each fact, and ticks say nothing. That finds a leaf of
+        any class, and in any engine.
+        """
+        frame: FrameType | None = sys._getframe(1) if self._is_ticking else None  # noqa: SLF001
+        while frame is not None:
+            number = self._numbers.get(id(frame.f_locals.get("self")))
+            if number is not None and not self._behaviours[number].children:
+                self._noted.add(number)
+                return {"leaf": number, "tick": self._tick}
+            frame = frame.f_back
+        return {}
 
     def initialise(self) -> None:
         """Begin a tick."""
         self._tick += 1
+        self._is_ticking = True
+        self._noted.clear()
 
     def run(self, behaviour: Behaviour) -> None:
         """Watch a node that was ticked."""
         number = self._numbers.get(id(behaviour))
         if number is not None:
             status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
-            self._note(number, str(status), behaviour.feedback_message, self._label(behaviour, str(status)))
+            self._write(number, str(status), behaviour.feedback_message, self._label(behaviour, str(status)))
 
     def finalise(self) -> None:
         """Watch the nodes that were stopped or reset, and end the tick."""
         gone = [each for each in self._standing if self._behaviours[each].status is Status.INVALID]
         for number in sorted(gone):
             was_running = self._last[number][0] == Status.RUNNING.value
-            self._note(number, "HALTED" if was_running else "IDLE", "", last=self._ticked.get(number, 0))
+            self._write(number, "HALTED" if was_running else "IDLE", "", last=self._ticked.get(number, 0))
+        self._is_ticking = False
         self._journal.write_when_due()
 
     def _label(self, behaviour: Behaviour, status: str) -> str | None:
@@ -79,10 +105,10 @@ class StatusWatch(VisitorBase):
             self._warn(f"'{behaviour.name}' ({type(behaviour).__name__}): {objection}.")
         return declared.label(status, said)
 
-    def _note(self, number: int, status: str, message: str, label: str | None = None, **more: int) -> None:
+    def _write(self, number: int, status: str, message: str, label: str | None = None, **more: int) -> None:
         if not more:
             self._ticked[number] = self._tick
-        if self._last.get(number) == (status, message, label):
+        if self._last.get(number) == (status, message, label) and number not in self._noted:
             return
         self._last[number] = status, message, label
         (self._standing.add if status in _STANDING else self._standing.discard)(number)

@@ -8,7 +8,7 @@ from sar_compiler.missions.choosing import load_missions
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.ros.parameter_reader import ParameterReader
 
-_WATCHED = (*OF_ROBOT, "status", "progress", "lacks", GOAL_ENDED)
+_WATCHED = (*OF_ROBOT, "status", "progress", "lacks", GOAL_ENDED, CHANGED)
 
 
 def add_displays(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:

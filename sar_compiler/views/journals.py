@@ -100,8 +100,8 @@ def _table(
 def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
     """Yield the data of an entry as text; a node by its name, if the names of all are given."""
     for key, value in data.items():
-        if key == "node" and isinstance(value, int) and 0 <= value < len(nodes):
-            yield f"node '{nodes[value]}'"
+        if key in ("node", "leaf") and isinstance(value, int) and 0 <= value < len(nodes):
+            yield f"{key} '{nodes[value]}'"
         elif value != "":
             yield f"{key} {_value(value)}"
 

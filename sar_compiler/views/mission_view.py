@@ -65,10 +65,10 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
         if node.status in (before, "IDLE"):
             return ""
         words = f"{node.name} {node.words}"
-    elif state.is_told:  # behind each fact stands what it says
-        words = str(entry.data.get("said") or "") if entry.kind == CHANGED else ""
+    elif entry.kind == CHANGED:  # behind each fact stands what it says
+        words = str(entry.data.get("said") or "")
     else:
-        words = fact_words(entry.kind, entry.data)
+        words = "" if state.is_told else fact_words(entry.kind, entry.data)
     return in_one_line(f"{state.now.time:9.1f} s  {shortened(words)}") if words else ""
 
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.journal_entries import Ending
-from sar_compiler.journal.reserve import Row, RunEnd
+from sar_compiler.journal.journal_entries import Ending, Row
+from sar_compiler.journal.reserve import RunEnd
 from sar_compiler.views.journals import journal_json, journal_lines
 
 NUMBERS = itertools.count(1)

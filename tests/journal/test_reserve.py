@@ -17,9 +17,9 @@ from sar_compiler.journal import reserve as reserves
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.following import JournalFollower
-from sar_compiler.journal.journal_entries import FACTS_LOST, Ending
+from sar_compiler.journal.journal_entries import FACTS_LOST, Ending, Row
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.reserve import Kept, Reserve, Row, read_reserve
+from sar_compiler.journal.reserve import Kept, Reserve, read_reserve
 from sar_compiler.views.journals import journal_json
 from tests.full_disk import full_disk
 

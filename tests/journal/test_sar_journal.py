@@ -51,6 +51,17 @@ def test_what_was_watched_is_told_on_request_with_the_names_of_nodes(place, caps
     assert "node 'Search', status SUCCESS" in shown(capsys, place, "--all")
 
 
+def test_the_leaf_that_has_noted_a_fact_is_told_by_its_name(tmp_path, capsys):
+    journal = open_journal(tmp_path / "mission.journal")
+    journal.begin({"tree": TREE}, {})
+    journal.leaf_in_hand = lambda: {"leaf": 0, "tick": 3}
+    journal.note("base_reached")
+    journal.close()
+    assert f"changed       leaf '{TREE['name']}', tick 3" in shown(
+        capsys, tmp_path / "mission.journal", "--all"
+    )
+
+
 def test_json_has_everything_as_it_is(place, capsys):
     text = shown(capsys, place, "--format", "json", "--all")
     assert "\x1b" not in text

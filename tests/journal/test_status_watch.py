@@ -168,3 +168,77 @@ def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal)
     entries = [entry.data for entry in journal._file.watched("status")]
     assert [entry["label"] for entry in entries] == ["no answer", "nothing"]
     assert one.answer_label == "nothing"
+
+
+class Record:
+    """Notes facts for leaves, as a mission's record does."""
+
+    def __init__(self, journal):
+        self._journal = journal
+
+    def see(self, what):
+        self._journal.note("seen", what=what)
+
+
+class Seeing(Behaviour):
+    """Says to a record what it does."""
+
+    def __init__(self, name, record, *statuses):
+        super().__init__(name)
+        self._record, self._statuses = record, list(statuses)
+
+    def initialise(self):
+        self._record.see("the start")
+
+    def update(self):
+        self._record.see("the tick")
+        return self._statuses.pop(0)
+
+    def terminate(self, new_status):
+        self._record.see(f"the end by {new_status.value}")
+
+
+def facts_by_leaf(journal):
+    """Return what was noted, each with the number of the leaf and of the tick that are written behind it; None where there are none."""
+    journal._write()
+    behind = {entry.number - 1: entry.data for entry in journal._file.watched("changed")}
+    return [
+        (fact.data["what"], *(behind.get(fact.number, {}).get(key) for key in ("leaf", "tick")))
+        for fact in journal._file.entries(1, with_watched=False)
+    ]
+
+
+def test_behind_a_fact_stands_which_leaf_has_noted_it_in_which_tick(journal):
+    one = Seeing("one", Record(journal), Status.RUNNING, Status.SUCCESS)
+    tree = BehaviourTree(Sequence("root", memory=True, children=[leaf("first", Status.SUCCESS), one]))
+    tree.add_visitor(StatusWatch(tree.root, journal))
+    tree.tick()
+    Record(journal).see("between two ticks")
+    one._record.see("by the leaf, but between two ticks")
+    tree.tick()
+    assert facts_by_leaf(journal) == [
+        ("the start", 2, 1),
+        ("the tick", 2, 1),
+        ("between two ticks", None, None),
+        ("by the leaf, but between two ticks", None, None),
+        ("the tick", 2, 2),
+        ("the end by SUCCESS", 2, 2),
+    ]
+
+
+def test_a_fact_that_is_noted_by_what_stands_around_leaves_is_none_of_theirs(journal):
+    class Around(Sequence):
+        def stop(self, new_status=Status.INVALID):
+            journal.note("seen", what="the end")
+            super().stop(new_status)
+
+    tree = BehaviourTree(Around("root", memory=True, children=[leaf("one", Status.FAILURE)]))
+    tree.add_visitor(StatusWatch(tree.root, journal))
+    tree.tick()
+    assert {fact[1:] for fact in facts_by_leaf(journal)} == {(None, None)}
+
+
+def test_the_answer_by_which_a_fact_came_is_written_though_it_is_as_the_last_one(journal):
+    one = Seeing("one", Record(journal), *[Status.RUNNING] * 3)
+    one._record.see = lambda what: journal.note("seen", what=what) if len(one._statuses) != 2 else None
+    assert watched(journal, one, 3) == [(1, 0, "RUNNING"), (3, 0, "RUNNING")]

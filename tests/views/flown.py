@@ -107,7 +107,7 @@ def flown(simulated, policy, journal=None, **about):
         policy.tick = tick
         watch.initialise()
         for each, status in player.tick().statuses.items():
-            watch._note(numbers[id(by_id[each])], status, by_id[each].feedback_message)
+            watch._write(numbers[id(by_id[each])], status, by_id[each].feedback_message)
         watch.finalise()
         if player.run.root != "RUNNING":
             break

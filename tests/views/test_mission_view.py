@@ -204,6 +204,10 @@ def test_a_change_is_a_line_with_the_time():
     assert change("zone_visited", {"zone": "zone_a"}) == "      2.5 s  zone visited: zone: zone_a"
 
 
+def test_which_leaf_has_noted_a_fact_is_no_line_of_its_own():
+    assert change("changed", {"leaf": 1, "tick": 2}) == ""
+
+
 def test_of_a_mission_that_says_itself_what_has_happened_that_is_the_line():
     fact, said, told = {"zone": "zone_a"}, {"said": "zone_a was visited"}, [changed(kinds=[])]
     assert change("zone_visited", fact, more=told) == ""
