@@ -1,6 +1,7 @@
 """`sar-journal why`: why a mission has failed, and what would have succeeded."""
 
 import argparse
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -15,11 +16,12 @@ from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.verify.counterfactual import Counterfactual, RecordedTick
+    from sar_compiler.checks.verify.counterfactual import Counterfactual
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.journal.mission_state import MissionState, NodeState
     from sar_compiler.project import Workspace
+    from sar_compiler.runtime.events import Event
     from sar_compiler.views.why import RunDifference, Why
 
 
@@ -105,13 +107,15 @@ class Explanation(NamedTuple):
         Raises:
             JournalError: If the journal cannot be read.
         """
-        from sar_compiler.views.why import Inquiry, recorded
+        from sar_compiler.journal.recorded_events import recorded_events
+        from sar_compiler.views.why import Inquiry
 
         inquiry = Inquiry.of(_tree_entries(file))
         reasons = inquiry.why()
         if not reasons.chain or projects is None:
             return cls(reasons, inquiry.state.nodes)
-        record = recorded(_tree_entries(file), inquiry.count)
+        events = recorded_events(_tree_entries(file))
+        record = itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
         change = what_would_have_succeeded(inquiry.state, record, projects, tree_file)
         return cls(reasons, inquiry.state.nodes, change)
 
@@ -148,7 +152,7 @@ def _tree_entries(file: "JournalFile") -> "Iterator[JournalEntry]":
 
 def what_would_have_succeeded(
     state: "MissionState",
-    record: "Iterable[RecordedTick]",
+    record: "Iterable[Event]",
     projects: "Workspace",
     tree_file: Path | None = None,
 ) -> Otherwise:
@@ -156,7 +160,7 @@ def what_would_have_succeeded(
 
     Args:
         state: The state of the mission after that run.
-        record: The run, tick by tick; read once, if at all.
+        record: What its leaves did; read once, if at all.
         projects: Loads the tree.
         tree_file: Its file; by default the one that the run had.
     """

@@ -1,11 +1,11 @@
 """Why a mission has failed: the chain from the root's FAILURE down to the answers that caused it."""
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
-from sar_compiler.checks.verify.counterfactual import Counterfactual, LeafAnswer, RecordedTick
+from sar_compiler.checks.verify.counterfactual import Counterfactual
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import (
     FAILURE,
@@ -15,7 +15,9 @@ from sar_compiler.journal.mission_state import (
     NodeState,
     answer_words,
 )
+from sar_compiler.journal.recorded_events import is_status
 from sar_compiler.journal.situation import CHANGED, Level
+from sar_compiler.runtime.events import Event
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.drawing import Shape
 from sar_compiler.views.mission_report import outcome, utc
@@ -105,6 +107,7 @@ class Inquiry:
 
     Attributes:
         state: The state of the mission after the last run's entries, without what the robot's topics have said.
+        failed_tick: The number of the last tick in which the root had failed, once `why` was asked; 0 if it has never failed.
     """
 
     def __init__(self) -> None:
@@ -112,7 +115,7 @@ class Inquiry:
 
     def _begin(self) -> None:
         self.state = MissionState()
-        self._count = self._taken = 0
+        self.failed_tick = 0
         self._looks: set[int] = set()
         self._history = self._history_then = _History()
         self._explained = _Explained(self.state)
@@ -130,26 +133,19 @@ class Inquiry:
         if entry.kind == RUN_BEGAN:
             self._begin()
             self._looks = _conditions(entry)
-        elif not self._taken or not _is_of_tree(entry, len(self.state.nodes)):
+        elif not self.state.runs or not _is_of_tree(entry, len(self.state.nodes)):
             return
-        is_status = entry.kind == "status"
-        if is_status and self._explained.is_next(entry):
+        is_of_node = entry.kind == "status"
+        if is_of_node and self._explained.is_next(entry):
             self._end_tick()
-        self._taken += 1
         self.state.take(entry)
-        if is_status:
+        if is_of_node:
             self._explained.take(entry)
         self._history.take(entry, self.state)
 
     def _end_tick(self) -> None:
         if self._explained.end_tick():
-            self._count, self._history_then = self._taken, self._history.copy()
-
-    @property
-    def count(self) -> int:
-        """The number of entries up to the last failure of the root; 0 if it has never failed."""
-        self._end_tick()
-        return self._count
+            self.failed_tick, self._history_then = self._explained.tick, self._history.copy()
 
     def why(self) -> Why:
         """Return why the run has failed, once all of it was taken."""
@@ -191,10 +187,7 @@ def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
 
 def _is_of_tree(entry: JournalEntry, count: int) -> bool:
     """Return whether an entry tells of the tree, which has so many nodes, or the mission, as those of this project do."""
-    if entry.kind != "status":
-        return entry.kind not in OF_ROBOT
-    node, tick = entry.data.get("node"), entry.data.get("tick")
-    return isinstance(node, int) and 0 <= node < count and isinstance(tick, int) and "status" in entry.data
+    return is_status(entry, count) if entry.kind == "status" else entry.kind not in OF_ROBOT
 
 
 def _conditions(began: JournalEntry) -> set[int]:
@@ -216,6 +209,7 @@ class _Explained:
     Attributes:
         chain: The nodes from the root down; empty if it has never failed.
         answers: Those of them that nothing below explains.
+        tick: The number of the tick whose entries are taken.
     """
 
     def __init__(self, state: MissionState) -> None:
@@ -228,7 +222,7 @@ class _Explained:
         self._began: dict[int, int] = {}
         self._gone: dict[int, int] = {}
         # Of the tick that is being taken: the nodes that were ticked, those above them, those stopped or reset at its end.
-        self._tick = 0
+        self.tick = 0
         self._visited: dict[int, None] = {}
         self._above: dict[int, None] = {}
         self._going: dict[int, int] = {}
@@ -240,16 +234,16 @@ class _Explained:
 
     def is_next(self, entry: JournalEntry) -> bool:
         """Return whether a node's status belongs to another tick than the entries before."""
-        return int(entry.data["tick"]) != self._tick
+        return int(entry.data["tick"]) != self.tick
 
     def take(self, entry: JournalEntry) -> None:
         """Take the status of a node."""
-        self._tick = int(entry.data["tick"])
+        self.tick = int(entry.data["tick"])
         node = self._state.nodes[entry.data["node"]]
         if entry.data["status"] in _GONE:
-            self._going[node.number] = int(entry.data.get("last", self._tick))
+            self._going[node.number] = int(entry.data.get("last", self.tick))
             return
-        self._visit(self._tick, node)
+        self._visit(self.tick, node)
         self._visited[node.number] = None
         self._above[node.number if node.parent is None else node.parent] = None
 
@@ -261,7 +255,7 @@ class _Explained:
                 if (
                     number not in self._visited
                 ):  # it has come to the same as before, in an activation of its own
-                    self._began[number] = self._tick
+                    self._began[number] = self.tick
                 self._causes[number] = list(self._found(self._state.nodes[number]))
         self._visited, self._above, self._going = {}, {}, {}
         has_failed = self._came.get(0) == FAILURE and 0 not in self._gone
@@ -300,18 +294,6 @@ class _Explained:
                 answers.append(chain[-1])
             waiting += [(child, depth + 1) for child in reversed(causes)]
         self.chain, self.answers = tuple(chain), tuple(answers)
-
-
-def _tick() -> Callable[[JournalEntry], int]:
-    """Return a function that says of entries, one after the other, in which tick they came."""
-    now = 0
-
-    def tick(entry: JournalEntry) -> int:
-        nonlocal now
-        now = int(entry.data["tick"]) if entry.kind == "status" else now
-        return now
-
-    return tick
 
 
 def _answer(node: NodeState) -> NodeStatus:
@@ -438,61 +420,36 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
             yield _answer(node)
 
 
-def recorded(stream: Iterable[JournalEntry], count: int) -> Iterator[RecordedTick]:
-    """Yield a run, tick by tick.
-
-    Args:
-        stream: The entries of the run.
-        count: How many of them count, as `Inquiry.count` has it.
-    """
-    start = 0.0
-    for number, group in itertools.groupby(itertools.islice(_of_tree(stream), count), _tick()):
-        came: dict[int, str] = {}
-        labels: dict[int, str] = {}
-        gone: set[int] = set()
-        for entry in group:
-            start = entry.time if entry.kind == RUN_BEGAN else start
-            now = entry.time - start
-            if entry.kind == "status":
-                if entry.data["status"] in _GONE:
-                    gone.add(entry.data["node"])
-                else:
-                    came[entry.data["node"]] = entry.data["status"]
-                    if label := entry.data.get("label"):
-                        labels[entry.data["node"]] = label
-        if number:
-            yield RecordedTick(number, now, came, frozenset(gone), labels)
-
-
 def counterfactual_text(change: Counterfactual, nodes: Sequence[NodeState]) -> str:
     """Return how a mission whose tree has these nodes would have succeeded, in words."""
-    leaf = nodes[change.instead.node]
+    leaf = nodes[change.instead.number]
     said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
     place = f"  ({leaf.place})" if leaf.place else ""
     lines = ["It would have succeeded with another answer:"]
     lines.append(in_one_line(f"  {change.time_sec:.1f} s  {leaf.name} {said}{place}"))
     if change.then:
         usual = "as usual" if not change.unusual else f"{change.unusual} of them not as usual"
-        told = [f"{nodes[each.node].name} {each.label or each.status}" for each in change.then[:_MOST]]
+        told = [f"{nodes[each.number].name} {each.answer}" for each in change.then[:_MOST]]
         more = f", and {len(change.then) - _MOST} more" if len(change.then) > _MOST else ""
         lines.append(in_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
     return "\n".join(lines)
 
 
-def _meaning(answer: LeafAnswer) -> str:
+def _meaning(answer: Event) -> str:
     return f" ({answer.label})" if answer.label else ""
 
 
 def counterfactual_data(change: Counterfactual, nodes: Sequence[NodeState]) -> dict[str, Any]:
     """Return how a mission whose tree has these nodes would have succeeded as JSON values."""
 
-    def data(answer: LeafAnswer) -> dict[str, object]:
-        return {**answer._asdict(), "name": nodes[answer.node].name}
+    def data(answer: Event) -> dict[str, object]:
+        said = {"node": answer.number, "status": answer.status, "label": answer.label}
+        return {**said, "name": nodes[answer.number].name}
 
     return {
         "tick": change.tick,
         "time": change.time_sec,
-        "place": nodes[change.instead.node].place,
+        "place": nodes[change.instead.number].place,
         "was": data(change.was),
         "instead": data(change.instead),
         "then": [data(each) for each in change.then],

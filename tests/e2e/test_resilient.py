@@ -1,8 +1,12 @@
 """The resilient mission against what goes wrong: flown in the simulator, judged by log, summary and status."""
 
+from contextlib import closing
+
 import pytest
 
 from sar_compiler.cli.journal_command import main as sar_journal
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.recorded_events import recorded_events
 from tests.e2e.test_search_and_rescue import MISSION_LOG
 from tests.processes import Command, in_order
 
@@ -95,8 +99,15 @@ def test_reports_that_are_never_acknowledged_are_named_at_the_end():
     assert "Mission complete." not in run.log
 
 
-def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done(tmp_path, capsys):
-    run, status = fly("navigate_to_pose:abort=zone_b", options=["--journal", tmp_path / "m.journal"])
+@pytest.fixture(scope="module")
+def out_of_reach(tmp_path_factory):
+    """A flight in which a zone cannot be reached, with its journal."""
+    journal = tmp_path_factory.mktemp("out_of_reach") / "m.journal"
+    return *fly("navigate_to_pose:abort=zone_b", options=["--journal", journal]), journal
+
+
+def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done(out_of_reach):
+    run, status, _ = out_of_reach
     assert status == 1
     zones = ["zone_a...", "zone_b...", "zone_c...", "zone_d...", "zone_b...", "station..."]
     assert zones_driven_to(run) == zones, run.output
@@ -104,9 +115,27 @@ def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done
     assert "  zones visited:   3 of 4 (zone_a, zone_c, zone_d)" in run.output
     assert "  back at base:    yes" in run.output
     assert run.output.splitlines()[-1].endswith("zone_b was abandoned after attempt 3.")
-    assert sar_journal(["why", str(tmp_path / "m.journal")]) == 0
+
+
+def test_of_a_zone_out_of_reach_the_journal_says_which_answer_would_have_been_enough(out_of_reach, capsys):
+    assert sar_journal(["why", str(out_of_reach[-1])]) == 0
     told = capsys.readouterr().out
     assert "NavigateToZone SUCCESS (arrived) instead of FAILURE (aborted)" in told
+
+
+def test_each_fact_of_a_flight_belongs_to_an_answer_of_the_leaf_that_has_noted_it(out_of_reach):
+    with closing(JournalFile.read(out_of_reach[-1])) as file:
+        noted = [fact.kind for fact in file.facts()]
+        events = [event for event in recorded_events(file.last_run()) if event.facts]
+    assert [kind for event in events for kind, _ in event.facts] == noted
+    told = {f"{event.leaf} {event.answer}: {kind}" for event in events for kind, _ in event.facts}
+    assert told >= {
+        "NavigateToZone driving: goal_sent",
+        "DetectSurvivor found: zone_searched",
+        "BroadcastSurvivorTF named: survivor_named",
+        "NotifyBase acknowledged: report_acknowledged",
+        "NavigateToBase arrived: base_reached",
+    }
 
 
 def test_a_server_that_comes_back_is_driven_with_again(overcome):

@@ -11,12 +11,11 @@ import pytest
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.journal_entries import Ending, JournalEntry, Row
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.reserve import Row
+from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.views.journals import journal_json, journal_lines
-from sar_compiler.views.why import Inquiry, recorded
 
 
 def live(journal):
@@ -141,7 +140,7 @@ def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_p
             lambda file: deque(journal_lines(file, with_watched=True), 0),
             lambda file: deque(journal_json(file, with_watched=True), 0),
             lambda file: Explanation.of(file).data(),
-            lambda file: deque(recorded(file.last_run(), Inquiry.of(file.last_run()).count), 0),
+            lambda file: deque(recorded_events(file.stream()), 0),
         ):
             read(short)  # what is imported and cached is no part of it
             # An entry takes more than 500 bytes.

@@ -14,7 +14,7 @@ from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.events import Event
+from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
 
 _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
@@ -23,39 +23,6 @@ _MOST_UNUSUAL = 2
 _MOST_TICKED = 2_000_000
 # Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
 _NEVER = 1 << 30
-
-
-class RecordedTick(NamedTuple):
-    """The statuses of nodes in a tick.
-
-    Attributes:
-        number: Which tick it was, from 1.
-        time_sec: When it was, seconds since the run began.
-        statuses: The statuses of the nodes that were ticked, by their numbers, from 0 in pre-order; one that is the same as
-            the last time may be left out.
-        gone: The numbers of those that were stopped or reset by its end.
-        labels: Which of their answers leaves have given, where that is known.
-    """
-
-    number: int
-    time_sec: float
-    statuses: Mapping[int, str]
-    gone: frozenset[int] = frozenset()
-    labels: Mapping[int, str] = {}
-
-
-class LeafAnswer(NamedTuple):
-    """An answer of a leaf.
-
-    Attributes:
-        node: Its number.
-        status: The status.
-        label: What it means by it; empty if nobody says that.
-    """
-
-    node: int
-    status: str
-    label: str = ""
 
 
 class Counterfactual(NamedTuple):
@@ -72,9 +39,9 @@ class Counterfactual(NamedTuple):
 
     tick: int
     time_sec: float
-    was: LeafAnswer
-    instead: LeafAnswer
-    then: tuple[LeafAnswer, ...]
+    was: Event
+    instead: Event
+    then: tuple[Event, ...]
     unusual: int
 
 
@@ -87,7 +54,7 @@ class OtherTreeError(UndecidableError):
 
 
 def counterfactual(
-    simulated: SimulatedTree, record: Iterable[RecordedTick], names: Sequence[str]
+    simulated: SimulatedTree, record: Iterable[Event], names: Sequence[str]
 ) -> Counterfactual | None:
     """Return the smallest change with which a run would have succeeded, the latest of those; None if none was found.
 
@@ -96,7 +63,8 @@ def counterfactual(
 
     Args:
         simulated: The tree with stub leaves; it is used up.
-        record: The run, up to the failure of its root; read once, tick by tick.
+        record: The run, up to the failure of its root; read once. Answers that are as the last ones may be left out, and ticks in which
+            there are no others.
         names: The names of the nodes that ran, in pre-order.
 
     Raises:
@@ -123,15 +91,17 @@ def counterfactual(
     return None
 
 
-def _filled(record: Iterable[RecordedTick]) -> Iterator[RecordedTick]:
+def _ticks(record: Iterable[Event]) -> Iterator[list[Event]]:
     """Yield the ticks of a record, with those between in which nothing was noted."""
-    before: RecordedTick | None = None
-    for tick in record:
-        if before is not None:
-            for number in range(before.number + 1, tick.number):
-                yield RecordedTick(number, before.time_sec, {})
-        yield tick
-        before = tick
+    tick: list[Event] = []
+    before: Event | None = None
+    for event in record:
+        tick.append(event)
+        if event.what == TICKED:
+            if before is not None:
+                yield from ([before._replace(tick=number)] for number in range(before.tick + 1, event.tick))
+            yield tick
+            tick, before = [], event
 
 
 class _Way(NamedTuple):
@@ -144,12 +114,12 @@ class _Way(NamedTuple):
         unusual: Which of the answers are other than usual.
     """
 
-    answers: tuple[LeafAnswer, ...]
+    answers: tuple[Event, ...]
     root: str
     state: bytes
     unusual: tuple[bool, ...]
 
-    def fits(self, noted: Collection[int], told: Mapping[int, str], labels: Mapping[int, str]) -> bool:
+    def fits(self, noted: Collection[int], told: Mapping[int, str], labels: Mapping[int, str | None]) -> bool:
         """Return whether this tick matches a recorded one.
 
         Args:
@@ -157,11 +127,11 @@ class _Way(NamedTuple):
             told: What each node has come to last, with this tick.
             labels: Which answers that were, where it is known; else their status counts.
         """
-        came = {each.node: each.status for each in self.answers}
+        came = {each.number: each.status for each in self.answers}
         return (
             self.root == told.get(0)
             and all(told.get(node) == status for node, status in came.items())
-            and all(labels.get(each.node) in (None, each.label) for each in self.answers)
+            and all(labels.get(each.number) in (None, each.label) for each in self.answers)
             and all(node in came for node in noted)
         )
 
@@ -177,10 +147,10 @@ class _OtherAnswer(NamedTuple):
 
     way: _Way
     place: int
-    was: LeafAnswer
+    was: Event
 
     @property
-    def instead(self) -> LeafAnswer:
+    def instead(self) -> Event:
         """The other answer."""
         return self.way.answers[self.place]
 
@@ -211,7 +181,7 @@ class _FoundTick(NamedTuple):
                 pairs = enumerate(zip(was.answers, way.answers, strict=False))
                 place, other = next(((place, pair) for place, pair in pairs if pair[0] != pair[1]), (0, None))
                 # Another leaf's turn is a timer's doing.
-                if other is not None and other[0].node == other[1].node:
+                if other is not None and other[0].number == other[1].number:
                     changes.append(_OtherAnswer(way, place, other[0]))
         return sorted(changes, key=lambda change: -change.place)
 
@@ -247,7 +217,8 @@ class _Runs:
         for step in self._stepper.ticks(state):
             if step.state is not None:
                 tick = self._stepper.played()
-                answers = tuple(_answer(event) for event in tick.events if event.answer)
+                # What an answer has changed is in the state.
+                answers = tuple(event._replace(facts=()) for event in tick.events if event.answer)
                 found[_Way(answers, tick.root, step.state, self._stepper.unusual())] = None
             self._left -= 1
             if not self._left:
@@ -289,10 +260,6 @@ class _Runs:
         return self._hopeless.get(state, -1) >= most
 
 
-def _answer(event: Event) -> LeafAnswer:
-    return LeafAnswer(event.number, event.status, event.label)
-
-
 def _back(
     origins: Mapping[tuple[bytes, int], tuple[tuple[bytes, int], _Way] | None], place: tuple[bytes, int]
 ) -> list[_Way]:
@@ -305,14 +272,14 @@ def _back(
     return found[::-1]
 
 
-def _replayed(runs: _Runs, record: Iterable[RecordedTick]) -> list[_FoundTick]:
+def _replayed(runs: _Runs, record: Iterable[Event]) -> list[_FoundTick]:
     """Return the ticks of a run, found again.
 
     Raises:
         NotReplayedError: If the run is none of the tree's.
     """
     told: dict[int, str] = {}
-    labels: dict[int, str] = {}
+    labels: dict[int, str | None] = {}
     moments: list[_FoundTick] = []
     # A tick of a state is one object, which `runs` keeps.
     known: dict[tuple[int, ...], list[tuple[bytes, _Way]]] = {}
@@ -321,13 +288,11 @@ def _replayed(runs: _Runs, record: Iterable[RecordedTick]) -> list[_FoundTick]:
         return known.setdefault(tuple(id(way) for _, way in ways), ways)
 
     now = {runs.start}
-    for tick in _filled(record):
-        told.update(tick.statuses)
-        labels = {
-            **{node: label for node, label in labels.items() if node not in tick.statuses},
-            **tick.labels,
-        }
-        noted = runs.leaves.intersection(tick.statuses)
+    for *events, end in _ticks(record):
+        came = {event.number: event for event in events if event.answer}
+        told |= {0: end.status, **{node: event.status for node, event in came.items()}}
+        labels |= {node: event.label or None for node, event in came.items()}
+        noted = runs.leaves.intersection(came)
         ways = [
             (state, way) for state in sorted(now) for way in runs.ways(state) if way.fits(noted, told, labels)
         ]
@@ -335,12 +300,12 @@ def _replayed(runs: _Runs, record: Iterable[RecordedTick]) -> list[_FoundTick]:
             raise UndecidableError("the tree has too many runs to find this one again among them")
         if not ways:
             raise NotReplayedError(
-                f"the run cannot be found again in the tree from tick {tick.number} on, {tick.time_sec:.1f} s: "
+                f"the run cannot be found again in the tree from tick {end.tick} on, {end.time_sec or 0.0:.1f} s: "
                 "no leaf is known to answer like that there"
             )
-        moments.append(_FoundTick(tick.number, tick.time_sec, shared(ways)))
+        moments.append(_FoundTick(end.tick, end.time_sec or 0.0, shared(ways)))
         now = {way.state for _, way in ways}
-        told.update(dict.fromkeys(tick.gone, ""))
+        told |= {event.number: "" for event in events if event.what in (HALTED, RESET)}
     for index in range(len(moments) - 1, -1, -1):  # what leads nowhere was not so
         moment = moments[index]
         moments[index] = moment._replace(

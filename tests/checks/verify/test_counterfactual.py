@@ -7,13 +7,13 @@ import pytest
 from sar_compiler.checks.verify.counterfactual import (
     NotReplayedError,
     OtherTreeError,
-    RecordedTick,
     counterfactual,
 )
 from sar_compiler.errors import UndecidableError
+from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import nominal
-from sar_compiler.views.why import Inquiry, recorded
+from sar_compiler.runtime.events import ANSWERED, Event, with_end
 from tests.chance import rounds
 from tests.trees import document
 from tests.views.flown import REGISTRY, Said, flown, injected, simulated
@@ -26,12 +26,12 @@ def change_of(path, body, registry=REGISTRY, **answers):
     stream, root = flown(tree, Said(**answers))
     assert root == "FAILURE"
     names = names_in(stream)
-    change = counterfactual(simulated(path, registry), recorded(stream, Inquiry.of(stream).count), names)
+    change = counterfactual(simulated(path, registry), recorded_events(stream), names)
     if change is None:
         return None
 
     def told(answer):
-        return f"{names[answer.node]} {answer.label or answer.status}"
+        return f"{names[answer.number]} {answer.answer}"
 
     return change.tick, told(change.was), told(change.instead), [told(each) for each in change.then]
 
@@ -103,14 +103,17 @@ def test_a_run_of_other_nodes_is_refused(path):
         counterfactual(simulated(path), [], ["two"])
 
 
+def tick(number, time_sec, root, answers, label=""):
+    """Return the events of a tick: what the root came to, and leaves by their numbers."""
+    events = [Event((), leaf, ANSWERED, status, label) for leaf, status in answers.items()]
+    return with_end(events, "root", root, number, time_sec)
+
+
 def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(path):
     path.write_text(
         document('<Sequence name="all"><A name="one"/><A name="two"/></Sequence>'), encoding="utf-8"
     )
-    record = [
-        RecordedTick(1, 0.0, {0: "RUNNING", 1: "RUNNING"}),
-        RecordedTick(4, 1.5, {0: "FAILURE", 1: "SUCCESS"}),
-    ]
+    record = [*tick(1, 0.0, "RUNNING", {1: "RUNNING"}), *tick(4, 1.5, "FAILURE", {1: "SUCCESS"})]
     with pytest.raises(NotReplayedError, match=r"from tick 4 on, 1\.5 s"):
         counterfactual(simulated(path), record, ["all", "one", "two"])
 
@@ -118,9 +121,9 @@ def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(pat
 def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
     monkeypatch.setattr("sar_compiler.checks.verify.counterfactual._MOST_TICKED", 3)
     path.write_text(document('<A name="one"/>'), encoding="utf-8")
-    record = [RecordedTick(number, 0.0, {0: "RUNNING"}) for number in range(1, 9)]
+    record = [event for number in range(1, 9) for event in tick(number, 0.0, "RUNNING", {0: "RUNNING"})]
     with pytest.raises(UndecidableError, match="too many runs"):
-        counterfactual(simulated(path), [*record, RecordedTick(9, 0.0, {0: "FAILURE"})], ["one"])
+        counterfactual(simulated(path), [*record, *tick(9, 0.0, "FAILURE", {0: "FAILURE"})], ["one"])
 
 
 RUNS = rounds(25)
@@ -129,17 +132,17 @@ RUNS = rounds(25)
 @pytest.mark.parametrize("label", ["aborted", "unavailable"])
 def test_a_run_is_found_by_the_answer_where_statuses_are_the_same(path, label):
     path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
-    tick = RecordedTick(1, 0.0, {0: "FAILURE"}, labels={0: label})
-    change = counterfactual(simulated(path, default_registry()), [tick], ["NavigateToZone"])
+    record = tick(1, 0.0, "FAILURE", {0: "FAILURE"}, label)
+    change = counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
     assert change is not None
     assert (change.was.label, change.instead.label) == (label, "arrived")
 
 
 def test_an_answer_that_cannot_have_been_is_not_found(path):
     path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
-    tick = RecordedTick(1, 0.0, {0: "FAILURE"}, labels={0: "no zone"})
+    record = tick(1, 0.0, "FAILURE", {0: "FAILURE"}, "no zone")
     with pytest.raises(NotReplayedError):
-        counterfactual(simulated(path, default_registry()), [tick], ["NavigateToZone"])
+        counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
 
 
 class Changed:
@@ -171,10 +174,10 @@ def test_with_what_is_changed_faulty_runs_succeed_and_mostly_it_is_the_faulty_le
     blamed = []
     for (faulty, stream, policy), _ in zip(injected(path), range(RUNS), strict=False):
         names = names_in(stream)
-        change = counterfactual(simulated(path), recorded(stream, Inquiry.of(stream).count), names)
+        change = counterfactual(simulated(path), recorded_events(stream), names)
         assert change is not None
         assert change.unusual == 0
-        leaf = names[change.instead.node]
+        leaf = names[change.instead.number]
         assert flown(simulated(path), Changed(policy(), change, leaf))[1] == "SUCCESS"
         blamed.append(leaf == faulty)
     assert len(blamed) == RUNS

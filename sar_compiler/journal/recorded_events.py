@@ -1,0 +1,113 @@
+"""What the leaves of a recorded run did: the entries of its journal as events.
+
+A journal has an entry where a node comes to something else than the last time. So of a leaf that gives the same answer again, tick after
+tick, there is one event, until it is reset or halted; and a tick in which nothing was written has none.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.mission_state import RUNNING, tree_nodes
+from sar_compiler.journal.situation import CHANGED
+from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, STARTED, TICKED, Event
+
+_GONE = {"HALTED": HALTED, "IDLE": RESET}
+
+
+def is_status(entry: JournalEntry, count: int) -> bool:
+    """Return whether an entry is the status of a node of a tree with so many nodes, as this project writes it."""
+    node, tick, status = map(entry.data.get, ("node", "tick", "status"))
+    if entry.kind != "status" or not isinstance(node, int) or not isinstance(tick, int):
+        return False
+    return 0 <= node < count and isinstance(status, str)
+
+
+def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
+    """Yield what leaves did in recorded runs, tick by tick; the last event of each tick is its end.
+
+    The path of a leaf has the nodes that attributes ask for, too. Facts that a leaf has noted are those of its next event in that tick. At the
+    tick's end are those of a leaf without one, whose tick was broken off. Facts that no leaf has noted, or of which an older journal does
+    not say it, are left out.
+
+    Args:
+        stream: The entries, as `JournalFile.stream` or `last_run` yields them; with each run, ticks and times begin anew.
+    """
+    run = _RecordedRun()
+    for entry in stream:
+        if entry.kind == RUN_BEGAN:
+            yield from run.end_tick()
+            run = _RecordedRun(entry.data.get("tree"), entry.time)
+        else:
+            yield from run.take(entry)
+    yield from run.end_tick()
+
+
+class _RecordedRun:
+    """A recorded run, entry by entry.
+
+    Args:
+        tree: The tree, as the journal has it.
+        start: When it began, seconds of the mission's clock.
+    """
+
+    def __init__(self, tree: Any = None, start: float = 0.0) -> None:
+        self._nodes = list(tree_nodes(tree))
+        self._paths: list[tuple[str, ...]] = []
+        for node in self._nodes:
+            around = () if node.parent is None else self._paths[node.parent]
+            self._paths.append((*around, node.name))
+        self._start = start
+        self._tick, self._time, self._root = 0, 0.0, ""
+        self._running: set[int] = set()
+        # Of the tick: the facts of leaves of which no event has come since.
+        self._facts: dict[int, list[tuple[str, object]]] = {}
+        self._before: JournalEntry | None = None
+
+    def take(self, entry: JournalEntry) -> Iterator[Event]:
+        """Yield the events that an entry tells of."""
+        if is_status(entry, len(self._nodes)):
+            yield from self._begin_tick(entry)
+            yield from self._events(
+                entry.data["node"], entry.data["status"], str(entry.data.get("label") or "")
+            )
+        elif entry.kind == CHANGED and self._before is not None and {"leaf", "tick"} <= entry.data.keys():
+            yield from self._begin_tick(entry)
+            self._facts.setdefault(entry.data["leaf"], []).append((self._before.kind, self._before.data))
+        self._before = entry
+
+    def _begin_tick(self, entry: JournalEntry) -> Iterator[Event]:
+        if entry.data["tick"] != self._tick:
+            yield from self.end_tick()
+        self._tick, self._time = entry.data["tick"], entry.time - self._start
+
+    def end_tick(self) -> Iterator[Event]:
+        """Yield the end of a tick, if one has begun."""
+        if self._tick:
+            facts = [fact for facts in self._facts.values() for fact in facts]
+            self._facts.clear()
+            yield self._event(0, TICKED, "" if facts else self._root, facts=facts)
+
+    def _events(self, node: int, status: str, label: str) -> Iterator[Event]:
+        what = _GONE.get(status, ANSWERED)
+        if node == 0 and what == ANSWERED:
+            self._root = status
+        if self._nodes[node].children:
+            return
+        if what == ANSWERED and node not in self._running:
+            yield self._event(node, STARTED)
+        # One that is skipped goes on if it was running.
+        if status != "SKIPPED":
+            (self._running.add if status == RUNNING else self._running.discard)(node)
+        answer = (status, label) if what == ANSWERED else ("", "")
+        yield self._event(node, what, *answer, facts=self._facts.pop(node, ()))
+
+    def _event(
+        self,
+        node: int,
+        what: str,
+        status: str = "",
+        label: str = "",
+        facts: Iterable[tuple[str, object]] = (),
+    ) -> Event:
+        return Event(self._paths[node], node, what, status, label, tuple(facts), self._tick, self._time)

@@ -1,0 +1,243 @@
+"""What leaves did, read again from the journal of a run."""
+
+import contextlib
+from collections import Counter
+
+import pytest
+from py_trees.behaviour import Behaviour
+from py_trees.behaviours import StatusQueue
+from py_trees.common import Status
+from py_trees.composites import Selector, Sequence
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.recorded_events import recorded_events
+from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, STARTED, TICKED, Event, with_end
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.live import LiveTree, show_visits
+from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.walking import pre_order
+from tests.chance import rounds
+from tests.checks.test_events import ByChance
+from tests.checks.verify.stage import simulated_tree
+from tests.checks.verify.test_same_as_py_trees import trees
+
+TICKS = 8
+S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
+
+
+def plain(behaviour):
+    return {"name": behaviour.name, "children": [*map(plain, behaviour.children)]}
+
+
+class Flight:
+    """A tree that is ticked with a journal.
+
+    Attributes:
+        journal: The journal.
+        stream: Its entries.
+    """
+
+    def __init__(self, root, answers=None):
+        self.journal = Journal()
+        self.stream: list[JournalEntry] = []
+        self.journal.listen(self.stream.append)
+        self.journal.begin({"tree": plain(root)}, {})
+        self._watch = StatusWatch(root, self.journal, answers)
+        self._tree = LiveTree(root)
+
+    def tick(self):
+        """Tick once; return what the root has come to."""
+        visits: list[Visit] = []
+        self._watch.initialise()
+        try:
+            return WORDS[self._tree.tick_and_visit(visits)]
+        finally:
+            for behaviour in show_visits(visits):
+                self._watch.run(behaviour)
+            self._watch.finalise()
+
+    def deeds(self):
+        """Return what leaves did, and what was noted, with the tick of each, without the ends of ticks."""
+        return [
+            (event.tick, event.leaf, event.deed, *(kind for kind, _ in event.facts))
+            for event in recorded_events(self.stream)
+            if event.what != TICKED
+        ]
+
+
+def flown(root, ticks):
+    flight = Flight(root)
+    for _ in range(ticks):
+        flight.tick()
+    return flight
+
+
+def in_ticks(events):
+    """Return events by the numbers of their ticks, without times and facts."""
+    found: dict[int, list[Event]] = {}
+    for event in events:
+        found.setdefault(event.tick, []).append(event._replace(time_sec=None, facts=()))
+    return found
+
+
+@pytest.mark.parametrize("binding", trees(range(600, 600 + rounds(25))))
+def test_what_is_read_has_happened_and_nothing_is_left_out_but_what_is_as_before(binding):
+    simulated = simulated_tree(binding)
+    simulated.policy = ByChance(3)
+    paths = {leaf.number: leaf.path for leaf in simulated.leaves}
+    flight = Flight(simulated.root, {leaf.id: leaf.answers for leaf in simulated.leaves})
+    happened: list[Event] = []
+    with contextlib.suppress(Exception):  # scripts of random trees go wrong
+        for number in range(1, TICKS + 1):
+            simulated.events.clear()
+            root = flight.tick()
+            happened += with_end(simulated.events, simulated.root.name, root, number)
+    read = in_ticks(
+        event._replace(path=paths.get(event.number, event.path))
+        for event in recorded_events(flight.stream)
+        if event.number in paths or event.what == TICKED
+    )
+    known: dict[int, tuple[str, str]] = {}
+    for number, events in in_ticks(happened).items():
+        told = [event for event in read.get(number, []) if event.what != RESET]
+        assert Counter(told) <= Counter(events)
+        last = {event.number: (event.status, event.label) for event in events if event.answer}
+        as_before = {leaf for leaf, answer in last.items() if known.get(leaf) == answer}
+        assert {event.number for event in told if event.answer} >= last.keys() - as_before
+        known |= last | dict.fromkeys((e.number for e in read.get(number, []) if e.what == RESET), ("", ""))
+
+
+def test_a_leaf_that_is_at_rest_again_is_not_taken_for_one_that_answers_the_same():
+    first = StatusQueue("first", [S, F], eventually=F)
+    flight = flown(
+        Sequence("root", memory=True, children=[first, StatusQueue("second", [F], eventually=F)]), 2
+    )
+    assert flight.deeds() == [
+        (1, "first", STARTED),
+        (1, "first", "SUCCESS"),
+        (1, "second", STARTED),
+        (1, "second", "FAILURE"),
+        (2, "first", STARTED),
+        (2, "first", "FAILURE"),
+        (2, "second", RESET),
+    ]
+
+
+def test_a_leaf_that_goes_on_does_not_start_again_and_one_that_was_halted_does():
+    first = StatusQueue("first", [F, F, S, F], eventually=F)
+    second = StatusQueue("second", [R, R, R], eventually=R)
+    flight = flown(Selector("root", memory=False, children=[first, second]), 4)
+    assert [deed for deed in flight.deeds() if deed[1] == "second"] == [
+        (1, "second", STARTED),
+        (1, "second", "RUNNING"),
+        (3, "second", HALTED),
+        (4, "second", STARTED),
+        (4, "second", "RUNNING"),
+    ]
+
+
+def test_the_end_of_a_tick_says_what_the_root_has_come_to_and_when():
+    flight = flown(Sequence("root", memory=True, children=[StatusQueue("one", [R, S], eventually=S)]), 2)
+    ends = [event for event in recorded_events(flight.stream) if event.what == TICKED]
+    assert [(each.path, each.status, each.tick) for each in ends] == [
+        (("root",), "RUNNING", 1),
+        (("root",), "SUCCESS", 2),
+    ]
+    (began, *_), last = flight.stream, flight.stream[-1]
+    assert ends[1].time_sec == last.time - began.time
+
+
+class Noting(Behaviour):
+    """Notes a fact whenever it is ticked, and one when it ends."""
+
+    def __init__(self, name, *statuses):
+        super().__init__(name)
+        self.statuses = list(statuses)
+        self.journal = Journal()
+
+    def update(self):
+        self.journal.note("seen", tick=len(self.statuses))
+        return self.statuses.pop(0)
+
+    def terminate(self, new_status):
+        if new_status is Status.INVALID:
+            self.journal.note("given_up")
+
+
+def noting(root, ticks):
+    flight = Flight(root)
+    for each in pre_order(root):
+        if isinstance(each, Noting):
+            each.journal = flight.journal
+    for _ in range(ticks):
+        with contextlib.suppress(IndexError):
+            flight.tick()
+    return flight
+
+
+def test_a_fact_belongs_to_the_answer_of_the_leaf_that_has_noted_it():
+    one, two = Noting("one", R, S), Noting("two", S)
+    flight = noting(Sequence("root", memory=True, children=[one, two]), 2)
+    answers = [event for event in recorded_events(flight.stream) if event.what == ANSWERED]
+    assert [(each.leaf, each.tick, each.facts) for each in answers] == [
+        ("one", 1, (("seen", {"tick": 2}),)),
+        ("one", 2, (("seen", {"tick": 1}),)),
+        ("two", 2, (("seen", {"tick": 1}),)),
+    ]
+
+
+def test_a_fact_that_is_noted_when_a_leaf_is_halted_belongs_to_its_halt():
+    first = StatusQueue("first", [F, S], eventually=S)
+    flight = noting(Selector("root", memory=False, children=[first, Noting("second", R)]), 2)
+    assert flight.deeds()[-1] == (2, "second", HALTED, "given_up")
+
+
+def test_a_fact_of_a_leaf_that_gives_no_answer_stands_at_the_end_of_the_tick():
+    flight = noting(Noting("one", R), 2)
+    *_, end = recorded_events(flight.stream)
+    assert (end.what, end.status, end.facts) == (TICKED, "", (("seen", {"tick": 0}),))
+
+
+def entries(*kinds_and_data):
+    began = JournalEntry(1, 1, 0.0, 10.0, "run_began", {"tree": {"name": "one", "children": []}, "run": {}})
+    return [
+        began,
+        *(
+            JournalEntry(number, 1, 0.0, 10.0 + number, kind, data)
+            for number, (kind, data) in enumerate(kinds_and_data, 2)
+        ),
+    ]
+
+
+def status(tick, words, **more):
+    return "status", {"node": 0, "tick": tick, "status": words, "message": "", **more}
+
+
+def test_facts_of_journals_that_do_not_say_whose_they_are_are_left_out():
+    stream = entries(("zone_searched", {"zone": "a"}), ("changed", {"said": "Zone a."}), status(1, "SUCCESS"))
+    assert [event.facts for event in recorded_events(stream)] == [(), (), ()]
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        ("status", {"node": 9, "tick": 1, "status": "FAILURE"}),
+        ("status", {"node": 0, "status": "FAILURE"}),
+        ("status", {"node": 0, "tick": 1, "status": {}}),
+        ("status", {"node": "one", "tick": 1, "status": "FAILURE"}),
+        ("changed", {"leaf": 0}),
+        ("changed", {"leaf": 7, "tick": 1}),
+    ],
+)
+def test_entries_of_somebody_else_are_no_events(odd):
+    stream = entries(odd, status(1, "SUCCESS", label="found"))
+    assert [event.deed for event in recorded_events(stream)] == [STARTED, "found", TICKED]
+
+
+def test_with_each_run_ticks_and_times_begin_anew():
+    first = entries(status(1, "RUNNING"))
+    second = [each._replace(run=2, time=each.time + 100.0) for each in entries(status(1, "RUNNING"))]
+    read = [(event.deed, event.tick, event.time_sec) for event in recorded_events([*first, *second])]
+    assert read == [(STARTED, 1, 2.0), ("RUNNING", 1, 2.0), (TICKED, 1, 2.0)] * 2
