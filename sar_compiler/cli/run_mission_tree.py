@@ -132,18 +132,14 @@ class TreeRun:
                 "The localisation is not told where the robot is, which has driven since the start. If it was started anew, "
                 "give it the pose (in RViz: 2D Pose Estimate)."
             )
-        left = LeftGoals(self._node, self.setup.journal)
-        try:
-            readiness = self._readiness(left, with_pose=told)
-            limit_sec = self._parameters.startup_timeout_sec
-            wait_until_ready(self.executor, readiness, limit_sec, lambda: self._over)
-        finally:
-            left.close()
+        readiness = self._readiness(with_pose=told)
+        limit_sec = self._parameters.startup_timeout_sec
+        wait_until_ready(self.executor, readiness, limit_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self._node.get_logger().info("Nav2 is active.")
 
     @readable_ros_errors()
-    def _readiness(self, left: LeftGoals, *, with_pose: bool) -> Readiness:
+    def _readiness(self, *, with_pose: bool) -> Readiness:
         actions = [use.name for use in self.tree.uses() if use.kind == "action"]
         # Beside a simulation nobody else is allowed, and that was looked for.
         look_sec = 0.0 if self.simulation is not None else LOOK_SEC
@@ -153,7 +149,7 @@ class TreeRun:
             self.tree.uses(),
             initial_pose=self._parameters.initial_pose if with_pose else None,
             begins_anew=self.simulation is not None,
-            first=(left, self._sole),
+            first=(LeftGoals(self._node, self.setup.journal), self._sole),
             types=declared_types(self.tree.root),
         )
 

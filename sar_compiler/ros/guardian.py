@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.ros.engine import Engine
-    from sar_compiler.ros.left_goals import CancelPort
+    from sar_compiler.ros.left_goals import LeftGoal
 
 ADRIFT_SIGN = b"!"
 """What a guardian writes to who supervises its mission where it has not seen the end of a goal."""
@@ -72,8 +72,8 @@ class Guardian(Companion):
             if news.is_over:
                 self._active.pop(news.goal_id, None)
             else:
-                self._active[news.goal_id] = news.canceller
-            self._write(_OVER if news.is_over else _SENT, news.goal_id, news.canceller)
+                self._active[news.goal_id] = news.action
+            self._write(_OVER if news.is_over else _SENT, news.goal_id, news.action)
 
     def end(self, *, has_begun: bool) -> None:  # noqa: ARG002
         """Let the guardian end; it first cancels what was not seen to end."""
@@ -96,14 +96,14 @@ class Guardian(Companion):
         assert self._process.stdin is not None  # noqa: S101 - asked for
         self._pipe = self._process.stdin
         os.set_blocking(self._pipe.fileno(), False)
-        for goal_id, canceller in self._active.items():
-            self._write(_SENT, goal_id, canceller)
+        for goal_id, action in self._active.items():
+            self._write(_SENT, goal_id, action)
         self._minder = threading.Thread(target=self._mind, name="guardian", daemon=True)
         self._minder.start()
 
-    def _write(self, sign: str, goal_id: str, canceller: str) -> None:
+    def _write(self, sign: str, goal_id: str, action: str) -> None:
         with suppress(OSError, ValueError):  # one that has ended is replaced, and told of what is active then
-            os.write(self._pipe.fileno(), f"{sign} {goal_id} {canceller}\n".encode())
+            os.write(self._pipe.fileno(), f"{sign} {goal_id} {action}\n".encode())
 
     def _mind(self) -> None:
         """Wait for the guardian's end; where the mission has not asked for it, begin another one."""
@@ -151,29 +151,11 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     leave(0, node.destroy_node)
 
 
-def _goals_left(node: "Node", lines: Iterable[str]) -> dict[str, "CancelPort"]:
-    """Track the goals to the end of the mission; return by their ids those that have not ended, with the means to cancel them."""
-    from sar_compiler.ros.left_goals import CancelPort
+def _goals_left(node: "Node", lines: Iterable[str]) -> list["LeftGoal"]:
+    """Track the goals to the end of the mission; return those that have not ended.
 
-    active: dict[str, CancelPort] = {}
-    # Made with the first goal of an action, so that it has found the server when it is needed.
-    ports: dict[str, CancelPort] = {}
-    for line in lines:
-        sign, goal_id, canceller = line.split()
-        if sign == _OVER:
-            active.pop(goal_id, None)
-            continue
-        action = canceller.removesuffix("/_action/cancel_goal")
-        if action not in ports:
-            ports[action] = CancelPort(node, action)
-        active[goal_id] = ports[action]
-    return active
-
-
-def _cancel(node: "Node", active: Mapping[str, "CancelPort"]) -> bool:
-    """Cancel what is active, until the ends are seen; return whether all were."""
-    from rclpy.executors import SingleThreadedExecutor
-
+    Each is made as it is sent, so that it has found its server when that is needed.
+    """
     from sar_compiler.ros.leaves.goals import end_in_words
     from sar_compiler.ros.left_goals import LeftGoal
 
@@ -181,17 +163,27 @@ def _cancel(node: "Node", active: Mapping[str, "CancelPort"]) -> bool:
         words = f"the mission is gone: {action} was told to cancel its goal, which {end_in_words(status)}"
         node.get_logger().warning(words)
 
+    active: dict[str, LeftGoal] = {}
+    for line in lines:
+        sign, goal_id, action = line.split()
+        if sign == _OVER:
+            active.pop(goal_id, None)
+        else:
+            active[goal_id] = LeftGoal(node, action, goal_id, partial(tell_end, action), _UNKNOWN_SEC)
+    return [*active.values()]
+
+
+def _cancel(node: "Node", left: Sequence["LeftGoal"]) -> bool:
+    """Cancel what is left, until the ends are seen; return whether all were."""
+    from rclpy.executors import SingleThreadedExecutor
+
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    left = {
-        LeftGoal(port, goal_id, partial(tell_end, port.action), _UNKNOWN_SEC): port
-        for goal_id, port in active.items()
-    }
     deadline = time.monotonic() + _TRYING_SEC
     while (missing := [goal for goal in left if goal.missing()]) and time.monotonic() < deadline:
         executor.spin_once(_TURN_SEC)
     for goal in missing:
         node.get_logger().warning(
-            f"the mission is gone, and {left[goal].action} does not end its goal: the robot may still be moving"
+            f"the mission is gone, and {goal.action} does not end its goal: the robot may still be moving"
         )
     return not missing

@@ -4,18 +4,22 @@ import math
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
-from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
-from unique_identifier_msgs.msg import UUID
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT
-from sar_compiler.ros.leaves.goals import FINAL, UNKNOWN, GoalNews, goals_under_way
+from sar_compiler.ros.leaves.goals import (
+    UNKNOWN,
+    GoalNews,
+    cancel_client,
+    cancel_request,
+    goal_statuses_of,
+    goals_under_way,
+)
+from sar_compiler.ros.of_node import of_node
 from sar_compiler.ros.readiness import Requirement
 
 # A cancel that is not answered, or not followed, is repeated after so many seconds of the steady clock.
@@ -47,52 +51,14 @@ class LeftGoals(Requirement):
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
-        left = journal.goals_left()
-        self._ports = {action: CancelPort(node, action) for action in {goal.action for goal in left}}
         self._goals = [
-            LeftGoal(self._ports[goal.action], goal.goal_id, partial(_watch_end, journal, goal.goal_id))
-            for goal in left
+            LeftGoal(node, goal.action, goal.goal_id, partial(_watch_end, journal, goal.goal_id))
+            for goal in journal.goals_left()
         ]
 
     def missing(self) -> str | None:
         """Cancel what is still to be cancelled; describe the first goal that has not ended, None if all have."""
         return next((line for line in [goal.missing() for goal in self._goals] if line is not None), None)
-
-    def close(self) -> None:
-        """Destroy the clients and subscriptions."""
-        for port in self._ports.values():
-            port.close()
-
-
-class CancelPort:
-    """A node's means to cancel others' goals of an action, and to see their ends.
-
-    Args:
-        node: The node.
-        action: The action's full name.
-
-    Attributes:
-        client: Cancels.
-        ends: The final statuses of its goals, by their ids, as the status topic has said them last.
-    """
-
-    def __init__(self, node: Node, action: str) -> None:
-        self._node, self.action = node, action
-        self.ends: dict[bytes, int] = {}
-        self.client = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._subscription = node.create_subscription(
-            GoalStatusArray, f"{action}/_action/status", self._take, latched
-        )
-
-    def close(self) -> None:
-        """Destroy the client and the subscription."""
-        self._node.destroy_client(self.client)
-        self._node.destroy_subscription(self._subscription)
-
-    def _take(self, message: Any) -> None:
-        final = (each for each in message.status_list if each.status in FINAL)
-        self.ends = {bytes(each.goal_info.goal_id.uuid): each.status for each in final}
 
 
 class LeftGoal:
@@ -101,7 +67,8 @@ class LeftGoal:
     It has ended when the status topic says so, or when its server does not know it: it has been restarted, or the goal never came.
 
     Args:
-        port: The means to cancel it.
+        node: The node to cancel it from.
+        action: The full name of its action.
         goal_id: Its id, 32 hexadecimal digits.
         on_end: Called with its final status; 0 where the server does not know it any more, or how it has ended.
         patience_sec: How long a server must say that it does not know the goal: one that was sent just before its
@@ -109,9 +76,16 @@ class LeftGoal:
     """
 
     def __init__(
-        self, port: CancelPort, goal_id: str, on_end: Callable[[int], None], patience_sec: float = 0.0
+        self,
+        node: Node,
+        action: str,
+        goal_id: str,
+        on_end: Callable[[int], None],
+        patience_sec: float = 0.0,
     ) -> None:
-        self._port, self._id = port, bytes.fromhex(goal_id)
+        self.action, self._id = action, goal_id
+        self._client = of_node(node, (cancel_client, action), lambda: cancel_client(node, action))
+        self._statuses = goal_statuses_of(node, action)
         self._on_end, self._patience_sec = on_end, patience_sec
         self._is_over = False
         self._asked_at = -math.inf
@@ -120,24 +94,22 @@ class LeftGoal:
 
     def missing(self) -> str | None:
         """Cancel it if that is due; return why it may be active, None once it has ended."""
-        status = self._port.ends.get(self._id)
+        status = self._statuses.end_of(self._id)
         if status is not None:
             self._end(status)
         if self._is_over:
             return None
-        if not self._port.client.service_is_ready():
-            return f"action {self._port.action}: no server, to cancel the goal that was left active"
+        if not self._client.service_is_ready():
+            return f"action {self.action}: no server, to cancel the goal that was left active"
         if time.monotonic() - self._asked_at >= _PERIOD_SEC:
             self._asked_at = time.monotonic()
             self._ask()
-        return f"action {self._port.action}: the goal that was left active has not ended; the robot may be moving"
+        return f"action {self.action}: the goal that was left active has not ended; the robot may be moving"
 
     def _ask(self) -> None:
         if self._future is not None:
-            self._port.client.remove_pending_request(self._future)
-        request = CancelGoal.Request()
-        request.goal_info.goal_id = UUID(uuid=list(self._id))
-        self._future = self._port.client.call_async(request)
+            self._client.remove_pending_request(self._future)
+        self._future = self._client.call_async(cancel_request(self._id))
         self._future.add_done_callback(self._on_answer)
 
     def _on_answer(self, future: Future) -> None:

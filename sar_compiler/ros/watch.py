@@ -13,7 +13,13 @@ from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE, deadline_clock, steady_timer
-from sar_compiler.ros.leaves.goals import GoalNews, goal_statuses_of, goals_under_way
+from sar_compiler.ros.leaves.goals import (
+    GoalNews,
+    cancel_client,
+    canceled_action,
+    goal_statuses_of,
+    goals_under_way,
+)
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.lifecycle import NAV2_NODES, with_full_name
 from sar_compiler.ros.poses import estimated_pose, yaw_of
@@ -51,11 +57,9 @@ class UnaskedMotion:
             deadline_clock(node),
         )
         self._statuses = [goal_statuses_of(node, action) for action in actions]
-        self._services = {node.resolve_service_name(_canceller(action)) for action in actions}
         beside = {action[: action.rfind("/") + 1] + server for action in actions for server in _SERVERS}
-        self._cancellers = {
-            name: node.create_client(CancelGoal, _canceller(name)) for name in sorted({*actions, *beside})
-        }
+        self._cancellers = {name: cancel_client(node, name) for name in sorted({*actions, *beside})}
+        self._actions = {canceled_action(self._cancellers[action].service_name) for action in actions}
         self._has_sent = False
         self._ended: tuple[float, float] | None = None
         self._since: tuple[float, float] | None = None
@@ -74,7 +78,7 @@ class UnaskedMotion:
 
     def look(self) -> None:
         """Look once, say what has changed, and cancel what is to be cancelled."""
-        if self._goals.drives(self._services):
+        if self._goals.drives(self._actions):
             self._ended = self._since = None
             return
         if self._has_sent and self._ended is None:
@@ -132,7 +136,7 @@ class UnaskedMotion:
         self._node.get_logger().warning(text)
 
     def _on_goal(self, news: GoalNews) -> None:
-        if news.canceller in self._services and not news.is_over:
+        if news.action in self._actions and not news.is_over:
             self._has_sent, self._ended, self._since, self._told = True, None, None, False
 
     def _now(self) -> tuple[float, float]:
@@ -141,10 +145,6 @@ class UnaskedMotion:
     def _seconds_since(self, since: tuple[float, float]) -> float:
         """Return the seconds since then by the slower of the two clocks: a robot brakes by its own."""
         return min(now - then for now, then in zip(self._now(), since, strict=True))
-
-
-def _canceller(action: str) -> str:
-    return f"{action}/_action/cancel_goal"
 
 
 _PERIOD_SEC = 0.5

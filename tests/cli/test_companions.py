@@ -148,7 +148,7 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     from sar_compiler.cli.supervision import ADRIFT
     from sar_compiler.ros.leaves.goals import goals_under_way
 
-    goals_under_way(stage.node).sending(SimpleNamespace(uuid=[1] * 16), "/drive/_action/cancel_goal")
+    goals_under_way(stage.node).sending("01" * 16, "/drive")
     leaf: Any = Running("drive")
     leaf.status = Status.RUNNING
     leaf.terminate = lambda _: stage.done.append("cancelled")

@@ -97,7 +97,6 @@ class Mortal:
         from sar_compiler.ros.left_goals import note_goals
         from sar_compiler.ros.runner import TreeRunner
 
-        self.left.close()
         runner = TreeRunner(self._compiled)
         note_goals(self.stage.node, self.journal)
         runner.setup(node=self.stage.node)

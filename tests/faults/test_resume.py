@@ -133,7 +133,6 @@ def test_a_goal_whose_server_does_not_cancel_it_is_waited_for(mortal):
     assert "has not ended; the robot may be moving" in str(left.missing())
     mission.nav.order("abort")
     mission.stage.until(lambda: left.missing() is None, "the end of the goal")
-    left.close()
     journal.close()
 
 

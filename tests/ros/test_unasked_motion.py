@@ -12,7 +12,7 @@ from tests.ros.conftest import Ros, Said
 pytestmark = pytest.mark.ros
 
 SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
-CANCELLER = "/navigate_to_pose/_action/cancel_goal"
+ACTION = "/navigate_to_pose"
 
 
 class Robot:
@@ -60,15 +60,13 @@ class Robot:
 
         return cancel
 
-    def drive(self) -> Any:
+    def drive(self) -> str:
         """Begin a goal of the mission, and return its id."""
-        from unique_identifier_msgs.msg import UUID
-
-        goal = UUID(uuid=list(uuid.uuid4().bytes))
-        self._goals.sending(goal, CANCELLER)
+        goal = uuid.uuid4().hex
+        self._goals.sending(goal, ACTION)
         return goal
 
-    def end(self, goal: Any) -> None:
+    def end(self, goal: str) -> None:
         self._goals.ended(goal, 6)
 
 

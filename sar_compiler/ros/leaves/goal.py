@@ -20,8 +20,12 @@ from sar_compiler.ros.leaves.goals import (
     CANCELED,
     SUCCEEDED,
     UNKNOWN,
+    cancel_client,
+    cancel_request,
+    canceled_action,
     goal_statuses_of,
     goals_under_way,
+    uuid_message,
 )
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.tree.showing import in_one_line
@@ -80,19 +84,23 @@ class ActionPort:
         self._connect()
 
     def _connect(self) -> None:
-        from action_msgs.srv import CancelGoal
         from rclpy.action import ActionClient
 
         node, name = self._node, self.name
         self.client = ActionClient(node, self.action_type, name)
         # rclpy's action client cancels only goals whose acceptance it has seen.
-        self.canceller = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
+        self.canceller = cancel_client(node, name)
         self.prober = node.create_client(self.action_type.Impl.GetResultService, f"{name}/_action/get_result")
 
     @property
     def server_is_ready(self) -> bool:
         """Whether a server is available; False while ROS is shut down."""
         return self.usable and self.client.server_is_ready()
+
+    @property
+    def full_name(self) -> str:
+        """The action's full name."""
+        return canceled_action(self.canceller.service_name)
 
     @property
     def usable(self) -> bool:
@@ -228,8 +236,6 @@ class ActionGoal(Exchange):
         on_news: Callable[[], None],
         clock: "Clock",
     ) -> None:
-        from unique_identifier_msgs.msg import UUID
-
         super().__init__(port.name, deadlines.server_sec, deadlines.acceptance_sec, on_sending, clock)
         self.rejected = False
         self.ended_at = math.inf
@@ -238,7 +244,7 @@ class ActionGoal(Exchange):
         self._deadlines = deadlines
         self._on_news = on_news
         # Its own id, so that it can be cancelled before the server has said anything.
-        self._id = UUID(uuid=list(uuid.uuid4().bytes))
+        self._id = uuid.uuid4().hex
         self._handle: ClientGoalHandle | None = None
         self._feedback: Any = None
         self._final: int | None = None
@@ -328,7 +334,7 @@ class ActionGoal(Exchange):
             return
         self._drop_questions()
         request = prober.srv_type.Request()
-        request.goal_id = self._id
+        request.goal_id = uuid_message(self._id)
         self._question = prober.call_async(request)
         self._question.add_done_callback(self._on_result)
 
@@ -342,10 +348,11 @@ class ActionGoal(Exchange):
 
     def _send(self) -> None:
         self._servers = self._port.statuses.servers()
-        self._port.goals.sending(self._id, self._port.canceller.service_name)
+        self._port.goals.sending(self._id, self._port.full_name)
         self._sent_at = self._clock.now()
-        self._port.statuses.follow(bytes(self._id.uuid), self._on_end)
-        answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), self._id)
+        self._port.statuses.follow(self._id, self._on_end)
+        own_id = uuid_message(self._id)
+        answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), own_id)
         answer.add_done_callback(self._on_answer)
 
     def _withdraw(self) -> None:
@@ -353,13 +360,9 @@ class ActionGoal(Exchange):
             return
         # By its own id, which works before the acceptance has come, if the server has the goal already; if not, it
         # answers that it does not know it, and the goal is cancelled when its acceptance arrives.
-        from action_msgs.srv import CancelGoal
-
         self._chased = self._limit(_CHASE_SEC)
-        request = CancelGoal.Request()
-        request.goal_info.goal_id = self._id
         self._drop_questions()
-        self._cancel = self._port.canceller.call_async(request)
+        self._cancel = self._port.canceller.call_async(cancel_request(self._id))
         self._cancel.add_done_callback(self._on_cancel_answer)
 
     def _watch(self) -> None:
@@ -421,7 +424,7 @@ class ActionGoal(Exchange):
         self._handle = handle
         if self._final == UNKNOWN:  # it was taken for lost
             self._final = None
-            self._port.goals.sending(self._id, self._port.canceller.service_name)
+            self._port.goals.sending(self._id, self._port.full_name)
         self._doubt = self._limit(self._deadlines.silence_sec)
         self._pulse = Pulse(self._port.prober, self._deadlines.silence_sec, self._clock)
         self._request_result()
