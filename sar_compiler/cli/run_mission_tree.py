@@ -184,8 +184,6 @@ class TreeRun:
         finally:
             self._signals.last_words = None
             self._options.supervision.tell_end()
-            if self._watch is not None:
-                self._watch.close()
             engine.shutdown()
             self._output.leave()
         try:

@@ -178,14 +178,6 @@ class SoleMission(Requirement):
                 "Give this one another name: --ros-args -r __node:=NAME"
             )
 
-    def close(self) -> None:
-        """Give the claim up."""
-        for publisher in self._publishers.values():
-            self._node.destroy_publisher(publisher)
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
-        self._publishers, self._subscriptions = {}, []
-
     def _rival(self) -> MissionClaim | None:
         return next((other for other in self._others.values() if other.goes_before(self._mine)), None)
 

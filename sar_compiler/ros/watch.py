@@ -67,14 +67,7 @@ class UnaskedMotion:
         self._cancelled_at = -math.inf
         self._goals.listen(self._on_goal)
         # Steady: what has stopped may be the node's clock.
-        self._timer = steady_timer(node, _MOTION_PERIOD_SEC, self.look)
-
-    def close(self) -> None:
-        """Destroy what was created on the node."""
-        self._timer.cancel()
-        self._node.destroy_timer(self._timer)
-        for client in self._cancellers.values():
-            self._node.destroy_client(client)
+        steady_timer(node, _MOTION_PERIOD_SEC, self.look)
 
     def look(self) -> None:
         """Look once, say what has changed, and cancel what is to be cancelled."""
@@ -203,7 +196,7 @@ class Watch:
         self._localisation = _Localisation(node) if any(use.kind == "nav2" for use in uses) else None
         self._motion = UnaskedMotion(node, drives) if drives else None
         # Steady: what has stopped may be the node's clock.
-        self._timer = steady_timer(node, _PERIOD_SEC, self.look)
+        steady_timer(node, _PERIOD_SEC, self.look)
 
     def look(self) -> None:
         """Look once, and say what has changed."""
@@ -231,16 +224,6 @@ class Watch:
         elif server.is_action and now - self._contested[server] > SHADOW_SEC:
             self.trouble = self.trouble or str(server.missing())
 
-    def close(self) -> None:
-        """Destroy what was created on the node, which may be gone."""
-        if not alive(self._node):
-            return
-        self._timer.cancel()
-        self._node.destroy_timer(self._timer)
-        for each in (self._localisation, self._motion):
-            if each is not None:
-                each.close()
-
 
 class _Localisation:
     """What is known of the localisation, and of the place where the robot was when it was lost."""
@@ -259,9 +242,6 @@ class _Localisation:
         self._pose_topic = node.resolve_topic_name("amcl_pose")
         self._poses = with_full_name("initialpose", node.resolve_topic_name("initialpose"))
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
-
-    def close(self) -> None:
-        self._node.destroy_publisher(self._publisher)
 
     def look(self) -> Iterable[str]:
         """Yield what has changed."""

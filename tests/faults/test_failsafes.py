@@ -1,6 +1,6 @@
 """The failsafes: which response wins, what it leaves behind, and the operator's orders over ROS."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -532,10 +532,8 @@ class TestStandstill:
     """`AwaitStandstill` beside a robot that moves as the test says."""
 
     @pytest.fixture
-    def robot(self, ros: Any) -> Iterator[Robot]:
-        robot = Robot(ros)
-        yield robot
-        robot.motion.close()
+    def robot(self, ros: Any) -> Robot:
+        return Robot(ros)
 
     @pytest.fixture
     def leaf(self, robot: Robot) -> AwaitStandstill:

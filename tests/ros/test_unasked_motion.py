@@ -2,7 +2,6 @@
 
 import time
 import uuid
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -71,10 +70,8 @@ class Robot:
 
 
 @pytest.fixture
-def robot(ros: Ros) -> Iterator[Robot]:
-    robot = Robot(ros)
-    yield robot
-    robot.motion.close()
+def robot(ros: Ros) -> Robot:
+    return Robot(ros)
 
 
 def test_a_robot_that_drives_on_after_an_abort_is_told_within_a_second_and_gets_everything_cancelled(

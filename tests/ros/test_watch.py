@@ -1,7 +1,6 @@
 """What is watched while a tree runs: the localisation that is started again."""
 
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -116,13 +115,11 @@ class Scene:
 
 
 @pytest.fixture
-def scene(ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
+def scene(ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch) -> Scene:
     from sar_compiler.ros import watch
 
     monkeypatch.setattr(watch, "_LOST_SEC", 0.3)
-    scene = Scene(ros, said)
-    yield scene
-    scene.watch.close()
+    return Scene(ros, said)
 
 
 def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -> None:
@@ -308,7 +305,6 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
     if transforms:
         ros.spin_until(lambda: said.has("No transform from 'map' has come for 3 s"), "their silence")
         assert stopwatch.own_sec < 4.0
-    watch.close()
 
 
 @pytest.mark.slow
@@ -327,4 +323,3 @@ def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(
     navigation.freeze()
     localiser.order(transforms=False)
     ros.spin_until(lambda: said.has("No transform from 'map' has come for 3 s"), "their silence")
-    watch.close()
