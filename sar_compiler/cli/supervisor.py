@@ -2,12 +2,12 @@
 
 import json
 import os
-import select
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,8 +88,7 @@ class _Life:
     def __init__(self, argv: Sequence[str], deaths: Sequence[str], *, has_begun: bool) -> None:
         self.is_adrift = False
         self._began = time.time()
-        self._signs, theirs = os.pipe()
-        os.set_blocking(self._signs, False)
+        signs, theirs = os.pipe()
         handed = Supervision(theirs, deaths, has_begun).environment()
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
             [sys.executable, "-c", _PROGRAM.format(path=sys.path), *argv],
@@ -99,21 +98,18 @@ class _Life:
             pass_fds=(theirs,),
         )
         os.close(theirs)
-        self._poll = select.poll()
-        self._poll.register(self._signs, select.POLLIN)
-        self._rest = b""
-        self._is_open, self._has_spoken = True, False
-        self._is_frozen = self._is_deaf = False
+        self._has_spoken = self._is_frozen = self._is_deaf = False
         self._limit_sec = _PATIENCE_SEC
         self._heard_at = time.monotonic()
         self._place: Path | None = None
+        self._listener = threading.Thread(target=self._listen, args=(signs,), daemon=True)
+        self._listener.start()
 
     def watch(self, signals: StopSignals) -> None:
         """Wait for the end of the run, or end it where it gives no sign of life; pass a request to stop on."""
         is_asked = False
         turned_at = time.monotonic()
-        while self._process.poll() is None:
-            self._hear()
+        while self._is_alive():
             now = time.monotonic()
             if now - turned_at > _OWN_PAUSE_SEC:
                 self._heard_at = now
@@ -125,13 +121,14 @@ class _Life:
                 self._is_frozen = not self._is_deaf
                 self._process.kill()
                 self._process.wait()
-        self._wait_until(lambda: not self._is_open, _GUARDIAN_SEC)
+        # Its guardian has the pipe as well, until it has ended.
+        self._listener.join(_GUARDIAN_SEC)
         if (place := self._place) is not None:
             from sar_compiler.journal.database import is_locked
 
-            self._wait_until(lambda: not is_locked(place), _LOCK_SEC)
-        self._poll.unregister(self._signs)
-        os.close(self._signs)
+            deadline = time.monotonic() + _LOCK_SEC
+            while is_locked(place) and time.monotonic() < deadline:
+                time.sleep(_TURN_SEC)
 
     def end(self) -> tuple[int, str]:
         """Return the exit status, and in words how the run has died; empty if it has ended."""
@@ -175,18 +172,17 @@ class _Life:
         # Before its first sign Python itself would answer a SIGINT, with a traceback.
         self._process.send_signal(signals.exit_status - 128 if self._has_spoken else signal.SIGTERM)
 
-    def _hear(self) -> None:
-        """Read the signs that come within a turn."""
-        if not self._is_open:
-            time.sleep(_TURN_SEC)
-            return
-        if not self._poll.poll(_TURN_SEC * 1000.0):
-            return
-        data = os.read(self._signs, 4096)
-        self._is_open = bool(data)
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        for line in lines:
-            self._take(line)
+    def _is_alive(self) -> bool:
+        """Wait for the end of the run for a turn; return whether it has not come."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_TURN_SEC)
+        return self._process.returncode is None
+
+    def _listen(self, signs: int) -> None:
+        """Take the signs as they come, until nobody can give one any more."""
+        with open(signs, "rb") as lines:
+            for line in lines:
+                self._take(line)
 
     def _take(self, line: bytes) -> None:
         self._has_spoken, self._heard_at = True, time.monotonic()
@@ -199,11 +195,6 @@ class _Life:
         elif line.startswith(JOURNAL):
             self._place = Path(json.loads(line[1:]))
         self.is_adrift = self.is_adrift or line.startswith(ADRIFT_SIGN)
-
-    def _wait_until(self, wanted: Callable[[], bool], limit_sec: float) -> None:
-        deadline = time.monotonic() + limit_sec
-        while not wanted() and time.monotonic() < deadline:
-            self._hear()
 
     def _run_in_journal(self) -> "JournalRun | None":
         """Return what the journal has of this run; None if it had not begun."""
