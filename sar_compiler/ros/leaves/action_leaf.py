@@ -8,7 +8,7 @@ from py_trees.common import Status
 from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
-from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, describe_status
+from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, describe_status
 from sar_compiler.ros.leaves.goals import SUCCEEDED
 from sar_compiler.ros.leaves.standstill import Standstill
 from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
@@ -165,15 +165,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         return self.goal()
 
     def _open(self, message: Any) -> ActionGoal:
-        deadlines = GoalDeadlines(
-            self.server_timeout_sec,
-            self.acceptance_timeout_sec,
-            self.feedback_timeout_sec,
-            self.absence_timeout_sec,
-        )
         self._rest_no_longer()
-        port = cast("ActionPort", self._port)
-        return ActionGoal(port, message, deadlines, self._announce, self._hear, self._clock)
+        return ActionGoal(self, cast("ActionPort", self._port), message)
 
     def _begin(self) -> Status:
         self._has_asked = False

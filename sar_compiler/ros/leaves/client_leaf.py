@@ -1,7 +1,6 @@
 """The common base of leaves that call an action or a service."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from py_trees.common import Status
@@ -19,11 +18,9 @@ class Exchange(ABC):
     """A goal or a call: sent to a server at most once, and answered at most once.
 
     Args:
+        leaf: The leaf that it is of, which has the limits and their clock, and is told what becomes of it.
         server: The name of the action or service.
-        server_sec: How long to wait for a server, seconds.
         reply_sec: How long to wait for the first reply, from the sending on.
-        on_sending: Called just before the message is sent.
-        clock: The clock of these and other limits (`deadline.deadline_clock`).
 
     Attributes:
         sent: Whether it was sent.
@@ -34,23 +31,12 @@ class Exchange(ABC):
     _server_kind: ClassVar[str]
     _reply: ClassVar[str]
 
-    def __init__(
-        self,
-        server: str,
-        server_sec: float,
-        reply_sec: float,
-        on_sending: Callable[[], None],
-        clock: "Clock",
-    ) -> None:
+    def __init__(self, leaf: "ClientLeaf[Any]", server: str, reply_sec: float) -> None:
         self.sent = False
         self.answer: Any = None
         self.trouble = ""
-        self._server = server
-        self._server_sec = server_sec
-        self._reply_sec = reply_sec
-        self._on_sending = on_sending
-        self._clock = clock
-        self._deadline = self._limit(server_sec)
+        self._leaf, self._server, self._reply_sec = leaf, server, reply_sec
+        self._deadline = self._limit(leaf.server_timeout_sec)
         self._abandoned = False
 
     @property
@@ -66,13 +52,13 @@ class Exchange(ABC):
             self._watch()
         elif self._server_is_ready():
             # Without a server a message would be lost: it is not delivered to one that appears later.
-            self._on_sending()
+            self._leaf._announce()
             self.sent = True
             self._deadline = self._limit(self._reply_sec)
             self._send()
         elif self._deadline.passed:
             self._give_up(
-                f"no server for the {self._server_kind} '{self._server}' within {self._server_sec:g} s; "
+                f"no server for the {self._server_kind} '{self._server}' within {self._leaf.server_timeout_sec:g} s; "
                 "is it running, and in this namespace?"
             )
 
@@ -109,7 +95,7 @@ class Exchange(ABC):
         self.trouble = trouble
 
     def _limit(self, seconds: float) -> Deadline:
-        return Deadline(seconds, self._clock)
+        return Deadline(seconds, self._leaf._clock)
 
 
 E = TypeVar("E", bound=Exchange)

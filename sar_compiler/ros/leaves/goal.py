@@ -8,7 +8,6 @@ import math
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakMethod
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.task import Future
 
+    from sar_compiler.ros.leaves.action_leaf import ActionLeaf
     from sar_compiler.runtime.clock import Clock
 
 _ENDS = {
@@ -133,28 +133,6 @@ class ActionPort:
             self._node.destroy_client(self.prober)
 
 
-@dataclass(frozen=True)
-class GoalDeadlines:
-    """The time limits of a goal, in seconds.
-
-    Attributes:
-        server_sec: Until there is a server.
-        acceptance_sec: From sending to acceptance or rejection.
-        feedback_sec: Between two feedback messages, once there was one; None for no limit.
-        absence_sec: How long the server may be missing from the graph while the goal is in flight.
-    """
-
-    server_sec: float
-    acceptance_sec: float
-    feedback_sec: float | None
-    absence_sec: float
-
-    @property
-    def silence_sec(self) -> float:
-        """How long a server that sends no feedback may leave questions unanswered."""
-        return self.server_sec if self.feedback_sec is None else self.feedback_sec
-
-
 class Pulse:
     """Heartbeat: requests the result of an unknown goal, which a live server refuses at once.
 
@@ -209,12 +187,9 @@ class ActionGoal(Exchange):
     """One goal, sent at most once.
 
     Args:
+        leaf: The leaf that sends it; hears when the goal is accepted and when it has succeeded.
         port: The action.
         message: The goal to send.
-        deadlines: The limits to keep.
-        on_sending: Called just before the goal is sent.
-        on_news: Called when the goal is accepted and when it has succeeded.
-        clock: The clock of the limits.
 
     Attributes:
         sent, trouble: As in every `Exchange`.
@@ -227,22 +202,13 @@ class ActionGoal(Exchange):
     _server_kind = "action"
     _reply = "no answer to the goal"
 
-    def __init__(
-        self,
-        port: ActionPort,
-        message: Any,
-        deadlines: GoalDeadlines,
-        on_sending: Callable[[], None],
-        on_news: Callable[[], None],
-        clock: "Clock",
-    ) -> None:
-        super().__init__(port.name, deadlines.server_sec, deadlines.acceptance_sec, on_sending, clock)
+    _leaf: "ActionLeaf"
+
+    def __init__(self, leaf: "ActionLeaf", port: ActionPort, message: Any) -> None:
+        super().__init__(leaf, port.name, leaf.acceptance_timeout_sec)
         self.rejected = False
         self.ended_at = math.inf
-        self._port = port
-        self._message = message
-        self._deadlines = deadlines
-        self._on_news = on_news
+        self._port, self._message = port, message
         # Its own id, so that it can be cancelled before the server has said anything.
         self._id = uuid.uuid4().hex
         self._handle: ClientGoalHandle | None = None
@@ -280,16 +246,21 @@ class ActionGoal(Exchange):
     @property
     def _is_too_late(self) -> bool:
         """Whether no server that was there when the goal was sent can still accept it."""
-        limit_sec = self._deadlines.acceptance_sec
-        if self.age_sec <= limit_sec:
+        if self.age_sec <= self._reply_sec:
             return False
         # One that was killed stays in the graph for a while: who answers is the one that came since.
-        return self.age_sec > _LATEST * limit_sec or bool(self._port.statuses.servers() - self._servers)
+        return self.age_sec > _LATEST * self._reply_sec or bool(self._port.statuses.servers() - self._servers)
 
     @property
     def age_sec(self) -> float:
         """The seconds since it was sent."""
-        return self._clock.now() - self._sent_at
+        return self._leaf._clock.now() - self._sent_at
+
+    @property
+    def _silence_sec(self) -> float:
+        """How long a server that sends no feedback may leave questions unanswered."""
+        limit_sec = self._leaf.feedback_timeout_sec
+        return self._leaf.server_timeout_sec if limit_sec is None else limit_sec
 
     @property
     def server_is_gone(self) -> bool:
@@ -349,7 +320,7 @@ class ActionGoal(Exchange):
     def _send(self) -> None:
         self._servers = self._port.statuses.servers()
         self._port.goals.sending(self._id, self._port.full_name)
-        self._sent_at = self._clock.now()
+        self._sent_at = self._leaf._clock.now()
         self._port.statuses.follow(self._id, self._on_end)
         own_id = uuid_message(self._id)
         answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), own_id)
@@ -373,7 +344,7 @@ class ActionGoal(Exchange):
             if self.trouble:
                 self._port.count_unanswered()
         elif self._silence is not None and self._silence.passed:
-            self._lose(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
+            self._lose(f"the server has sent no feedback for {self._silence_sec:g} s")
         elif not self._port.server_is_ready:
             self._miss_server()
         else:
@@ -392,9 +363,9 @@ class ActionGoal(Exchange):
     def _miss_server(self) -> None:
         # Whoever appears instead of it does not know the goal.
         if self._absence is None:
-            self._absence = self._limit(self._deadlines.absence_sec)
+            self._absence = self._limit(self._leaf.absence_timeout_sec)
         elif self._absence.passed:
-            self._lose(f"the server has been gone for {self._deadlines.absence_sec:g} s")
+            self._lose(f"the server has been gone for {self._leaf.absence_timeout_sec:g} s")
 
     def _question_server(self) -> None:
         """Find out whether the server lives, and knows the goal: the graph shows a killed one for some 20 s."""
@@ -403,10 +374,10 @@ class ActionGoal(Exchange):
         ):
             # Perhaps another server than before: one that does not know the goal answers at once.
             self._absence = None
-            self._doubt = self._limit(self._deadlines.silence_sec)
+            self._doubt = self._limit(self._silence_sec)
             self._request_result()
         if self._pulse is not None and self._pulse.has_stopped():
-            self._lose(f"the server has answered nothing for {self._deadlines.silence_sec:g} s")
+            self._lose(f"the server has answered nothing for {self._silence_sec:g} s")
 
     def _lose(self, trouble: str) -> None:
         self._port.goals.lost(self._id)
@@ -425,13 +396,13 @@ class ActionGoal(Exchange):
         if self._final == UNKNOWN:  # it was taken for lost
             self._final = None
             self._port.goals.sending(self._id, self._port.full_name)
-        self._doubt = self._limit(self._deadlines.silence_sec)
-        self._pulse = Pulse(self._port.prober, self._deadlines.silence_sec, self._clock)
+        self._doubt = self._limit(self._silence_sec)
+        self._pulse = Pulse(self._port.prober, self._silence_sec, self._leaf._clock)
         self._request_result()
         if self._abandoned:
             self._withdraw()
         else:
-            self._on_news()
+            self._leaf._hear()
 
     def _request_result(self) -> None:
         # At once, since a server forgets results; and of every goal, since rclpy keeps what it knows of a goal
@@ -454,8 +425,8 @@ class ActionGoal(Exchange):
         self._feedback, self._heard_at = message.feedback, AWAKE.now()
         if self._pulse is not None:
             self._pulse.rest()
-        if self._deadlines.feedback_sec is not None:
-            self._silence = self._limit(self._deadlines.feedback_sec)
+        if self._leaf.feedback_timeout_sec is not None:
+            self._silence = self._limit(self._leaf.feedback_timeout_sec)
 
     def _on_end(self, status: int) -> None:
         self._final = status
@@ -469,7 +440,7 @@ class ActionGoal(Exchange):
             return
         self.answer = result
         if result.status == SUCCEEDED:
-            self._on_news()
+            self._leaf._hear()
 
     def _on_cancel_answer(self, answer: "Future") -> None:
         response = answer.result()

@@ -1,7 +1,6 @@
 """Calls of a ROS service: the base class of leaves, and a single call, without blocking."""
 
 from abc import abstractmethod
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, cast
 
 from py_trees.common import Status
@@ -13,38 +12,24 @@ if TYPE_CHECKING:
     from rclpy.client import Client
     from rclpy.task import Future
 
-    from sar_compiler.runtime.clock import Clock
-
 
 class ServiceCall(Exchange):
     """One request, sent at most once, and its answer.
 
     Args:
+        leaf: The leaf that calls; hears the answer when it arrives, unless the call has been given up.
         client: The service's client.
         request: The request to send.
-        answer_sec: How long to wait for the answer, from the request on.
-        on_sending: Called just before the request is sent.
-        on_answer: Called with the answer when it arrives, unless the call has been given up.
-        clock: The clock of the limits.
     """
 
     _server_kind = "service"
     _reply = "no answer"
 
-    def __init__(
-        self,
-        client: "Client",
-        request: Any,
-        server_sec: float,
-        answer_sec: float,
-        on_sending: Callable[[], None],
-        on_answer: Callable[[Any], None],
-        clock: "Clock",
-    ) -> None:
-        super().__init__(client.srv_name, server_sec, answer_sec, on_sending, clock)
-        self._client = client
-        self._request = request
-        self._on_answer = on_answer
+    _leaf: "ServiceLeaf"
+
+    def __init__(self, leaf: "ServiceLeaf", client: "Client", request: Any) -> None:
+        super().__init__(leaf, client.srv_name, leaf.timeout_sec)
+        self._client, self._request = client, request
         self._future: Future | None = None
 
     def _server_is_ready(self) -> bool:
@@ -63,7 +48,7 @@ class ServiceCall(Exchange):
         # The answer may have been on its way to this callback when the call was given up.
         if not self._abandoned:
             self.answer = future.result()
-            self._on_answer(self.answer)
+            self._leaf._hear(self.answer)
 
 
 class ServiceLeaf(ClientLeaf[ServiceCall]):
@@ -151,9 +136,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         return self.request()
 
     def _open(self, message: Any) -> ServiceCall:
-        timeouts = self.server_timeout_sec, self.timeout_sec
-        client = cast("Client", self._client)
-        return ServiceCall(client, message, *timeouts, self._announce, self._hear, self._clock)
+        return ServiceCall(self, cast("Client", self._client), message)
 
     def _conclude(self, answer: Any) -> Status:
         return self.on_response(answer)
