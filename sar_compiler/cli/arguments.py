@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from sar_compiler.commands import CommandParser
+from sar_compiler.errors import SarError
 
 REPORT_FORMS = "in the form of the file's ending: .html to print and hand on, .json, or in the world's coordinates .geojson, .cot, .cap"
 """What the help says of the files of reports: the endings of `views.mission_report.FORMS`, which take too long to import for it."""
@@ -25,8 +26,11 @@ class ArgumentKind:
         self.name, self.read = name, read
 
     def __call__(self, text: str) -> Any:
-        """Return the value of a word."""
-        return self.read(text)
+        """Return the value of a word, or say what is wrong with it."""
+        try:
+            return self.read(text)
+        except SarError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _tree_input(name: str) -> str:

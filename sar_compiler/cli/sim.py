@@ -5,15 +5,16 @@ import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, WORLD, Parser, seed, speed
+from sar_compiler.cli.arguments import FILE, WORLD, ArgumentKind, Parser, seed, speed
 from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import OK, add_version, interruptible, print_text, run
 from sar_compiler.ros.arguments import init_arguments, split_arguments
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import (
@@ -22,7 +23,6 @@ from sar_compiler.sim.placement import (
     QUICK_NAME,
     ROBOT,
     Placement,
-    PlacementError,
     parse_placement,
 )
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 # How often to look whether the simulation is still alive, seconds.
 _LOOK_SEC = 0.5
+_ROBOT = ArgumentKind("", parse_placement)
+_FAULT = ArgumentKind("", partial(parse_fault, targets=NAVIGATION_FAULTS))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -92,13 +94,13 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "looking along YAW (radians), frame map, by default at the world's start; may be repeated. Without it "
         "there is one robot, in the namespace of the command line"
     )
-    add("--robot", type=_robot, action="append", default=[], metavar="NAME[:X,Y[,YAW]]", help=text)
+    add("--robot", type=_ROBOT, action="append", default=[], metavar="NAME[:X,Y[,YAW]]", help=text)
     text = (
         "let something go wrong: navigate_to_pose:abort=PLACE, :abort@PLACE,drives=SECONDS, :code=NUMBER[@PLACE][,after=SECONDS], "
         ":late=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
         "Each robot of several does so, and counts for itself"
     )
-    add("--fault", type=_fault, action="append", default=[], metavar="SPEC", help=text)
+    add("--fault", type=_FAULT, action="append", default=[], metavar="SPEC", help=text)
     text = (
         "how Nav2's stand-in drives: to the point and giving up at once (default quick), or as Nav2 does with the "
         "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and recoveries, which move the robot"
@@ -116,20 +118,6 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parts.add_argument("--separate", action="store_true", help=text)
     text = f"run one of these processes alone, such as one that was killed: {', '.join(PARTS)}"
     parts.add_argument("--only", choices=PARTS, metavar="PART", help=text)
-
-
-def _robot(text: str) -> Placement:
-    try:
-        return parse_placement(text)
-    except PlacementError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
-
-
-def _fault(text: str) -> Fault:
-    try:
-        return parse_fault(text, NAVIGATION_FAULTS)
-    except FaultError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _map(options: argparse.Namespace) -> int:
