@@ -6,7 +6,12 @@ from pathlib import Path
 
 from sar_compiler.cli.arguments import TREE_INPUT
 from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.writing import write_bytes
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
+from sar_compiler.tree.content import STANDARD_INPUT, read_bytes
+from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.gathering import path_named
+from sar_compiler.tree.reading import read_tree_file
 
 
 def add_format(parser: argparse.ArgumentParser) -> None:
@@ -29,9 +34,6 @@ def format_files(arguments: argparse.Namespace) -> int:
 
 def _status(name: str, *, check: bool) -> int:
     """Rewrite a file, or report whether it would change; return the exit status."""
-    from sar_compiler.tree.content import STANDARD_INPUT
-    from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
-
     try:
         differs = _format(name, write=not check)
     except UnreadableFileError as error:
@@ -47,11 +49,7 @@ def _status(name: str, *, check: bool) -> int:
 
 def _format(name: str, *, write: bool) -> bool:
     """Return whether a file differs from its canonical form, and rewrite it if requested."""
-    from sar_compiler.cli.writing import write_bytes
-    from sar_compiler.tree.content import STANDARD_INPUT, read_bytes
     from sar_compiler.tree.conversion import canonical_bytes
-    from sar_compiler.tree.gathering import path_named
-    from sar_compiler.tree.reading import read_tree_file
 
     path = path_named(name)
     tree_file = read_tree_file(path)

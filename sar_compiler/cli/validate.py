@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import TREE_INPUT, seconds
 from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_project_options, tell_note, workspace
 from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.writing import WriteError, write_bytes
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
+from sar_compiler.errors import SarError
+from sar_compiler.tree.content import STANDARD_INPUT, bytes_of, read_bytes, real_path
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
+from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
 from sar_compiler.tree.showing import visible
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
     from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.project import LoadedTree, Workspace
-    from sar_compiler.tree.diagnostic import Diagnostic
 
 _TEXT, _JSON, _SARIF, _ = FORMATS = ("text", "json", "sarif", "github")
 _FAILED = "internal-error"
@@ -49,8 +53,6 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
 
 def validate_files(arguments: argparse.Namespace) -> int:
     """Print the findings about files, and return the exit status."""
-    from sar_compiler.tree.diagnostic import Severity
-
     validation = _Validation(arguments)
     if arguments.fix:
         validation.mend()
@@ -73,8 +75,6 @@ class _Validation:
     """
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        from sar_compiler.tree.content import real_path
-
         self.arguments = arguments
         self.findings: list[Diagnostic] = []
         self.unreadable = 0
@@ -100,9 +100,6 @@ class _Validation:
 
     def _find_files(self, name: str) -> Iterator[Path]:
         """Yield the files that an argument names."""
-        from sar_compiler.tree.diagnostic import UnreadableFileError
-        from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
-
         try:
             if name and Path(name).is_dir():
                 files = tree_files_in(Path(name))
@@ -131,16 +128,12 @@ class _Validation:
 
     def mend(self) -> None:
         """Apply all possible fixes to the files; what is wrong otherwise is found when they are looked at."""
-        from sar_compiler.tree.content import STANDARD_INPUT
-
         for path in self._files:
             if path != STANDARD_INPUT:
                 self._guard(path, self._mend_file, "mending")
         self._workspace = self._new_workspace()
 
     def _mend_file(self, path: Path) -> None:
-        from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
-
         for _ in range(_ROUNDS):
             try:
                 tree = self._workspace.load_file(path)
@@ -157,9 +150,6 @@ class _Validation:
 
     def _guard(self, path: Path, what: Callable[[Path], None], name: str) -> None:
         """Do something with a file; if that fails, there is something to say about the other files all the same."""
-        from sar_compiler.errors import SarError
-        from sar_compiler.tree.diagnostic import TreeError
-
         try:
             what(path)
         except TreeError as error:
@@ -172,9 +162,6 @@ class _Validation:
             self._report([failure_of_file(path, error, name)])
 
     def _check(self, path: Path) -> None:
-        from sar_compiler.tree.content import real_path
-        from sar_compiler.tree.diagnostic import TreeError
-
         try:
             tree = self._workspace.load_file(path)
         except TreeError:
@@ -192,7 +179,7 @@ class _Validation:
         if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
             self._clean.append(path)
 
-    def _try_runs(self, tree: "LoadedTree") -> "list[Diagnostic]":
+    def _try_runs(self, tree: "LoadedTree") -> list[Diagnostic]:
         """Return what a tick of some run of a file raises, as far as runs are tried."""
         deep = self.arguments.deep
         if self.arguments.no_deep:
@@ -213,7 +200,7 @@ class _Validation:
         self._raising.update((each.source.path, each.span) for each in new)
         return new
 
-    def _report(self, findings: "Iterable[Diagnostic]") -> None:
+    def _report(self, findings: Iterable[Diagnostic]) -> None:
         """Report findings, each once: a file may be included by several, or have trees that several use."""
         new = []
         for finding in findings:
@@ -233,7 +220,7 @@ class _Validation:
             self._fixes.update((fix.finding.identity, fix) for fix in each_fix(*file))
 
     @property
-    def _findings_to_tell(self) -> "Sequence[Diagnostic]":
+    def _findings_to_tell(self) -> Sequence[Diagnostic]:
         """The findings as people are told them."""
         if self.arguments.all or len(self.findings) <= 1:
             return self.findings
@@ -241,7 +228,7 @@ class _Validation:
 
         return by_cause(self.findings)
 
-    def _sum_up(self, told: "Sequence[Diagnostic]") -> None:
+    def _sum_up(self, told: Sequence[Diagnostic]) -> None:
         """Print on standard error how much was found, unless there was only one file without findings."""
         if not told and self._checked <= 1:
             return
@@ -296,8 +283,6 @@ def _count(number: int, what: str) -> str:
 def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
     """Apply fixes to a file; all other bytes are unchanged."""
     from sar_compiler.checks.fixing import apply_fixes
-    from sar_compiler.cli.writing import WriteError, write_bytes
-    from sar_compiler.tree.content import bytes_of, read_bytes
 
     path, source = tree.path, tree.source
     if bytes_of(source, source.text) != read_bytes(path):
