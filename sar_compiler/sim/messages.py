@@ -31,10 +31,8 @@ def to_stamp(now_ns: int) -> Time:
 
 def tell_state(response: Any, *, active: bool) -> Any:
     """Fill in the answer of a lifecycle node that is active or inactive."""
-    if active:
-        response.current_state = State(id=State.PRIMARY_STATE_ACTIVE, label="active")
-    else:
-        response.current_state = State(id=State.PRIMARY_STATE_INACTIVE, label="inactive")
+    number = State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
+    response.current_state = State(id=number, label="active" if active else "inactive")
     return response
 
 
