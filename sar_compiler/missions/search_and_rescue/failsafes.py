@@ -1,7 +1,7 @@
 """The conditions of failsafes: SUCCESS while all is well, FAILURE with a reason where the mission is to be cut short."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from py_trees.common import Status
 
@@ -11,16 +11,11 @@ from sar_compiler.leaves import (
     RosLeaf,
     Seconds,
     TopicLeaf,
-    alive,
-    find_interface,
     robot_estimate,
 )
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence
-
-if TYPE_CHECKING:
-    from rclpy.client import Client
 
 
 class _Failsafe(RosLeaf):
@@ -245,29 +240,13 @@ class BaseInReach(_Failsafe):
         self.service_name = service
         self._clock = clock
         self._patience_sec = patience
-        self._client: Client | None = None
         self._seen: float | None = None
-
-    def setup(self, **kwargs: Any) -> None:
-        """Create a client, by which the server is seen."""
-        self.shutdown()
-        super().setup(**kwargs)
-        interface = find_interface(type(self).__name__, "srv", self.service_name, self.service_type)
-        self._client = self.node.create_client(interface, self.service_name)
 
     def update(self) -> Status:
         """Look whether there is a server."""
-        now = self._clock.now()
-        if self._seen is None or (self._client is not None and self._client.service_is_ready()):
+        now, service = self._clock.now(), self.node.resolve_service_name(self.service_name)
+        if self._seen is None or self.node.count_services(service):
             self._seen = now
         away = now - self._seen
         lost = f"base ('{self.service_name}') is out of reach for {away:.0f} s"
         return self._judge(lost if away > self._patience_sec else "")
-
-    def shutdown(self) -> None:
-        """Release the client, which is gone already if the node is."""
-        if self._client is not None:
-            if alive(self.node):
-                self.node.destroy_client(self._client)
-            self._client = None
-        super().shutdown()
