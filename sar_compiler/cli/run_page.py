@@ -186,11 +186,5 @@ def _form(verb: "Verb") -> dict[str, Any]:
     """Return what the page must know of a verb, as JSON values."""
     from sar_compiler.missions.mission import LONGEST
 
-    return {
-        "name": verb.name,
-        "label": verb.label,
-        "help": verb.help,
-        "confirm": verb.confirm,
-        "role": verb.role,
-        "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields],
-    }
+    own = {name: value for name, value in verb._asdict().items() if name not in ("service_type", "fill")}
+    return {**own, "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields]}
