@@ -1,7 +1,7 @@
 """What the leaves of a recorded run did: the entries of its journal as events.
 
-A journal has an entry where a node comes to something else than the last time. So of a leaf that gives the same answer again, tick after
-tick, there is one event, until it is reset or halted; and a tick in which nothing was written has none.
+A journal has an entry where a node comes to something else than in the tick before. So a leaf that gives the same answer in tick after tick
+has one event for them, and a tick in which nothing was written has none.
 """
 
 from collections.abc import Iterable, Iterator

@@ -20,8 +20,8 @@ _STANDING = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 class StatusWatch(VisitorBase):
     """Watches every node that is ticked: kind `status`, with `node` (its number), `tick`, `status`, `message`.
 
-    A node has an entry where its status, its message or its answer is another one than in its last. Nodes are numbered from 0 in
-    pre-order, as in the journal's tree. A leaf that has declared its answers has the `label` of the one it has given, which is
+    A node has an entry where its status, its message or its answer is another one than in its last, or it was not ticked in the tick before.
+    Nodes are numbered from 0 in pre-order, as in the journal's tree. A leaf that has declared its answers has the `label` of the one it has given, which is
     empty if it has not said which. HALTED is the status of one that was stopped while it was running; IDLE of one that
     had ended, and was reset because what is above it began anew or was stopped; `last` is then the tick in which it was ticked last.
 
@@ -48,10 +48,11 @@ class StatusWatch(VisitorBase):
         self._warn, self._warned = warn, set[str]()
         self._behaviours = list(pre_order(root))
         self._numbers = {id(behaviour): number for number, behaviour in enumerate(self._behaviours)}
-        self._last: dict[int, tuple[str, str, str | None]] = {}
+        # Of each node: what it has come to last, and the tick in which that was.
+        self._last: list[tuple[str, str, str | None]] = [("", "", None)] * len(self._behaviours)
+        self._ticked = [0] * len(self._behaviours)
         self._standing: set[int] = set()
         self._tick = 0
-        self._ticked: dict[int, int] = {}
         self._is_ticking = False
         self._noted: set[int] = set()
         journal.leaf_in_hand = self._leaf_in_hand
@@ -82,14 +83,17 @@ class StatusWatch(VisitorBase):
         number = self._numbers.get(id(behaviour))
         if number is not None:
             status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
-            self._write(number, str(status), behaviour.feedback_message, self._label(behaviour, str(status)))
+            now = str(status), behaviour.feedback_message, self._label(behaviour, str(status))
+            before, self._ticked[number] = self._ticked[number], self._tick
+            if self._last[number] != now or number in self._noted or before < self._tick - 1:
+                self._write(number, *now)
 
     def finalise(self) -> None:
         """Watch the nodes that were stopped or reset, and end the tick."""
         gone = [each for each in self._standing if self._behaviours[each].status is Status.INVALID]
         for number in sorted(gone):
             was_running = self._last[number][0] == Status.RUNNING.value
-            self._write(number, "HALTED" if was_running else "IDLE", "", last=self._ticked.get(number, 0))
+            self._write(number, "HALTED" if was_running else "IDLE", "", last=self._ticked[number])
         self._is_ticking = False
         self._journal.write_when_due()
 
@@ -106,10 +110,6 @@ class StatusWatch(VisitorBase):
         return declared.label(status, said)
 
     def _write(self, number: int, status: str, message: str, label: str | None = None, **more: int) -> None:
-        if not more:
-            self._ticked[number] = self._tick
-        if self._last.get(number) == (status, message, label) and number not in self._noted:
-            return
         self._last[number] = status, message, label
         (self._standing.add if status in _STANDING else self._standing.discard)(number)
         said: dict[str, object] = {} if label is None else {"label": label}

@@ -14,14 +14,13 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, STARTED, TICKED, Event, with_end
-from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.live import LiveTree, show_visits
-from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
 from tests.chance import rounds
 from tests.checks.test_events import ByChance
 from tests.checks.verify.stage import simulated_tree
 from tests.checks.verify.test_same_as_py_trees import trees
+from tests.views.flown import watched_tick
 
 TICKS = 8
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
@@ -49,14 +48,7 @@ class Flight:
 
     def tick(self):
         """Tick once; return what the root has come to."""
-        visits: list[Visit] = []
-        self._watch.initialise()
-        try:
-            return WORDS[self._tree.tick_and_visit(visits)]
-        finally:
-            for behaviour in show_visits(visits):
-                self._watch.run(behaviour)
-            self._watch.finalise()
+        return watched_tick(self._tree, self._watch)
 
     def deeds(self):
         """Return what leaves did, and what was noted, with the tick of each, without the ends of ticks."""
@@ -83,7 +75,7 @@ def in_ticks(events):
 
 
 @pytest.mark.parametrize("binding", trees(range(600, 600 + rounds(25))))
-def test_what_is_read_has_happened_and_nothing_is_left_out_but_what_is_as_before(binding):
+def test_what_is_read_has_happened_and_nothing_is_left_out_but_answers_as_in_the_tick_before(binding):
     simulated = simulated_tree(binding)
     simulated.policy = ByChance(3)
     paths = {leaf.number: leaf.path for leaf in simulated.leaves}
@@ -106,7 +98,9 @@ def test_what_is_read_has_happened_and_nothing_is_left_out_but_what_is_as_before
         last = {event.number: (event.status, event.label) for event in events if event.answer}
         as_before = {leaf for leaf, answer in last.items() if known.get(leaf) == answer}
         assert {event.number for event in told if event.answer} >= last.keys() - as_before
-        known |= last | dict.fromkeys((e.number for e in read.get(number, []) if e.what == RESET), ("", ""))
+        # What is as in the tick before is left out, and nothing else.
+        at_rest = {event.number for event in read.get(number, []) if event.what == RESET}
+        known = {leaf: answer for leaf, answer in last.items() if leaf not in at_rest}
 
 
 def test_a_leaf_that_is_at_rest_again_is_not_taken_for_one_that_answers_the_same():

@@ -57,6 +57,15 @@ def test_a_node_that_is_stopped_is_written_as_halted(journal):
     assert (2, 2, "HALTED") in watched(journal, root, 2)
 
 
+def test_what_comes_to_the_same_after_a_tick_without_it_is_written_again(journal):
+    first = leaf("first", Status.FAILURE, Status.SUCCESS, Status.FAILURE)
+    # py_trees leaves its status as it is: nothing but its being ticked shows that it had a part again.
+    second = leaf("second", Status.SUCCESS)
+    root = Selector("root", memory=False, children=[first, second])
+    entries = watched(journal, root, 4)
+    assert [entry for entry in entries if entry[1] == 2] == [(1, 2, "SUCCESS"), (3, 2, "SUCCESS")]
+
+
 def test_a_message_that_changes_is_written(journal):
     one = leaf("one", Status.RUNNING)
     tree = BehaviourTree(one)

@@ -3,7 +3,6 @@
 import functools
 import random
 
-from sar_compiler.checks.simulate.running import ScenarioPlayer
 from sar_compiler.checks.simulate.scenario import Scenario
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
@@ -11,6 +10,9 @@ from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.project import load
 from sar_compiler.runtime.answers import nominal
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.live import LiveTree, show_visits
+from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.views.outline import outline
 from tests.trees import document
@@ -88,31 +90,37 @@ class FaultyPolicy:
 
 def flown(simulated, policy, journal=None, **about):
     """Return the stream of a run, and what its root came to; the policy is told of each tick, the journal more about the run."""
-    player = ScenarioPlayer(simulated, Scenario())
+    tree = LiveTree(simulated.root, is_strict=True)
     simulated.policy = policy
     journal = journal or Journal()
     stream: list[JournalEntry] = []
     journal.listen(stream.append)
     journal.clock = simulated.clock
-    behaviours = list(simulated.root.iterate())
     looks = [
         ["condition" if each.name.startswith(CONDITION) else "action", ""]
         for each in pre_order(simulated.root)
     ]
     journal.begin({"tree": outline(simulated.compiled)}, {"looks": looks, **about})
     watch = StatusWatch(simulated.root, journal)
-    numbers = watch._numbers
-    by_id = {each.id: each for each in behaviours}
-    for tick in range(1, TICKS + 1):
-        policy.tick = tick
-        watch.initialise()
-        for each, status in player.tick().statuses.items():
-            watch._write(numbers[id(by_id[each])], status, by_id[each].feedback_message)
-        watch.finalise()
-        if player.run.root != "RUNNING":
+    for policy.tick in range(1, TICKS + 1):
+        root = watched_tick(tree, watch)
+        if root != "RUNNING":
             break
-    journal.end(Ending.OVER, int(player.run.root != "SUCCESS"))
-    return stream, player.run.root
+        simulated.clock.advance(Scenario().period_sec)
+    journal.end(Ending.OVER, int(root != "SUCCESS"))
+    return stream, root
+
+
+def watched_tick(tree, watch):
+    """Tick a tree once, watched as a run is; return what its root has come to."""
+    visits: list[Visit] = []
+    watch.initialise()
+    try:
+        return WORDS[tree.tick_and_visit(visits)]
+    finally:
+        for behaviour in show_visits(visits):
+            watch.run(behaviour)
+        watch.finalise()
 
 
 def injected(path):
