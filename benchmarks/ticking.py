@@ -21,7 +21,7 @@ from sar_compiler.resources import shipped
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.tree.forest import Forest, load_forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 
 BARE = "bare calls"

@@ -39,7 +39,7 @@ from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.resources import shipped
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 
 PLAIN_TREE, RESILIENT = "search_and_rescue", "search_and_rescue_resilient"
 SPIN = "SPIN"

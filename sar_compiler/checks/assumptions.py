@@ -7,10 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from sar_compiler.checks.leaf_words import LeafWords, unknown_in
-from sar_compiler.checks.typed_values import report_script, word
-from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree
-from sar_compiler.compiler.stand_ins import described_parents, put_in_place, self_ticking_parents
+from sar_compiler.checks.leaf_words import LeafWords, report_script, unknown_in, word
+from sar_compiler.compiler.simulated_tree import (
+    Assumptions,
+    SimulatedTree,
+    described_parents,
+    put_in_place,
+    self_ticking_parents,
+)
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders

@@ -16,9 +16,8 @@ from sar_compiler.nodes.btcpp import NEWEST, VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, read_bytes, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span
 from sar_compiler.tree.model import NO_SPANS
-from sar_compiler.tree.source import Source, Span
 
 if TYPE_CHECKING:
     from sar_compiler.documents.located import Document, Value

@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import slip_in_note
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.tree_ids import find_main_tree, is_node
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Provenance
-from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity, TreeError
+from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Form, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses, nearest
 from sar_compiler.tree.model import (
@@ -23,7 +23,6 @@ from sar_compiler.tree.model import (
     TreeFile,
     is_groot2_project,
 )
-from sar_compiler.tree.source import Form
 
 ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
 TREE_ATTRIBUTES = ("ID",)

@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, close_key
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Source
 from sar_compiler.tree.guessing import is_slip
 from sar_compiler.tree.model import Element, TreeFile, last_before
 from sar_compiler.tree.showing import in_one_line, shortened
-from sar_compiler.tree.source import Form, Source
 from sar_compiler.tree.yaml_writer import scalar
 
 _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execute", ONESHOT, *CONDITIONS})

@@ -19,9 +19,8 @@ from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.model import INCLUDE_TAG, ROOT_TAG, TREE_TAG, TreeFile
-from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml_recovery import readable
 
 _TEXT = "Character content other than whitespace"

@@ -7,11 +7,10 @@ in it.
 import re
 from collections.abc import Iterable, Iterator
 
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Span
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import Comment, Element, TreeFile, last_before
-from sar_compiler.tree.source import Form, Span
 
 _MARK, _UNNEEDED = "sar:", "unneeded-allow"
 _ALLOW = r"sar:\s*allow\s+([^:]*[^:\s])\s*(?::.*)?"

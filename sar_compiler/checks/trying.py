@@ -6,13 +6,12 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
-from sar_compiler.checks.rules.key_accesses import key_accesses_of
+from sar_compiler.checks.rules.entry_accesses import key_accesses_of
 from sar_compiler.checks.verify.properties import without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector
 from sar_compiler.nodes.binding.nesting import count_within_limits
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
@@ -21,8 +20,7 @@ from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.ports import PortError
 from sar_compiler.runtime.scripting import NodeScriptError
 from sar_compiler.runtime.variables import UnknownVariableError
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
-from sar_compiler.tree.source import Span
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
 
 _MOST_TOLD = 4
 """The most ticks of a run that are told."""

@@ -63,7 +63,7 @@ def _convert(path: Path, arguments: argparse.Namespace) -> "Converted":
             tree.forest.main, project.registry, project.palettes, project.configuration.btcpp
         )
     from sar_compiler.tree.conversion import convert
-    from sar_compiler.tree.reading import read_tree_file
-    from sar_compiler.tree.source import Form
+    from sar_compiler.tree.diagnostic import Form
+    from sar_compiler.tree.gathering import read_tree_file
 
     return convert(read_tree_file(path), Form(arguments.to))

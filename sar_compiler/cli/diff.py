@@ -22,8 +22,7 @@ def diff_files(arguments: argparse.Namespace) -> int:
         UnreadableFileError: If a file does not exist or cannot be read.
     """
     from sar_compiler.tree.difference import difference, difference_as_text
-    from sar_compiler.tree.gathering import find_tree
-    from sar_compiler.tree.reading import read_tree_file
+    from sar_compiler.tree.gathering import find_tree, read_tree_file
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
     differences = difference(old, new)

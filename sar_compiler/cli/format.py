@@ -10,8 +10,7 @@ from sar_compiler.cli.writing import write_bytes
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.tree.content import STANDARD_INPUT, read_bytes
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
-from sar_compiler.tree.gathering import path_named
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import path_named, read_tree_file
 
 
 def add_format(parser: argparse.ArgumentParser) -> None:

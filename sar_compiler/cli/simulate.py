@@ -12,9 +12,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.tree.guessing import did_you_mean
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.simulate.coverage import Coverage
-    from sar_compiler.checks.simulate.judging import Failure
-    from sar_compiler.checks.simulate.running import Run
+    from sar_compiler.checks.simulate.running import Coverage, Failure, Run
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.runtime.expressions import Script
@@ -54,7 +52,7 @@ def simulate_file(arguments: argparse.Namespace) -> int:
         TreeError: If the tree has mistakes.
         UnreadableFileError: If the tree file does not exist or cannot be read.
     """
-    from sar_compiler.checks.simulate.coverage import Coverage
+    from sar_compiler.checks.simulate.running import Coverage
 
     stage = workspace(arguments).load(arguments.file).stage(arguments.tree, arguments.params)
     stage.binding()
@@ -88,10 +86,9 @@ def _play(
     path: Path | None, stage: "Stage", coverage: "Coverage", arguments: argparse.Namespace
 ) -> "PlayedScenario":
     """Play a scenario, and print the error if it cannot be played."""
-    from sar_compiler.checks.simulate.judging import failures
-    from sar_compiler.checks.simulate.running import ScenarioPlayer
+    from sar_compiler.checks.simulate.running import ScenarioPlayer, failures
     from sar_compiler.checks.simulate.scenario_files import read_scenario
-    from sar_compiler.compiler.stand_ins import OnlyDescribedError
+    from sar_compiler.compiler.simulated_tree import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.views.runs import PlayedScenario
 
@@ -122,7 +119,7 @@ def _play(
 def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
     """Return what is wrong with the argument of `--until`, if anything is."""
     from sar_compiler.checks.leaf_words import names_of, slips
-    from sar_compiler.checks.simulate.run_variables import OWN
+    from sar_compiler.checks.simulate.running import OWN
 
     slip = next(slips(until, names_of(simulated), OWN), None)
     if slip is None:
@@ -134,7 +131,7 @@ def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
 def _trace_failure(run: "Run") -> "list[Failure]":
     """Compare the trace with the file that the scenario names, if any."""
     from sar_compiler.checks.golden import compare_golden
-    from sar_compiler.checks.simulate.judging import Failure
+    from sar_compiler.checks.simulate.running import Failure
     from sar_compiler.views.runs import trace
 
     expect = run.scenario.expect

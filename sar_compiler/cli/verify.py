@@ -68,7 +68,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
         TreeError: If a file has mistakes.
     """
     from sar_compiler.checks.verify import UndecidableError
-    from sar_compiler.compiler.stand_ins import OnlyDescribedError
+    from sar_compiler.compiler.simulated_tree import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
 
     if arguments.against is not None and arguments.export is not None:

@@ -1,26 +1,523 @@
-"""From a tree file and the registry to py_trees objects."""
+"""From a tree file and the registry to py_trees objects: arguments of constructors, building, and where each behaviour comes from."""
 
-from collections.abc import Iterable, Mapping
+import functools
+import weakref
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
+from uuid import UUID
 
 import py_trees
 from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
+from py_trees.common import OneShotPolicy
+from py_trees.decorators import OneShot, PassThrough
 
-from sar_compiler.compiler.building import Builder, PreviewBuilder, report_without_class
-from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, write_constant
-from sar_compiler.compiler.origins import Origin, Origins, remember
 from sar_compiler.nodes.binding.binder import bind
-from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
 from sar_compiler.nodes.binding.instances import Instance, expand
+from sar_compiler.nodes.binding.skips import SkipAnalysis
 from sar_compiler.nodes.binding.tree_ids import find_main_tree
-from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.spec import Use
-from sar_compiler.runtime.blackboard import Board
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.nodes.registry import Registry, is_own_word
+from sar_compiler.nodes.spec import Direction, Kind, Parameter, Role, Use
+from sar_compiler.nodes.values import ConversionError
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Entry, Scope
+from sar_compiler.runtime.clock import Clock, WallClock
+from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.language_nodes import Conditions
+from sar_compiler.runtime.ports import InOut, Input, Output
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import TreeFile
+from sar_compiler.tree.guessing import nearest
+from sar_compiler.tree.model import SUBTREE_TAG, TreeFile
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The origin of a behaviour.
+
+    Attributes:
+        bound: The part of the file that it was made from.
+        attributes: The values and references it was given, as one would write them: blackboard keys in
+            braces where their value was not known, references as names.
+        uses: What it needs outside the tree, with names filled in.
+    """
+
+    bound: BoundNode
+    attributes: Mapping[str, object]
+    uses: tuple[Use, ...] = ()
+
+
+class Construction(NamedTuple):
+    """The construction of a behaviour.
+
+    Attributes:
+        behaviour: Its id.
+        instance: The instance of a subtree that it belongs to.
+        bound: The node that it was constructed for.
+        wrapper: The attributes of a wrapper around the node; None for the node itself.
+        known: The values of plain attributes that came from the blackboard.
+    """
+
+    behaviour: UUID
+    instance: Instance
+    bound: BoundNode
+    wrapper: Mapping[str, object] | None = None
+    known: Mapping[str, Any] | None = None
+
+
+class Origins(Mapping[UUID, Origin]):
+    """The origins of all behaviours, by their ids; each is computed on request."""
+
+    def __init__(self, constructions: Sequence[Construction]) -> None:
+        self._in_order = constructions
+
+    @functools.cached_property
+    def _by_id(self) -> dict[UUID, Construction]:
+        # Not while the tree is compiled: hashing an id takes as long as everything else that is noted of a node.
+        return {each.behaviour: each for each in self._in_order}
+
+    def __getitem__(self, behaviour: UUID) -> Origin:
+        _, instance, bound, wrapper, known = self._by_id[behaviour]
+        if wrapper is not None:
+            return Origin(bound, wrapper)
+        attributes = _attributes(instance, bound, known or {})
+        uses = tuple(Use(use.kind, use.name.format_map(attributes)) for use in bound.spec.uses)
+        return Origin(bound, attributes, uses)
+
+    def construction(self, behaviour: UUID) -> Construction:
+        """Return how a behaviour was made."""
+        return self._by_id[behaviour]
+
+    def declared_answers(self) -> dict[UUID, tuple[Answer, ...]]:
+        """Return the answers of those leaves that have declared what they mean, by their behaviours' ids."""
+        return {
+            each.behaviour: each.bound.spec.answers
+            for each in self._in_order
+            if each.wrapper is None
+            and each.bound.spec.kind.is_leaf
+            and any(answer.label for answer in each.bound.spec.answers)
+        }
+
+    def place(self, behaviour: UUID) -> str | None:
+        """Return the file and the line that a behaviour was made from; None if it was not made from a file."""
+        made = self._by_id.get(behaviour)
+        return None if made is None else made.bound.element.file_and_line
+
+    def __iter__(self) -> Iterator[UUID]:
+        return (each.behaviour for each in self._in_order)
+
+    def __len__(self) -> int:
+        return len(self._in_order)
+
+
+# By the roots of compiled trees, for whoever has only a behaviour that has failed. Both are others' to keep.
+_of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakref.WeakKeyDictionary()
+
+
+def remember(root: Behaviour, origins: Origins) -> None:
+    """Have the origins of a compiled tree found by its behaviours, for as long as there is the tree."""
+    _of_trees[root] = weakref.ref(origins)
+
+
+def file_and_line_of(behaviour: Behaviour) -> str | None:
+    """Return the file and the line that a behaviour, or the one around it, was made from; None if there is none."""
+    around: list[Behaviour] = []
+    each: Behaviour | None = behaviour
+    while each is not None:
+        around.append(each)
+        origins = _of_trees[each]() if each in _of_trees else None
+        if origins is not None:
+            places = (origins.place(inner.id) for inner in around)
+            return next((place for place in places if place is not None), None)
+        each = each.parent
+    return None
+
+
+def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) -> dict[str, object]:
+    attributes: dict[str, object] = {}
+    for name, parameter in bound.spec.parameters.items():
+        if parameter.role is Role.ATTRIBUTE:
+            if name in known:
+                attributes[name] = known[name]
+            elif name in bound.keys:
+                attributes[name] = f"{{{bound.keys[name]}}}"
+            elif name in bound.values:
+                attributes[name] = bound.values[name]
+            elif parameter.direction is None:
+                attributes[name] = bound.spec.fixed.get(name, parameter.default)
+    for parameter in bound.spec.references:
+        target = instance.target_of(bound, parameter.name)
+        if target is not None:
+            attributes[parameter.name] = target[1].name
+    return attributes
+
+
+class Arguments:
+    """Collects the arguments of nodes, but for their children and the nodes that they refer to.
+
+    Args:
+        context: The objects that the mission hands over, by their type.
+        parameters: The keys of the root blackboard that have a value when the tree is made.
+        collector: Is told what is missing or does not fit.
+    """
+
+    def __init__(
+        self, context: Mapping[type, object], parameters: Mapping[str, object], collector: Collector
+    ) -> None:
+        # Time passes in every tree.
+        self._context: dict[type, object] = {Clock: WallClock(), **context}
+        self._parameters = parameters
+        self._collector = collector
+
+    parameter_advice = "give it one: --params FILE, or --ros-args -p {name}:=..."
+    """Advice for a parameter of the mission that is missing."""
+
+    @property
+    def enums(self) -> Enums:
+        """The names that scripts know."""
+        enums = self._context.setdefault(Enums, Enums())
+        assert isinstance(enums, Enums)  # noqa: S101 - the type is the key
+        return enums
+
+    def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
+        """Return the arguments of a node, by its parameters' names."""
+        spec = bound.spec
+        if spec.is_plain and not bound.keys:
+            return {"name": bound.name, **spec.plain_defaults, **bound.values}
+        arguments: dict[str, Any] = {"name": bound.name, **spec.plain_defaults}
+        for parameter in spec.plain:
+            if parameter.name in bound.keys or parameter.name in bound.values:
+                arguments[parameter.name] = self.fixed_value(instance, bound, parameter)
+        for parameter in spec.ports:
+            self._port(instance, bound, parameter, arguments)
+        for parameter in spec.handed_over:
+            arguments[parameter.name] = self._handed_over(instance, bound, parameter)
+        return arguments
+
+    def fixed_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+        """Return the value of an attribute that is fixed when the tree is compiled; its default if it is not written."""
+        if parameter.name in bound.keys:
+            return self._blackboard_value(instance, bound, parameter)
+        return bound.values.get(parameter.name, parameter.default)
+
+    def _port(
+        self, instance: Instance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
+    ) -> None:
+        """Add a port; one that is not written is left to the constructor's default."""
+        name, value_type = parameter.name, parameter.value_type
+        assert value_type is not None  # noqa: S101 - every attribute has one
+        cls = InOut if parameter.direction is Direction.INOUT else Input
+        if name in bound.keys:
+            entry = instance.scope.resolve(bound.keys[name])
+            kind = kind_of(value_type.python)
+            entry.declare(kind)
+            self._check_given(bound, parameter, bound.keys[name], instance.scope)
+            written = parameter.direction is Direction.OUTPUT
+            arguments[name] = Output(entry, kind) if written else cls(entry, value_type.fit, name)
+        elif name in bound.values:
+            arguments[name] = cls(bound.values[name], name=name)
+
+    def _check_given(self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope) -> None:
+        """Report a number of the mission's that a port reads as a text: in a file the two are different."""
+        text_wanted = parameter.value_type is not None and parameter.value_type.python is str
+        if not text_wanted or not self._parameters:
+            return
+        owner, name = scope.owner(key)
+        given = self._parameters.get(name) if owner is scope.root else None
+        if isinstance(given, (int, float)):
+            message = (
+                f"{parameter.name}: '{name}' is given as the number {given!r}, and this port reads a text"
+            )
+            hint = f"give it as a text: '{given}'"
+            self._collector.add("wrong-value", message, bound.element, value=parameter.name, hint=hint)
+
+    def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+        target = parameter.target
+        assert target is not None  # noqa: S101 - every context parameter has one
+        if target is Scope:
+            return instance.scope
+        if target is Enums:
+            return self.enums
+        if target in self._context or not parameter.required:
+            return self._context.get(target, parameter.default)
+        message = f"<{bound.spec.tag}> needs a {target.__name__}, which this mission does not have"
+        self._collector.add("missing-context", message, bound.element)
+        return None
+
+    def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+        """Return the value that a key has when the tree is compiled."""
+        assert parameter.value_type is not None  # noqa: S101 - every attribute has one
+        key, name = bound.keys[parameter.name], parameter.name
+        entry = instance.scope.resolve(key)
+        if not entry.exists:
+            self._missing_key(instance, bound, parameter, key)
+            return None
+        value = entry.read()
+        try:
+            return parameter.value_type.convert(_as_text(value))
+        except ConversionError as error:
+            _, plain = instance.scope.owner(key)
+            message = f"{name}: the mission's parameter '{plain}' does not fit: {error.message}"
+            hint = f"it must be {parameter.value_type.label}"
+            self._collector.add("wrong-value", message, bound.element, value=name, hint=hint)
+            return None
+
+    def _missing_key(self, instance: Instance, bound: BoundNode, parameter: Parameter, key: str) -> None:
+        owner, name = instance.scope.owner(key)
+        prefix = ROOT_SIGN if key.startswith(ROOT_SIGN) else ""
+        if owner is instance.scope.root:
+            message = f"{parameter.name}: the mission has no parameter '{name}'"
+            hint = self.parameter_advice.format(name=name)
+        else:
+            message = (
+                f"{parameter.name}: the key '{key}' of this subtree has no value yet when the tree is made"
+            )
+            hint = f"this attribute is fixed then: pass a value, or a parameter as {{{ROOT_SIGN}{key}}}"
+        near = nearest(name, self._parameters)
+        advice = Advice(suggestion=f"{{{prefix}{near}}}" if near else None, hint=hint)
+        self._collector.add("unknown-key", message, bound.element, value=parameter.name, **advice)
+
+
+def write_constant(entry: Entry, value: object) -> None:
+    """Write what an entry holds before the first tick; a number gives it its type."""
+    entry.declare(kind_of(type(value)) if not isinstance(value, str) else None)
+    entry.write(value)
+
+
+def kind_of(python: type | None) -> type | None:
+    """Return the type that an entry has for texts that are given to it, from a type of Python's."""
+    if python is Script:
+        return str
+    return python if python in (bool, int, float, str) else None
+
+
+def _as_text(value: object) -> str:
+    """Write a parameter of the mission as it would be written in a file; arrays become lists."""
+    if isinstance(value, (list, tuple, array)):
+        return ";".join(str(item) for item in value)
+    return str(value)
+
+
+class PreviewArguments(Arguments):
+    """Stand-ins for what only a mission has."""
+
+    def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+        if parameter.target in (Scope, Enums):
+            return super()._handed_over(instance, bound, parameter)
+        if not parameter.required or parameter.target is None:
+            return parameter.default
+        return self._context.setdefault(parameter.target, preview_of(parameter.target))
+
+    def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:  # noqa: ARG002
+        value_type = parameter.value_type
+        if value_type is None or not parameter.required:
+            return parameter.default
+        return value_type.convert(value_type.example)
+
+
+_NodeInInstance = tuple[Instance, BoundNode]
+"""A node of an instance."""
+
+
+def report_without_class(bound: BoundNode, collector: Collector) -> None:
+    """Report a node that cannot be made, because there is no class for it."""
+    if bound.element.tag == SUBTREE_TAG:
+        message = f"the tree '{bound.spec.tag}' is described by a model, but it is in no file"
+        hint = "<include> the file that has it, or name that under [project] trees in sar.toml"
+    else:
+        what = "is described by a model" if bound.spec.is_only_described else "is a node of another program"
+        message = f"<{bound.spec.tag}> {what}, but no class is registered for it"
+        hint = "load the module that has it: --nodes package.module"
+    if bound.spec.is_only_described and is_own_word(bound.spec.tag):
+        hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
+    collector.add("not-installed", message, bound.element, hint=hint)
+
+
+class Builder:
+    """Makes the behaviours of one tree.
+
+    Attributes:
+        constructions: How each behaviour was constructed.
+    """
+
+    def __init__(self, binding: Binding, arguments: Arguments, collector: Collector) -> None:
+        self.constructions: list[Construction] = []
+        self._source = arguments
+        self._collector = collector
+        self._skipping = SkipAnalysis(binding.trees())
+        # Nodes that others refer to may be made before their place comes, so these are remembered.
+        self._targets: set[BoundNode] = set()
+        self._built: dict[tuple[Instance, BoundNode], Behaviour] = {}
+        self._arguments: dict[tuple[Instance, BoundNode], dict[str, Any]] = {}
+
+    def prepare(self, instance: Instance) -> None:
+        """Name the entries of an instance and those in it, write their constants, and see that nodes can have all they need."""
+        self._targets.update(target for _, target in instance.references.values())
+        for bound in instance.tree.demanding:
+            if bound.references:
+                self._targets.update(bound.references.values())
+            if bound.spec.is_foreign:
+                self.report_only_described(bound)
+            if bound.keys or bound.spec.handed_over:
+                self._arguments[instance, bound] = self._source.of(instance, bound)
+            if bound.subtree is not None:
+                inner = instance.inner[bound]
+                for key, value in inner.constants():
+                    write_constant(inner.scope.resolve(key), value)
+                self.prepare(inner)
+
+    def report_only_described(self, bound: BoundNode) -> None:
+        """Report a node for which there is no class."""
+        report_without_class(bound, self._collector)
+
+    def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
+        """Build a node in place, with its wrappers and all below it; not recursively, since trees may be deep."""
+        left: Iterator[_NodeInInstance] = iter([(instance, bound)])
+        children: list[Behaviour] = []
+        # The nodes around, each with the siblings that are left and those that are made.
+        waiting: list[tuple[_NodeInInstance, Iterator[_NodeInInstance], list[Behaviour]]] = []
+        while True:
+            for place in left:
+                if place[1].children or place[1].subtree is not None:
+                    waiting.append((place, left, children))
+                    left, children = self._below(*place), []
+                    break
+                children.append(self._with_wrappers(*place, []))
+            else:
+                if not waiting:
+                    return children[0]
+                place, left, siblings = waiting.pop()
+                siblings.append(self._with_wrappers(*place, children))
+                children = siblings
+
+    @staticmethod
+    def _below(instance: Instance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
+        if bound.subtree is not None:
+            inner = instance.inner[bound]
+            assert inner.tree.root is not None  # noqa: S101 - otherwise there are findings
+            yield inner, inner.tree.root
+        elif bound.spec.structure:
+            for child in bound.children:
+                yield instance, child
+
+    def _with_wrappers(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
+        """Make a node, and the wrappers around it."""
+        make = self._make_once if bound in self._targets else self._make
+        behaviour = make(instance, bound, children)
+        if bound.conditions:
+            behaviour = self._conditions(instance, bound, behaviour)
+        if bound.oneshot is not None:
+            policy = OneShotPolicy[bound.oneshot]
+            behaviour = OneShot(name=f"{bound.name}OneShot", child=behaviour, policy=policy)
+            self.constructions.append(Construction(behaviour.id, instance, bound, {"policy": policy}))
+        return behaviour
+
+    def _conditions(self, instance: Instance, bound: BoundNode, child: Behaviour) -> Behaviour:
+        name = f"{bound.name}Conditions"
+        wrapper = Conditions(name, child, bound.conditions, instance.scope, self._source.enums)
+        shown = {name: script.text for name, script in bound.conditions.items()}
+        self.constructions.append(Construction(wrapper.id, instance, bound, shown))
+        return wrapper
+
+    def _make_once(
+        self, instance: Instance, bound: BoundNode, children: list[Behaviour] | None = None
+    ) -> Behaviour:
+        if (instance, bound) not in self._built:
+            if children is None:
+                children = [self.place(*below) for below in self._below(instance, bound)]
+            self._built[instance, bound] = self._make(instance, bound, children)
+        return self._built[instance, bound]
+
+    def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
+        spec = bound.spec
+        known = self._arguments[instance, bound] if bound.keys or spec.handed_over else None
+        arguments = self._source.of(instance, bound) if known is None else dict(known)
+        for parameter in spec.references:
+            target = instance.target_of(bound, parameter.name)
+            if target is not None:
+                arguments[parameter.name] = self._make_once(*target)
+        if bound.subtree is not None:
+            (arguments["child"],) = children
+        elif spec.structure:
+            arguments[spec.structure] = children if spec.kind is Kind.CONTROL else children[0]
+        if spec.renamed:
+            arguments = {spec.renamed.get(name, name): value for name, value in arguments.items()}
+        try:
+            behaviour: Behaviour = _require_initialised(self._maker(bound)(**arguments))
+        except TreeError:
+            raise
+        except Exception as error:
+            stand_in = self.stand_in(bound, arguments)
+            if stand_in is None:
+                raise _cannot_be_made(bound, error) from error
+            behaviour = stand_in
+        self.constructions.append(
+            Construction(behaviour.id, instance, bound, None, known and self.known_values(bound, known))
+        )
+        return behaviour
+
+    def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:  # noqa: ARG002
+        """Return what takes the place of a node whose constructor refuses its arguments; None for nothing."""
+        return None
+
+    def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
+        """Return the values that plain attributes got from the blackboard."""
+        if not bound.keys:
+            return None
+        return {parameter.name: arguments[parameter.name] for parameter in bound.spec.plain}
+
+    def _maker(self, bound: BoundNode) -> Any:
+        """Return what makes a node: a class of the project's where stock py_trees would misread a skip.
+
+        A node that is only described becomes a stock behaviour of its kind (where there is no finding about it).
+        """
+        spec = bound.spec
+        replacement = spec.skipping.replacement
+        if replacement is not None and self._skipping.among_children(bound):
+            return replacement.maker
+        return spec.maker or functools.partial(_stand_in, spec.kind)
+
+
+class PreviewBuilder(Builder):
+    """Makes a tree to be looked at, whatever only a mission or a module of leaves has."""
+
+    def report_only_described(self, bound: BoundNode) -> None:
+        """Do nothing: a stock behaviour of its kind is used instead."""
+
+    def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
+        """Return a stock behaviour where a key's value, which is made up here, may be what was refused."""
+        if not any(parameter.name in bound.keys for parameter in bound.spec.plain):
+            return None
+        return _stand_in(bound.spec.kind, **arguments)
+
+    def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
+        """Return nothing: what is shown is the key."""
+        return None  # noqa: RET501 - the base class returns a value
+
+
+def _require_initialised(behaviour: Behaviour) -> Behaviour:
+    if not hasattr(behaviour, "id"):
+        raise TypeError("its constructor has not called super().__init__(name)")
+    return behaviour
+
+
+def _stand_in(kind: Kind, /, name: str, **structure: Any) -> Behaviour:
+    if kind is Kind.CONTROL:
+        return py_trees.composites.Sequence(name, memory=True, children=structure["children"])
+    return PassThrough(name, structure["child"]) if kind is Kind.DECORATOR else Dummy(name)
+
+
+def _cannot_be_made(bound: BoundNode, error: Exception) -> TreeError:
+    element = bound.element
+    message = f"<{bound.spec.tag}> cannot be made: {type(error).__name__}: {error}"
+    return TreeError([element.finding("constructor-failed", message)])
+
 
 __all__ = ["CompiledTree", "Origin", "bind_main", "compile_tree", "compile_with", "preview_tree"]
 

@@ -7,9 +7,8 @@ from typing import Any
 
 from sar_compiler.documents.located import MAX_BYTES, Document, Value
 from sar_compiler.tree.content import read_bytes, source_of
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import Diagnostic, Source, TreeError
 from sar_compiler.tree.model import NO_SPANS
-from sar_compiler.tree.source import Source
 
 if sys.version_info >= (3, 11):
     import tomllib

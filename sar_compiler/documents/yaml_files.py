@@ -13,8 +13,7 @@ import yaml
 from sar_compiler.documents.located import MAX_BYTES, Document, Value, meaning_of
 from sar_compiler.errors import SarError
 from sar_compiler.tree.content import read_bytes, source_of
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
-from sar_compiler.tree.source import Span
+from sar_compiler.tree.diagnostic import Diagnostic, Span, TreeError
 from sar_compiler.tree.yaml_events import Events
 from sar_compiler.tree.yaml_spans import YamlSpans
 

@@ -9,8 +9,7 @@ from typing import Any, cast
 from sar_compiler.errors import SarError
 from sar_compiler.missions import ENTRY_POINTS
 from sar_compiler.missions.mission import Mission, MissionRun
-from sar_compiler.nodes.binding.bound import Binding, BoundNode
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.guessing import did_you_mean, nearest

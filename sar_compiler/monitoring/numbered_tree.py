@@ -6,8 +6,7 @@ from typing import NamedTuple
 from py_trees.behaviour import Behaviour
 from py_trees.visitors import VisitorBase
 
-from sar_compiler.compiler import CompiledTree
-from sar_compiler.compiler.origins import Construction, Origins
+from sar_compiler.compiler import CompiledTree, Construction, Origins
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING, number_of
 from sar_compiler.runtime.skipping import was_skipped

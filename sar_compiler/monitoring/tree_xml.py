@@ -5,7 +5,7 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from sar_compiler.monitoring.numbered_tree import NumberedNode, NumberedTree
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.btcpp.rewrites import Draft
 from sar_compiler.nodes.models.palette import describe, is_built_in
 from sar_compiler.nodes.registry import language_variants

@@ -17,8 +17,7 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, Number, Possibl
 if TYPE_CHECKING:
     from py_trees.common import Status
 
-    from sar_compiler.nodes.binding.bound import BoundNode
-    from sar_compiler.nodes.binding.collector import Collector
+    from sar_compiler.nodes.binding.bound import BoundNode, Collector
     from sar_compiler.nodes.btcpp.rewrites import Draft
 
 WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"

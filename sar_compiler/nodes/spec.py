@@ -17,8 +17,7 @@ from sar_compiler.runtime.ports import Input
 from sar_compiler.tree.diagnostic import Severity
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.binding.bound import BoundNode
-    from sar_compiler.nodes.binding.collector import Collector
+    from sar_compiler.nodes.binding.bound import BoundNode, Collector
 
 
 def path_of(thing: Any) -> str:
@@ -355,7 +354,7 @@ class NodeSpec:
         """
         if self.signature.described is not None:
             return self.signature.described
-        from sar_compiler.nodes.constructors import parameters_of
+        from sar_compiler.nodes.register import parameters_of
 
         return parameters_of(self)
 
@@ -364,7 +363,7 @@ class NodeSpec:
         """The first paragraph of its description."""
         if self.signature.doc or self.is_by_path:
             return self.signature.doc
-        from sar_compiler.nodes.constructors import summary_of
+        from sar_compiler.nodes.register import summary_of
 
         return summary_of(self.cls)
 

@@ -23,12 +23,10 @@ from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_pale
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, read_bytes, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError, UnreadableFileError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
-from sar_compiler.tree.gathering import files_meant, find_tree
+from sar_compiler.tree.gathering import files_meant, find_tree, read_tree_file
 from sar_compiler.tree.model import Element, FileBeginning, TreeFile
-from sar_compiler.tree.reading import read_tree_file
-from sar_compiler.tree.source import Source
 
 if TYPE_CHECKING:
     from rclpy.node import Node

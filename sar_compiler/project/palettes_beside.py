@@ -6,11 +6,10 @@ import functools
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, TreeError, UnreadableFileError
-from sar_compiler.tree.gathering import palettes_beside
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import palettes_beside, read_tree_file
 
 _UNKNOWN = "unknown-node"
 

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.checks.golden import compare_golden
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.simulate.expecting import read_expectations
-from sar_compiler.checks.simulate.judging import Failure, failures
-from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
-from sar_compiler.checks.simulate.scenario_files import Play, read_scenario, understand
+from sar_compiler.checks.simulate.running import Failure, Run, ScenarioPlayer, failures
+from sar_compiler.checks.simulate.scenario_files import Play, read_expectations, read_scenario, understand
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.views.runs import failure_line, trace

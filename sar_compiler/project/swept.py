@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.checks.leaf_words import EventPattern, LeafWords
-from sar_compiler.checks.simulate.judging import Failure, failures
-from sar_compiler.checks.simulate.running import ScenarioPlayer
+from sar_compiler.checks.simulate.running import Drawn, Failure, ScenarioPlayer, failures
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
-from sar_compiler.checks.simulate.scripted import Drawn
 from sar_compiler.checks.sweep import Played
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml

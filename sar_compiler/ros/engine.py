@@ -24,7 +24,7 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
 import sar_compiler
-from sar_compiler.compiler.origins import file_and_line_of
+from sar_compiler.compiler import file_and_line_of
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.leaf_protocol import Settling
 from sar_compiler.tree.showing import in_one_line, visible

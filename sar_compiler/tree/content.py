@@ -8,8 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TextIO
 
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
-from sar_compiler.tree.source import Form, Source, Span, Spans
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Source, Span, Spans, TreeError, UnreadableFileError
 
 MAX_BYTES = 32 * 1024 * 1024
 """Larger files are refused; 100,000 leaves need about a third of this."""

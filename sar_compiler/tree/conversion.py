@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from sar_compiler.tree.content import bytes_of
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, TreeError
 from sar_compiler.tree.model import Comment, Element, TreeFile
-from sar_compiler.tree.source import Form, Source
 from sar_compiler.tree.xml_recovery import readable
 from sar_compiler.tree.xml_writer import DECLARATION, comment_in_xml, write_xml
 from sar_compiler.tree.yaml_writer import comment_in_yaml, write_yaml

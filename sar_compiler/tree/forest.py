@@ -9,9 +9,9 @@ from pathlib import Path
 
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError, UnreadableFileError
+from sar_compiler.tree.gathering import FORMS
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
-from sar_compiler.tree.reading import FORMS
 
 MAX_FILES = 1000
 """More files than this are not read for one tree."""

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 from xml.parsers import expat
 
-from sar_compiler.tree.diagnostic import Advice, Diagnostic
-from sar_compiler.tree.source import Source, Span, Spans
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Source, Span, Spans
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from xml.parsers import expat
 
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import AttributePlaces, Diagnostic, Source, Spans, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile, text_of_xml
-from sar_compiler.tree.source import AttributePlaces, Source, Spans
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")

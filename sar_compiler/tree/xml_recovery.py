@@ -13,9 +13,8 @@ from enum import Enum
 from typing import NamedTuple
 from xml.parsers import expat
 
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Source
 from sar_compiler.tree.model import TreeFile
-from sar_compiler.tree.source import Source
 
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
 """A regular expression of what is read as another character."""

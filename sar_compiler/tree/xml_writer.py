@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterator
 from html import unescape
 
+from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import Comment, Element, TreeFile
-from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml_recovery import escaped
 
 WIDTH = 100

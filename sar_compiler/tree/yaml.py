@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import yaml
 
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import Diagnostic, Source, TreeError
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
     MODEL_TAG,
@@ -24,7 +24,6 @@ from sar_compiler.tree.model import (
     is_name,
     text_of_yaml,
 )
-from sar_compiler.tree.source import Source
 from sar_compiler.tree.yaml_events import Events
 from sar_compiler.tree.yaml_spans import YamlSpans
 

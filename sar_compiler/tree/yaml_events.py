@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import yaml
 
 from sar_compiler.tree.content import MAX_DEPTH
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Source, TreeError
 from sar_compiler.tree.model import text_of_yaml
-from sar_compiler.tree.source import Source
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -5,8 +5,8 @@ import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 
+from sar_compiler.tree.diagnostic import AttributePlaces, Form, Spans
 from sar_compiler.tree.model import Element
-from sar_compiler.tree.source import AttributePlaces, Form, Spans
 
 _HEADER = re.compile(r"[|>][^\r\n]*(?:\r\n|\r|\n|$)")
 # What stands for the characters of a value: a fold, an escape, or a character for itself.

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.resources import shipped
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, Span
 from sar_compiler.tree.kinds import KINDS, SEVERITIES
 from sar_compiler.tree.showing import visible
-from sar_compiler.tree.source import Source, Span
 from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:

@@ -4,9 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
-from sar_compiler.checks.simulate.coverage import Coverage, Covered
-from sar_compiler.checks.simulate.judging import Failure
-from sar_compiler.checks.simulate.running import Run
+from sar_compiler.checks.simulate.running import Coverage, Covered, Failure, Run
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord, ValueChange
 from sar_compiler.runtime.stub_leaf import StubLeaf

@@ -14,10 +14,9 @@ from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.schemas.json_schema import json_schema
 from sar_compiler.tree.conversion import convert
-from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.diagnostic import Form, Severity
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.reading import read_tree_file
-from sar_compiler.tree.source import Form
+from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.checks.test_mistakes import CORRECT

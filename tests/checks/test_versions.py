@@ -12,9 +12,8 @@ from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.project import load
 from sar_compiler.tree.conversion import convert
-from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.diagnostic import Form, Severity
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.docs.markdown import tables

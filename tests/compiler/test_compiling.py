@@ -13,7 +13,7 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from tests.nodes import leaves
 from tests.nodes.leaves import Radio
 from tests.trees import forest, forest_of

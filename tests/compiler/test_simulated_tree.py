@@ -7,8 +7,13 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated, match_rank
-from sar_compiler.compiler.stand_ins import OnlyDescribedError, put_in_place
+from sar_compiler.compiler.simulated_tree import (
+    Assumptions,
+    OnlyDescribedError,
+    compile_simulated,
+    match_rank,
+    put_in_place,
+)
 from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK

@@ -19,7 +19,7 @@ from sar_compiler.nodes.spec import Kind
 from sar_compiler.ros.parameter_reader import RunParameters
 from sar_compiler.testing import compiled
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.views.outline import unicode_tree
 from tests.docs.markdown import blocks, codes, tables

@@ -24,7 +24,7 @@ from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from tests.processes import Command, in_order
 
 RESILIENT = Path("trees/search_and_rescue_resilient.xml")

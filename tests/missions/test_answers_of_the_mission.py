@@ -13,7 +13,7 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.testing import simulate
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from tests.trees import forest
 
 PLACE = {"x": 0.0, "y": 0.0, "yaw": 0.0}

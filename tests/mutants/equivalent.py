@@ -20,7 +20,7 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
         "there is a set for each child; strict would only tell a programmer that there is not",
     ),
     (
-        "sar_compiler/nodes/nav2/types.py",
+        "sar_compiler/nodes/nav2/__init__.py",
         'name="nav2.milliseconds",',
         "\"nav2.milliseconds\" -> 'nav2.millisecondsx'",
         "schemas refer to the type by it, and any name that no other type has will do",

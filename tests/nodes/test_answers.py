@@ -6,7 +6,7 @@ from py_trees.common import Status
 
 from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.answers import Identifiers, fill_answer, mistake_in, number_text
-from sar_compiler.nodes.constructors import RegistrationError
+from sar_compiler.nodes.register import RegistrationError
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
 from sar_compiler.runtime.answers import nominal

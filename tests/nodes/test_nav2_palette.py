@@ -8,7 +8,7 @@ from py_trees.common import Status
 from sar_compiler import TreeError, load
 from sar_compiler.checks import check
 from sar_compiler.leaves import Kind, register
-from sar_compiler.nodes.nav2.types import facts
+from sar_compiler.nodes.nav2 import facts
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.runtime.skipping import SkippableLeaf

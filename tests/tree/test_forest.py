@@ -11,7 +11,7 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree import forest
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from sar_compiler.tree.forest import MAX_FILES, MAX_INCLUDE_DEPTH, load_forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from tests.trees import write
 
 A, B, C = (f'<BehaviorTree ID="{name}"><Success/></BehaviorTree>' for name in "ABC")

@@ -4,9 +4,8 @@ import os
 
 import pytest
 
-from sar_compiler.tree.diagnostic import UnreadableFileError
-from sar_compiler.tree.reading import read_tree_file
-from sar_compiler.tree.source import Form
+from sar_compiler.tree.diagnostic import Form, UnreadableFileError
+from sar_compiler.tree.gathering import read_tree_file
 
 XML = "<root/>"
 YAML = "root:\n"

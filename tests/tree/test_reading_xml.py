@@ -5,10 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
-from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import Span, TreeError, UnreadableFileError
+from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.model import Element
-from sar_compiler.tree.reading import read_tree_file
-from sar_compiler.tree.source import Span
 from sar_compiler.tree.xml import parse_xml
 
 

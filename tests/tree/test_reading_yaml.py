@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sar_compiler.tree import yaml_events
 from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml

@@ -5,9 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.tree.conversion import convert
-from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.diagnostic import Form, Severity, TreeError
 from sar_compiler.tree.model import OpenTag
-from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_recovery import recover
 from sar_compiler.tree.xml_writer import write_xml

@@ -1,7 +1,7 @@
 """Elements that stand in no file."""
 
+from sar_compiler.tree.diagnostic import Form, Span
 from sar_compiler.tree.model import synthetic_element, synthetic_file
-from sar_compiler.tree.source import Form, Span
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_writer import write_xml
 

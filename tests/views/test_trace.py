@@ -3,8 +3,7 @@
 import json
 from xml.etree import ElementTree as ET
 
-from sar_compiler.checks.simulate.coverage import Coverage
-from sar_compiler.checks.simulate.judging import failures
+from sar_compiler.checks.simulate.running import Coverage, failures
 from sar_compiler.views.runs import (
     PlayedScenario,
     coverage_text,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from operator import attrgetter
 from typing import TypeVar
 
-from sar_compiler.checks.rules.key_accesses import KeyAccesses, key_accesses_of
+from sar_compiler.checks.rules.entry_accesses import KeyAccesses, key_accesses_of
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree

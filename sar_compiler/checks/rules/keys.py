@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.entry_accesses import (
+    AccessTime,
     EntryAccess,
     EntryAccesses,
     EntryTable,
@@ -16,19 +17,16 @@ from sar_compiler.checks.rules.entry_accesses import (
     entry_table_of,
     parted_in,
 )
-from sar_compiler.checks.rules.key_accesses import AccessTime
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
-from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.collector import file_of
+from sar_compiler.nodes.binding.bound import BoundNode, file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
 from sar_compiler.nodes.values import ConversionError, ValueType, literal_value
 from sar_compiler.runtime.expressions import Assignment, Literal
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, Span
 from sar_compiler.tree.guessing import Guesses, likeness
 from sar_compiler.tree.model import Element
-from sar_compiler.tree.source import Span
 
 _LIKE, _CLOSE = 0.7, 0.75
 """The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""

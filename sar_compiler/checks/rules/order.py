@@ -8,6 +8,7 @@ from typing import NamedTuple
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.entry_accesses import (
     EntryAccess,
+    KeyAccess,
     OrderedAccesses,
     Place,
     PlaceFinder,
@@ -15,7 +16,6 @@ from sar_compiler.checks.rules.entry_accesses import (
     parted_in,
     straight_around,
 )
-from sar_compiler.checks.rules.key_accesses import KeyAccess
 from sar_compiler.nodes.answers import SELF, fill_text, number_text
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.instances import Instance

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
-from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode, Collector
 from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
 from sar_compiler.nodes.btcpp import (
     DROPS_EXPLICIT,

@@ -1,19 +1,213 @@
-"""Ticking a tree by a scenario, on a clock that is moved by hand."""
+"""Runs of a tree by a scenario, on a clock that is moved by hand: leaves that answer what it says, what it expects, coverage."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from random import Random
+from typing import NamedTuple
+from uuid import UUID
 
-from sar_compiler.checks.simulate.run_variables import RunVariables
-from sar_compiler.checks.simulate.scenario import Scenario
-from sar_compiler.checks.simulate.scripted import Scripted
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.checks.leaf_words import EventPattern
+from sar_compiler.checks.simulate.scenario import AnswerStep, Scenario
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.runtime.answers import STATUSES, Answer, nominal
+from sar_compiler.runtime.clock import Clock
+from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf
+from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError, VariableError
+from sar_compiler.tree.guessing import did_you_mean, nearest
+
+OWN = ("root", "tick", "time")
+"""The names of values of the run itself."""
+
+
+class RunVariables(FactVariables):
+    """The variables of a scenario's conditions, which only read.
+
+    Attributes:
+        now: What the names of the run itself stand for.
+    """
+
+    def __init__(self, simulated: SimulatedTree) -> None:
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
+        self.now: Mapping[str, ScriptValue] = {}
+        self._simulated = simulated
+
+    def read(self, name: str) -> ScriptValue:
+        """Return a value; raises as `Variables` says, with the name that was probably meant."""
+        if name in self.now:
+            return self.now[name]
+        try:
+            return super().read(name)
+        except UnknownVariableError as error:
+            near = nearest(name, [*OWN, *self._simulated.fact_values()])
+            raise VariableError(f"{error}{did_you_mean(near)}") from error
+
+
+# Ticks come at multiples of the period, which floats hit only nearly.
+_TOLERANCE_SEC = 1e-6
+
+
+class ScriptedError(SarError):
+    """A scenario demands an answer that a leaf cannot give at this point of the run."""
+
+
+class Drawn(NamedTuple):
+    """One choice that was made for a leaf.
+
+    Attributes:
+        leaf: The leaf.
+        answer: The label or the status of the answer.
+        after_sec: For how long it runs before, seconds.
+        usual: Whether that is what the leaf usually answers.
+    """
+
+    leaf: StubLeaf
+    answer: str
+    after_sec: float = 0.0
+    usual: bool = True
+
+
+class Scripted:
+    """Chooses the answers of leaves by a scenario; leaves that it does not mention give their usual answer.
+
+    Args:
+        scenario: What leaves answer, step by step, and what chance decides.
+        variables: What the conditions of steps see.
+        clock: What times are measured with.
+
+    Attributes:
+        choices: What was chosen so far, in order.
+    """
+
+    def __init__(self, scenario: Scenario, variables: RunVariables, clock: Clock) -> None:
+        self.choices: list[Drawn] = []
+        self._random = Random(scenario.seed)  # noqa: S311 - it must be possible to repeat a run
+        self._unusual = scenario.unusual
+        scripts = scenario.scripts.items()
+        self._plans = {leaf: _Plan(leaf, steps, self._random, variables, clock) for leaf, steps in scripts}
+
+    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
+        """Return the scenario's answer, or else the usual one.
+
+        Raises:
+            ScriptedError: If the leaf cannot answer that now.
+        """
+        plan = self._plans.get(leaf)
+        if plan is not None:
+            return plan.choose(options, self.choices)
+        answer = usual = nominal(options)
+        if self._unusual and self._random.random() < self._unusual:
+            others = [each for each in options if each.status != "RUNNING" and each != usual]
+            answer = self._random.choice(others or [usual])
+        self.choices.append(Drawn(leaf, answer.name, usual=answer == usual))
+        return answer
+
+
+class _Plan:
+    def __init__(
+        self,
+        leaf: StubLeaf,
+        steps: Sequence[AnswerStep],
+        random: Random,
+        variables: RunVariables,
+        clock: Clock,
+    ) -> None:
+        self._leaf = leaf
+        self._variables = variables
+        self._clock = clock
+        self._random = random
+        self._steps = [_Left(step) for step in steps]
+        self._current: Drawn | None = None
+        self._since = 0.0
+
+    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
+        """Return the leaf's next answer, and record the choice."""
+        if self._leaf.status is not Status.RUNNING:
+            self._current = None  # what was interrupted counts as taken
+        if self._current is None:
+            self._current = self._next(options)
+            self._since = self._clock.now()
+            choices.append(self._current)
+        choice = self._current
+        if self._clock.now() - self._since < choice.after_sec - _TOLERANCE_SEC:
+            return self._named("RUNNING", options)
+        self._current = None
+        at_once = choice.usual and not choice.after_sec
+        return nominal(options) if at_once else self._named(choice.answer, options)
+
+    def _next(self, options: Sequence[Answer]) -> Drawn:
+        """Return what is chosen of the steps that are left, or else what is usual."""
+        step = next((left.step for left in self._steps if left.take(self._holds, self._random)), None)
+        usual = nominal(options)
+        if step is None:
+            return Drawn(self._leaf, usual.name)
+        after_sec = step.after_sec
+        if step.longest_sec > after_sec:
+            after_sec = round(self._random.uniform(after_sec, step.longest_sec), 3)
+        named = _by_name(step.answer, options)
+        return Drawn(self._leaf, step.answer, after_sec, named[:1] == [usual])
+
+    def _named(self, name: str, options: Sequence[Answer]) -> Answer:
+        found = _by_name(name, options)
+        if found:
+            return found[0]
+        leaf = self._leaf
+        conditions = [a.when for a in leaf.answers if name in (a.label, a.status) and a.when]
+        raise ScriptedError(
+            f"'{leaf.name}' cannot answer '{name}' here: that needs {' or '.join(conditions)}; it can answer "
+            f"{', '.join(answer.name for answer in options)}"
+        )
+
+    def _holds(self, step: AnswerStep) -> bool:
+        if step.when is None:
+            return True
+        try:
+            return Program(step.when).holds(self._variables)
+        except EvaluationError as error:
+            raise ScriptedError(f"'{self._leaf.name}': when '{step.when.text}': {error}") from error
+
+
+def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:
+    """Return the answers that a label or a status names, those with the label first."""
+    labelled = [answer for answer in options if answer.label == name]
+    return labelled + [answer for answer in options if answer.status == name]
+
+
+_Holds = Callable[[AnswerStep], bool]
+
+
+class _Left:
+    """The number of times that a step can still be taken."""
+
+    def __init__(self, step: AnswerStep) -> None:
+        self.step = step
+        self._left = step.times
+        self._chances = 0
+
+    def take(self, holds: _Holds, random: Random) -> bool:
+        """Take the step, if that can be now."""
+        if self._left == 0 or not holds(self.step):
+            return False
+        self._chances += 1
+        if self._chances % self.step.every:
+            return False
+        if self.step.chance < 1.0 and random.random() >= self.step.chance:
+            return False
+        if self._left is not None:
+            self._left -= 1
+        return True
+
 
 _ROOT_IS_DONE = parse("root == 'SUCCESS' || root == 'FAILURE'")
 
@@ -130,3 +324,157 @@ class ScenarioPlayer:
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
     """Return the entries of the tree's blackboard, by their keys; those of a subtree with its path before."""
     return simulated.compiled.board.values()
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An expectation that does not hold.
+
+    Attributes:
+        expected: The word of the expectation in a scenario; `run` for a run that could not be finished.
+        message: What is the case instead.
+        line: Where the scenario says it; 0 where it does not.
+    """
+
+    expected: str
+    message: str
+    line: int = 0
+
+
+def failures(run: Run) -> list[Failure]:
+    """Return what does not hold of the expectations of a run's scenario, but for its trace."""
+    if run.trouble:
+        return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
+    lines = run.scenario.expect.lines
+    return [Failure(place.split()[0], message, lines.get(place, 0)) for place, message in _all(run)]
+
+
+def _all(run: Run) -> Iterator[tuple[str, str]]:
+    """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
+    expect = run.scenario.expect
+    yield from _ending(run)
+    if expect.root is not None and run.root != expect.root:
+        yield "root", f"the root is {run.root} in the last tick; expected {expect.root}"
+    values = run.simulated.fact_values()
+    for name, fact in expect.facts.items():
+        if values.get(name) != fact:
+            yield (
+                f"facts {name}",
+                f"the fact '{name}' is {values.get(name)!r} at the end; expected {fact!r}",
+            )
+    yield from _order(run)
+    for deed in expect.never:
+        event = next(filter(deed.matches, run.events), None)
+        if event is not None:
+            yield f"never {deed.text}", f"'{deed.text}' happens in tick {event.tick} ({event.time_sec:g} s)"
+    for deed, bounds in expect.counts:
+        number = sum(map(deed.matches, run.events))
+        if number < bounds.least or (bounds.most is not None and number > bounds.most):
+            yield f"count {deed.text}", f"'{deed.text}' {_times(number)}; expected {bounds}"
+
+
+def _ending(run: Run) -> Iterator[tuple[str, str]]:
+    expect, last = run.scenario.expect, f"tick {len(run.ticks)} ({run.time_sec:g} s)"
+    if run.ended != expect.ends:
+        until = run.scenario.until
+        what = f"until '{until.text}' is" if until else "the root has"
+        how = "true" if until else "succeeded or failed"
+        if run.ended:
+            yield "ends", f"the run ends with {last}: {what} {how}"
+        else:
+            yield "ends", f"the run has not ended by {last}: {what} not {how} yet"
+    elif run.ended and expect.within_ticks is not None and len(run.ticks) > expect.within_ticks:
+        yield "within", f"the run ends with {last}, not by tick {expect.within_ticks}"
+    elif run.ended and expect.within_sec is not None and run.time_sec > expect.within_sec:
+        yield "within", f"the run ends with {last}, not by {expect.within_sec:g} s"
+
+
+def _order(run: Run) -> Iterator[tuple[str, str]]:
+    """Search for the events of an order, each after the one before."""
+    events = run.events
+    before: EventPattern | None = None
+    for deed in run.scenario.expect.order:
+        if not any(map(deed.matches, events)):
+            place = f" after '{before.text}'" if before else ""
+            yield f"order {deed.text}", f"'{deed.text}' does not happen{place}"
+            return
+        before = deed
+
+
+def _times(number: int) -> str:
+    return "never happens" if not number else f"happens {'once' if number == 1 else f'{number} times'}"
+
+
+@dataclass
+class Covered:
+    """The outcomes seen of one node of the file, in all instances of its tree.
+
+    Attributes:
+        bound: The node.
+        ticked: Whether it was ever ticked.
+        outcomes: All that it can come to, if it is a leaf: the names of its answers.
+        seen: What of it has been seen.
+    """
+
+    bound: BoundNode
+    ticked: bool = False
+    outcomes: list[str] = field(default_factory=list)
+    seen: set[str] = field(default_factory=set)
+
+    @property
+    def unseen(self) -> list[str]:
+        """The outcomes that were not seen."""
+        return [outcome for outcome in self.outcomes if outcome not in self.seen]
+
+
+class Coverage:
+    """Collects what runs have shown of the nodes of a file."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[tuple[str, int, int], Covered] = {}
+
+    @property
+    def nodes(self) -> list[Covered]:
+        """The nodes, file by file, in the order of each."""
+        return [self._nodes[place] for place in sorted(self._nodes)]
+
+    @property
+    def never_ticked(self) -> list[Covered]:
+        """The nodes that no run has ticked."""
+        return [node for node in self.nodes if not node.ticked]
+
+    @property
+    def unseen(self) -> list[Covered]:
+        """The leaves that were ticked, with outcomes that no run has shown."""
+        return [node for node in self.nodes if node.ticked and node.unseen]
+
+    def add(self, run: Run) -> None:
+        """Add the outcomes that a run has shown."""
+        origins = run.simulated.compiled.origins
+        nodes: dict[UUID, Covered] = {}
+        leaves = {leaf.number: leaf.id for leaf in run.simulated.leaves}
+        for behaviour in run.simulated.root.iterate():
+            bound = origins[behaviour.id].bound
+            # What is wrapped around a node (conditions, a OneShot) has another name, and is not the node.
+            if behaviour.name == bound.name:
+                covered = nodes[behaviour.id] = self._nodes.setdefault(_place(bound), Covered(bound))
+                covered.outcomes = list(dict.fromkeys([*covered.outcomes, *_outcomes(behaviour, bound)]))
+        for event in run.events:
+            if event.answer:
+                nodes[leaves[event.number]].seen.add(event.answer)
+        for tick in run.ticks:
+            for node in tick.statuses.keys() & nodes.keys():
+                nodes[node].ticked = True
+                nodes[node].seen.add(tick.statuses[node])
+
+
+def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
+    if isinstance(behaviour, StubLeaf):
+        return [answer.name for answer in behaviour.answers]
+    leaf = bound.spec.kind.is_leaf and not behaviour.children
+    return [status for status in STATUSES if leaf and status in bound.spec.outcomes]
+
+
+def _place(bound: BoundNode) -> tuple[str, int, int]:
+    element = bound.element
+    return element.source.path, element.line, element.column

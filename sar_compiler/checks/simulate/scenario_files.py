@@ -1,6 +1,6 @@
 """Reading scenarios; every mistake in one is a finding with its place."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,20 +12,165 @@ from sar_compiler.checks.assumptions import (
     start_assumptions,
     take_controls,
 )
-from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.simulate.expecting import read_expectations
-from sar_compiler.checks.simulate.run_variables import OWN
-from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
-from sar_compiler.checks.simulate.steps import read_scripts
-from sar_compiler.checks.typed_values import parameters, seconds, word
+from sar_compiler.checks.configuration import path_inside
+from sar_compiler.checks.leaf_words import EventPattern, LeafWords, parameters, seconds, span_sec, word
+from sar_compiler.checks.simulate.running import OWN
+from sar_compiler.checks.simulate.scenario import (
+    MAX_TICKS,
+    PERIOD_SEC,
+    AnswerStep,
+    Bounds,
+    Expectations,
+    Scenario,
+)
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated, match_rank
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import TreeFile
+
+
+def read_expectations(
+    document: Document, value: Value | None, simulated: SimulatedTree, words: LeafWords
+) -> Expectations:
+    """Read what a scenario expects; reports what cannot be expected."""
+    parts = {} if value is None else value.mapping
+    plain = {} if value is None else value.data
+    ticks, limit_sec = _within(parts["within"]) if "within" in parts else (None, None)
+    return Expectations(
+        root=plain.get("root"),
+        ends=plain.get("ends", True),
+        within_ticks=ticks,
+        within_sec=limit_sec,
+        facts=_facts(document, parts["facts"], simulated.fact_values()) if "facts" in parts else {},
+        order=_deeds(document, parts.get("order"), words),
+        never=_deeds(document, parts.get("never"), words),
+        counts=_counts(document, parts["count"], words) if "count" in parts else (),
+        trace=path_inside(document, Path(document.source.path).parent, parts["trace"], "trace")
+        if "trace" in parts
+        else None,
+        lines=dict(_lines(document, parts)),
+    )
+
+
+def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
+    """Yield the names of the expectations, and their contents, with their lines."""
+    for name, value in parts.items():
+        yield name, document.source.place(value.start)[0]
+        below = [key for key, _ in value.entries] if value.entries is not None else value.listed
+        for key in below:
+            yield f"{name} {key.text}", document.source.place(key.start)[0]
+
+
+def _within(value: Value) -> tuple[int | None, float | None]:
+    text = value.text or ""
+    return (int(text.split()[0]), None) if "tick" in text else (None, seconds(value))
+
+
+def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[str, Fact]:
+    facts: dict[str, Fact] = {}
+    for key, inner in value.entries or ():
+        name = key.text or ""
+        if name not in known:
+            message = f"there is no fact '{name}'; there is {', '.join(known) or 'none'}"
+            document.report("unknown-fact", message, key, suggestion=nearest(name, known))
+        else:
+            facts[name] = inner.data
+    return facts
+
+
+def _deeds(document: Document, value: Value | None, words: LeafWords) -> tuple[EventPattern, ...]:
+    deeds = [] if value is None else [words.deed(document, item) for item in value.listed]
+    return tuple(deed for deed in deeds if deed is not None)
+
+
+def _counts(document: Document, value: Value, words: LeafWords) -> tuple[tuple[EventPattern, Bounds], ...]:
+    counts = []
+    for key, inner in value.entries or ():
+        deed = words.deed(document, key)
+        if deed is not None:
+            counts.append((deed, _bounds(inner.data)))
+    return tuple(counts)
+
+
+def _bounds(said: float | str) -> Bounds:
+    """Read `2`, `at least 2` or `at most 2`."""
+    *which, number = said.split() if isinstance(said, str) else [said]
+    return Bounds(0 if "most" in which else int(number), None if "least" in which else int(number))
+
+
+_ALWAYS = "always"
+
+
+def read_scripts(
+    document: Document, value: Value, words: LeafWords
+) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
+    """Return the steps of each leaf of which a scenario says something.
+
+    Where several keys name a leaf, its path counts before its name, and its name before its tag.
+    """
+    scripts: dict[StubLeaf, tuple[AnswerStep, ...]] = {}
+    ranks: dict[StubLeaf, int] = {}
+    for key, inner in value.entries or ():
+        leaves = words.find(document, key)
+        steps = _steps(document, inner, words, leaves)
+        for leaf in leaves:
+            rank = match_rank(key.text or "", leaf.path, leaf.tag)
+            if rank > ranks.get(leaf, 0):
+                scripts[leaf], ranks[leaf] = steps, rank
+    return scripts
+
+
+def _steps(
+    document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf]
+) -> tuple[AnswerStep, ...]:
+    """Read one step that is always taken, or a list of steps that are taken once each, but for those every n-th time."""
+    one = value.items is None
+    steps = [_step(document, item, words, leaves, always=one) for item in value.listed]
+    return tuple(step for step in steps if step is not None)
+
+
+def _step(
+    document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always: bool
+) -> AnswerStep | None:
+    times = None if always else 1
+    if value.entries is None:
+        answer = words.answer(document, value, leaves) if leaves else None
+        return None if answer is None else AnswerStep(answer, times=times)
+    parts = value.mapping
+    answer = words.answer(document, parts["answer"], leaves) if leaves else None
+    after = parts.get("after")
+    if after is not None:
+        _check_running(document, after, leaves)
+    least, longest = span_sec(after) if after else (0.0, 0.0)
+    step = AnswerStep(
+        answer or "",
+        after_sec=least,
+        longest_sec=longest,
+        when=words.condition(document, parts.get("when"), OWN),
+        times=_times(parts["times"]) if "times" in parts else None if "every" in parts else times,
+        every=int(parts["every"].data) if "every" in parts else 1,
+        chance=float(parts["chance"].data) if "chance" in parts else 1.0,
+    )
+    return step if answer is not None else None
+
+
+def _times(value: Value) -> int | None:
+    return None if value.data == _ALWAYS else int(value.data)
+
+
+def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:
+    for leaf in leaves:
+        if all(answer.status != "RUNNING" for answer in leaf.answers):
+            message = f"'{leaf.name}' answers at once: it never runs, so nothing can come after a time"
+            document.report("wrong-value", message, value, hint="leave 'after' out")
+
 
 _EMPTY_HINT = "write leaves: with what they answer, and expect: with what must come of it"
 

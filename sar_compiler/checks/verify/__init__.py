@@ -5,7 +5,7 @@ every state that can be reached, those that fewest ticks lead to first.
 """
 
 from sar_compiler.checks.verify.comparing import ComparedAnswer, VerificationComparison
-from sar_compiler.checks.verify.property_files import PropertyFile, parse_property_file, read_property_file
+from sar_compiler.checks.verify.properties import PropertyFile, parse_property_file, read_property_file
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.checks.verify.verifying import verify
 from sar_compiler.errors import UndecidableError

@@ -1,24 +1,393 @@
-"""The properties of a file that a tree can keep or break, as monitors."""
+"""Properties that a tree can keep or break: the files that demand them, their conditions, and the monitors that watch runs for them."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
 
-from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.verify.monitors import (
-    LIMIT,
-    MAIN,
-    OTHER,
-    AfterTickCondition,
-    Monitor,
-    Monitors,
-    PropertyPattern,
-    Rules,
-)
-from sar_compiler.checks.verify.property_conditions import AFTER_A_TICK, Condition, Surroundings
-from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
+from sar_compiler.checks.leaf_words import LeafWords, parameters
 from sar_compiler.checks.verify.state import Prepared
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.located import Document, Value
+from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
+from sar_compiler.errors import SarError, UndecidableError
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.blackboard import Entry
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import Script, name_uses
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.searching import Judgement
 from sar_compiler.runtime.kernel.trail import Guarded
+from sar_compiler.runtime.stub_leaf import FactVariables
+from sar_compiler.runtime.variables import ScriptValue
+
+ROOT = "root"
+"""The root's status after the last tick."""
+IDLE = "idle"
+"""Whether every tick from now on leaves the tree as it is."""
+AFTER_A_TICK = (ROOT, IDLE)
+"""The names that are known only when a tick is over."""
+
+
+class ConditionError(UndecidableError):
+    """A condition of a property cannot be evaluated in a state that a run reaches."""
+
+
+class IdleUnknownError(SarError):
+    """A condition asks whether the tree idles, which is not known yet."""
+
+
+class Surroundings(FactVariables):
+    """The variables of conditions: facts, keys of the tree, and the end of the last tick.
+
+    Args:
+        simulated: The tree, on numbered boards.
+
+    Attributes:
+        board: One of these.
+    """
+
+    def __init__(self, simulated: SimulatedTree) -> None:
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
+        self.board = simulated.facts.board
+        self._ended: dict[str, ScriptValue | None] = {}
+
+    def end_tick(self, root: str, *, idle: bool | None) -> None:
+        """Set the result of the last tick.
+
+        Args:
+            root: The root's status.
+            idle: Whether every tick from now on leaves the tree as it is; None if that is not known yet.
+        """
+        self._ended[ROOT] = root
+        self._ended[IDLE] = None if idle is None else float(idle)
+
+    def read(self, name: str) -> ScriptValue:
+        """Return the value of a fact, of a key, or of what is known of the last tick.
+
+        Raises:
+            IdleUnknownError: If that is whether the tree idles, and it is not known.
+        """
+        ended = self._ended.get(name)
+        if ended is None and name in self._ended:
+            raise IdleUnknownError(name)
+        return super().read(name) if ended is None else ended
+
+
+class Condition:
+    """A condition that can be evaluated.
+
+    Args:
+        script: What it says.
+        surroundings: What it reads.
+        owner: The name of its property, for messages.
+    """
+
+    def __init__(self, script: Script, surroundings: Surroundings, owner: str) -> None:
+        self._program = Program(script)
+        self._surroundings = surroundings
+        self._owner = owner
+        self._memo = surroundings.board.memo(self.entries)
+
+    @property
+    def entries(self) -> list[Entry]:
+        """The entries that it reads."""
+        names = {use.name for use in name_uses(self._program.script)}.difference(AFTER_A_TICK)
+        return [self._surroundings.entry(name) for name in names]
+
+    def holds(self) -> bool:
+        """Return whether it holds now, in a tick.
+
+        Raises:
+            ConditionError: If it cannot be evaluated, because a key has no value yet or one that does not fit.
+        """
+        held: bool = self._memo.call(self._holds)
+        return held
+
+    def after_tick(self, root: str, idle: bool | None) -> bool:
+        """Return whether it holds when a tick is over; see `Surroundings.end_tick`.
+
+        Raises:
+            ConditionError: As `holds`.
+            IdleUnknownError: If it asks whether the tree idles, and that is not known.
+        """
+        self._surroundings.end_tick(root, idle=idle)
+        return self._holds()
+
+    def _holds(self) -> bool:
+        try:
+            return self._program.holds(self._surroundings)
+        except EvaluationError as error:
+            hint = f"; {error.hint}" if error.hint else ""
+            message = f"{self._owner}: '{self._program.script.text}' cannot be evaluated in every state: {error}{hint}"
+            raise ConditionError(message) from error
+
+
+class PropertyPattern(Enum):
+    """The pattern of a property, after the specification patterns of Dwyer, Avrunin and Corbett."""
+
+    NEVER = "never"
+    """Absence: the event does not happen."""
+    BEFORE = "before"
+    """Precedence: before the event comes another one (since a third)."""
+    AFTER = "after"
+    """Response: after the event another one comes (before a third)."""
+    AT_MOST_ONCE = "at_most_once"
+    """Bounded existence: the event happens once at most (between two of another)."""
+
+
+MAIN, OTHER, LIMIT = 1, 2, 4
+"""The roles of an event in a property: the one that it is about, the one that must come, the one that bounds it."""
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """One property over events.
+
+    Attributes:
+        form: What it says.
+        roles: What each event is in it, as bits; events that are nothing are left out.
+        owes: Whether what must come can come at any time, so that it is owed until it comes.
+    """
+
+    form: PropertyPattern
+    roles: Mapping[int, int]
+    owes: bool = False
+
+    def after(self, flag: bool, event: int) -> tuple[bool, bool]:
+        """Return the flag after an event, and whether the event breaks the property.
+
+        Args:
+            flag: What is remembered: that the other event has come (`BEFORE`), that it has still to come
+                (`AFTER`), that the event has happened (`AT_MOST_ONCE`).
+            event: The event.
+        """
+        roles = self.roles.get(event)
+        if roles is None:
+            return flag, False
+        return _RULES[self.form](flag, roles)
+
+
+def _never(_: bool, roles: int) -> tuple[bool, bool]:
+    return False, bool(roles & MAIN)
+
+
+def _before(flag: bool, roles: int) -> tuple[bool, bool]:
+    broken = bool(roles & MAIN) and not flag
+    return bool(roles & OTHER) or (flag and not roles & LIMIT), broken
+
+
+def _after(flag: bool, roles: int) -> tuple[bool, bool]:
+    owed = flag and not roles & OTHER
+    broken = owed and bool(roles & LIMIT)
+    return bool(roles & MAIN) or (owed and not broken), broken
+
+
+def _at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
+    happened = flag and not roles & LIMIT
+    return happened or bool(roles & MAIN), happened and bool(roles & MAIN)
+
+
+_RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
+    PropertyPattern.NEVER: _never,
+    PropertyPattern.BEFORE: _before,
+    PropertyPattern.AFTER: _after,
+    PropertyPattern.AT_MOST_ONCE: _at_most_once,
+}
+
+
+class Monitors:
+    """Several monitors as one, whose state is a number: a bit for each.
+
+    Args:
+        monitors: The monitors; the first has the lowest bit.
+    """
+
+    start = 0
+
+    def __init__(self, monitors: Sequence[Monitor]) -> None:
+        self._monitors = tuple(monitors)
+        self._owing = sum(1 << bit for bit, monitor in enumerate(self._monitors) if monitor.owes)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._monitors)
+
+    @property
+    def heard(self) -> set[int]:
+        """The events that matter to at least one of them."""
+        return {event for monitor in self._monitors for event in monitor.roles}
+
+    def after(self, state: int, event: int) -> tuple[int, int]:
+        """Return the state after an event, and the monitors that it breaks, as bits."""
+        following = broken = 0
+        for bit, monitor in enumerate(self._monitors):
+            flag, wrong = monitor.after(bool(state >> bit & 1), event)
+            following |= flag << bit
+            broken |= wrong << bit
+        return following, broken
+
+    def owed(self, state: int) -> int:
+        """Return the monitors that still owe something in a state, as bits."""
+        return state & self._owing
+
+
+AfterTickCondition = Callable[[str, bool | None], bool]
+"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles: every tick from
+now on leaves it as it is. None if that is not known yet: then it may raise `IdleUnknownError`."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The properties of a tree, ready to be watched.
+
+    Attributes:
+        monitors: Those over events; the first rules.
+        guarded: The events that count only while a condition holds, by the number of the event without it.
+        ends: Says whether a run is over.
+        at_end: What must hold when it is over; the rules behind those over events.
+        entries: The entries that these and the end look at.
+    """
+
+    monitors: Monitors
+    guarded: Mapping[int, Sequence[Guarded]]
+    ends: AfterTickCondition
+    at_end: Sequence[AfterTickCondition] = ()
+    entries: Sequence[Entry] = ()
+
+    @property
+    def count(self) -> int:
+        """How many there are; rules of others have higher numbers."""
+        return self.monitors.count + len(self.at_end)
+
+    def judge(self, outcome: int, watched: int, idle: bool | None) -> Judgement:
+        """Judge the state after a tick.
+
+        Args:
+            outcome: The outcome of the root, as a number; INVALID before the first tick.
+            watched: What the monitors remember.
+            idle: Whether every tick leaves it as it is; None if that is not known yet.
+        """
+        owed = self.monitors.owed(watched)
+        root = WORDS[outcome]
+        if not root:
+            return Judgement(pending=owed)
+        ends = _answer(self.ends, root, idle=idle)
+        if not ends:
+            return Judgement(pending=owed, is_open=ends is None)
+        broken, is_open = owed, False
+        for place, condition in enumerate(self.at_end):
+            holds = _answer(condition, root, idle=idle)
+            is_open = is_open or holds is None
+            if holds is False:
+                broken |= 1 << (self.monitors.count + place)
+        return Judgement(ends=True, broken=broken, pending=owed, is_open=is_open)
+
+
+def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
+    """Return whether a condition holds; None if that depends on what is not known yet."""
+    try:
+        return condition(root, idle)
+    except IdleUnknownError:
+        return None
+
+
+_EMPTY_HINT = "write properties: and below it a name, and below that never: LEAF ANSWER"
+# The keys of the events that a property is about, of those that must come, and of those that bound it.
+_KEYS: Mapping[PropertyPattern, tuple[str, str, str]] = {
+    PropertyPattern.AFTER: ("after", "eventually", "before"),
+    PropertyPattern.NEVER: ("never", "", ""),
+    PropertyPattern.AT_MOST_ONCE: ("at_most_once", "", "per"),
+    # Last, because what comes after something may have to come before something else.
+    PropertyPattern.BEFORE: ("before", "comes", "since"),
+}
+
+
+@dataclass(frozen=True)
+class EventProperty:
+    """A property that speaks of events, as it is written.
+
+    Attributes:
+        name: What it is called.
+        form: What it says.
+        main: The events that it is about.
+        other: The events that must come.
+        limit: The events that bound it.
+        condition: While what the first ones count; None for always.
+    """
+
+    name: str
+    form: PropertyPattern
+    main: tuple[Value, ...]
+    other: tuple[Value, ...] = ()
+    limit: tuple[Value, ...] = ()
+    condition: Value | None = None
+
+
+@dataclass(frozen=True)
+class PropertyFile:
+    """The content of a file of properties.
+
+    Attributes:
+        document: The file, with its findings.
+        end: When a run is over; None for when the root has succeeded or failed.
+        events: The properties that speak of events.
+        ends: What must hold at the end of a run, by the names of these properties.
+        facts: What it says of facts.
+        answers: What it says of what leaves answer.
+        parameters: The keys of the root blackboard.
+        controls: What it says of controls and decorators that only a model describes.
+    """
+
+    document: Document
+    end: Value | None = None
+    events: tuple[EventProperty, ...] = ()
+    ends: Mapping[str, Value] = field(default_factory=dict)
+    facts: Value | None = None
+    answers: Value | None = None
+    parameters: Mapping[str, Fact] = field(default_factory=dict)
+    controls: Value | None = None
+
+
+def read_property_file(path: str | Path) -> PropertyFile:
+    """Read a file of properties.
+
+    What is wrong with it is noted in its document, and raised by `verify` with what only a tree shows.
+
+    Raises:
+        UnreadableFileError: If it is not there or cannot be read.
+        TreeError: If nothing of it can be used; carries the findings.
+    """
+    return _understood(read_yaml(path, _EMPTY_HINT))
+
+
+def parse_property_file(text: str, path: str = "<text>") -> PropertyFile:
+    """Read a file of properties from memory; raises as `read_property_file`."""
+    return _understood(parse_yaml(text, path, _EMPTY_HINT))
+
+
+def _understood(document: Document) -> PropertyFile:
+    parts = document.validate("properties").mapping
+    written = parts["properties"].mapping if "properties" in parts else {}
+    return PropertyFile(
+        document,
+        parts.get("end"),
+        tuple(_events(name, value.mapping) for name, value in written.items() if "at_end" not in value.data),
+        {name: value.mapping["at_end"] for name, value in written.items() if "at_end" in value.data},
+        parts.get("facts"),
+        parts.get("answers"),
+        parameters(parts.get("parameters")),
+        parts.get("controls"),
+    )
+
+
+def _events(name: str, parts: Mapping[str, Value]) -> EventProperty:
+    form = next(form for form, keys in _KEYS.items() if keys[0] in parts)
+    main, other, limit = (parts[key].listed if key in parts else () for key in _KEYS[form])
+    return EventProperty(name, form, main, other, limit, parts.get("while"))
+
 
 NO_END = "none"
 """What `end` says where runs have no end."""

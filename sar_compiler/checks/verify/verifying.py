@@ -5,8 +5,7 @@ import threading
 from collections.abc import Collection
 
 from sar_compiler.checks.verify.processes import SearchProcesses
-from sar_compiler.checks.verify.properties import properties_of, without_properties
-from sar_compiler.checks.verify.property_files import PropertyFile
+from sar_compiler.checks.verify.properties import PropertyFile, properties_of, without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper

@@ -11,8 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT, AttributeBinder
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector, Remapping
 from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
 from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.binding.collector import Collector, file_of
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector, file_of
 from sar_compiler.nodes.binding.references import Candidates, choose, report_missing
 from sar_compiler.nodes.btcpp import NAMES, NUMBERS
 from sar_compiler.nodes.spec import Parameter

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector
 
 MAX_NODES = 300_000
 """The largest number of nodes in a tree with its subtrees expanded."""

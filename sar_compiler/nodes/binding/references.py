@@ -4,8 +4,7 @@ import itertools
 from collections.abc import Collection, Mapping
 from graphlib import CycleError, TopologicalSorter
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.binding.collector import Collector, file_of
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector, file_of
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import MOST_LISTED, join_words
 

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector
 from sar_compiler.nodes.spec import Skips
 
 _CONDITIONS = ("_skipIf", "_while")

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TypeVar
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.values import SECONDS, ConversionError, ValueType, blackboard_key, type_of
 from sar_compiler.tree.model import Element
 

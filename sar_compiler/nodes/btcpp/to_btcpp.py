@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 
 from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
 from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
@@ -19,7 +19,7 @@ from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import ConversionError, blackboard_key, items_of, whole_number
 from sar_compiler.tree.conversion import Converted, convert
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Form
 from sar_compiler.tree.model import (
     INCLUDE_TAG,
     MODEL_TAG,
@@ -29,7 +29,6 @@ from sar_compiler.tree.model import (
     TreeFile,
     synthetic_element,
 )
-from sar_compiler.tree.source import Form
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 

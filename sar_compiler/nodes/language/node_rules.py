@@ -2,8 +2,7 @@
 
 from functools import partial
 
-from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode, Collector
 from sar_compiler.nodes.spec import Rule
 from sar_compiler.nodes.values import ConversionError, items_of
 from sar_compiler.tree.guessing import nearest

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT
 from sar_compiler.nodes.binding.binder import is_anothers
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.models import FROM_USE, METADATA_TAG, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind

@@ -2,8 +2,7 @@
 
 from textwrap import dedent
 
-from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
+from sar_compiler.checks.simulate.running import Run, ScenarioPlayer, failures
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry

@@ -1,6 +1,6 @@
 """What a set of scenarios has not shown of a tree."""
 
-from sar_compiler.checks.simulate.coverage import Coverage
+from sar_compiler.checks.simulate.running import Coverage
 from tests.checks.simulate.stage import played
 
 

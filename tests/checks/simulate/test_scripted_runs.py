@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.checks.simulate.running import ScenarioPlayer
+from sar_compiler.checks.simulate.running import ScenarioPlayer, failures
 from tests.checks.simulate.stage import PATROL, answers, played, read, stage
 
 DRIVE = "<NavigateToZone/>"

@@ -2,8 +2,7 @@
 
 import pytest
 
-from sar_compiler.checks.verify.properties import properties_of, without_properties
-from sar_compiler.checks.verify.property_files import parse_property_file
+from sar_compiler.checks.verify.properties import parse_property_file, properties_of, without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.entry_cells import EntryCells

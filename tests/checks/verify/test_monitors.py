@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern
+from sar_compiler.checks.verify.properties import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern
 
 ROLES = {0: MAIN, 1: OTHER, 2: LIMIT}
 EVENTS = {"main": 0, "other": 1, "limit": 2, "else": 3}

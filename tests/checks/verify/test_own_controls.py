@@ -8,8 +8,7 @@ import pytest
 from sar_compiler.checks.verify import verify
 from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, OWN_RECORDS
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import compile_simulated
-from sar_compiler.compiler.stand_ins import OnlyDescribedError
+from sar_compiler.compiler.simulated_tree import OnlyDescribedError, compile_simulated
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.tree.diagnostic import TreeError

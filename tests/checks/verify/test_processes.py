@@ -6,8 +6,7 @@ import multiprocessing
 import pytest
 
 from sar_compiler.checks.verify.processes import SearchProcesses
-from sar_compiler.checks.verify.properties import properties_of
-from sar_compiler.checks.verify.property_files import parse_property_file
+from sar_compiler.checks.verify.properties import parse_property_file, properties_of
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.searching import explore

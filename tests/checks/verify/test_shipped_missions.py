@@ -10,7 +10,7 @@ from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.gathering import read_tree_file
 from tests.checks.verify.stage import BROKEN, PROVED, outcome, told, verdict
 
 pytestmark = pytest.mark.unmeasured
