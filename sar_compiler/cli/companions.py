@@ -141,6 +141,10 @@ class Companions:
         for companion in self._companions:
             companion.begin(tree, engine)
 
+    def first_to_look_at(self) -> str:
+        """Return the likeliest cause of a failure in a line; empty where none is known, or no journal is kept."""
+        return self._journal.first_to_look_at()
+
     def begin_run(self) -> None:
         """Let the tree be ticked from here on: its journal begins, which tells the others.
 

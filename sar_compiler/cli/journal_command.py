@@ -9,6 +9,7 @@ from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_web_port
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
+from sar_compiler.journal.journal_entries import OF_ROBOT
 
 _JOURNAL_HELP = "the journal; a mission may be writing to it"
 
@@ -80,12 +81,22 @@ def _serve(options: argparse.Namespace) -> None:
 
 
 def _show(options: argparse.Namespace) -> None:
-    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.journal.database import JournalFile, is_locked
+    from sar_compiler.missions.displaying import add_displays
     from sar_compiler.views.journals import journal_json, journal_lines
+    from sar_compiler.views.why import Inquiry, first_to_look_at
 
-    with closing(JournalFile.read(options.journal)) as file:
-        lines = journal_json if options.format == "json" else journal_lines
-        for line in lines(file, with_watched=options.all):
+    # To look at the lock takes away those of whoever reads the file in this process.
+    is_gone = not is_locked(options.journal)
+    with closing(JournalFile.read(options.journal)) as file, file.snapshot():
+        inquiry = Inquiry.of(add_displays(file.last_run(without=OF_ROBOT)))
+        state, show_all = inquiry.state, options.all
+        state.look_at_process(is_gone=is_gone)
+        if options.format == "json":
+            lines = journal_json(file, state, with_watched=show_all)
+        else:
+            lines = journal_lines(file, state, first_to_look_at(inquiry.why()), with_watched=show_all)
+        for line in lines:
             print(line)
 
 

@@ -44,11 +44,12 @@ def tell_why(options: argparse.Namespace) -> None:
     Raises:
         JournalError: If a journal cannot be read.
     """
-    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.journal.database import JournalFile, is_locked
     from sar_compiler.views.why import difference_data, difference_text
 
+    is_gone = not is_locked(options.journal)
     with closing(JournalFile.read(options.journal)) as file, file.snapshot():
-        explained = Explanation.of(file, workspace(options), options.tree_file)
+        explained = Explanation.of(file, workspace(options), options.tree_file, is_gone=is_gone)
     difference = None if options.against is None else _difference(options.journal, options.against)
     if options.format == "json":
         data = explained.data()
@@ -95,7 +96,12 @@ class Explanation(NamedTuple):
 
     @classmethod
     def of(
-        cls, file: "JournalFile", projects: "Workspace | None" = None, tree_file: Path | None = None
+        cls,
+        file: "JournalFile",
+        projects: "Workspace | None" = None,
+        tree_file: Path | None = None,
+        *,
+        is_gone: bool = True,
     ) -> "Explanation":
         """Return what is found out by a journal, which is read entry by entry.
 
@@ -103,6 +109,7 @@ class Explanation(NamedTuple):
             file: The journal, in a snapshot.
             projects: Loads the tree, if what would have succeeded is asked.
             tree_file: Its file; by default the one that the run had.
+            is_gone: Whether the process that writes it is there no more.
 
         Raises:
             JournalError: If the journal cannot be read.
@@ -111,6 +118,7 @@ class Explanation(NamedTuple):
         from sar_compiler.views.why import Inquiry
 
         inquiry = Inquiry.of(_tree_entries(file))
+        inquiry.state.look_at_process(is_gone=is_gone)
         reasons = inquiry.why()
         if not reasons.chain or projects is None:
             return cls(reasons, inquiry.state.nodes)
@@ -118,11 +126,6 @@ class Explanation(NamedTuple):
         record = itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
         change = what_would_have_succeeded(inquiry.state, record, projects, tree_file)
         return cls(reasons, inquiry.state.nodes, change)
-
-    @property
-    def is_of_a_failure(self) -> bool:
-        """Whether a page tells it at the end of the run: it is not complete, and something has failed."""
-        return self.reasons.first is not None and self.reasons.outcome != "complete"
 
     def text(self) -> str:
         """Return it in words."""

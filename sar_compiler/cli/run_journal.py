@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.ros.engine import Engine
+    from sar_compiler.views.why import Inquiry
 
 
 class RunJournal(Companion):
@@ -47,6 +48,22 @@ class RunJournal(Companion):
         }
         if options.supervision.deaths:
             self._run_about["after"] = options.supervision.deaths[-1]
+        self._inquiry = self._inquire() if self.journal.is_kept else None
+
+    def _inquire(self) -> "Inquiry":
+        from sar_compiler.views.why import Inquiry
+
+        inquiry = Inquiry()
+        self.journal.listen(inquiry.take)
+        return inquiry
+
+    def first_to_look_at(self) -> str:
+        """Return the likeliest cause of a failure in a line; empty where none is known, or no journal is kept."""
+        if self._inquiry is None:
+            return ""
+        from sar_compiler.views.why import first_to_look_at
+
+        return first_to_look_at(self._inquiry.why())
 
     def keep_facts(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
         """Let a mission take over the facts of earlier runs, and keep its own from now on.

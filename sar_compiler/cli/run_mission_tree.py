@@ -1,6 +1,5 @@
 """A tree on its node, from the wait for its requirements to the exit status of `sar-run`."""
 
-import sys
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -92,6 +91,7 @@ class TreeRun:
         self._clock = mission_clock(self._node)
         self._result: RunResult | None = None
         self._reason = ""
+        self._last_words: list[str] = []
         self._started = 0.0
         self._adrift = ""
         self._callback_failure: Exception | None = None
@@ -108,6 +108,14 @@ class TreeRun:
         Raises:
             NotReadyError: If a requirement of the tree is not fulfilled in time.
         """
+        status = self._run(route)
+        if status and self._options.summary == "text" and (first := self.companions.first_to_look_at()):
+            self._output.say(f"  {first}")
+        for words in self._last_words:
+            print_error(f"sar-run: {words}")
+        return status
+
+    def _run(self, route: RouteCheck | None) -> int:
         for line in self.setup.mission.greeting():
             self._node.get_logger().info(in_one_line(line))
         self.executor.add_node(self._node)
@@ -295,7 +303,7 @@ class TreeRun:
         status = self._status_of_run()
         if not self._adrift or self._failure_of_simulation is not None:
             return status
-        print(f"sar-run: {self._adrift}", file=sys.stderr)
+        self._last_words.append(self._adrift)
         self._reason = " ".join([*filter(None, [self._reason]), self._adrift])
         return ADRIFT
 
@@ -330,12 +338,12 @@ class TreeRun:
         return self._fail("ROS was shut down")
 
     def _fail(self, said: str, reason: str = "") -> int:
-        """Report why the run has failed, and return the exit status.
+        """Note why the run has failed, and return the exit status.
 
         Args:
             said: The last line on the terminal, below what was said of it before.
             reason: The same for those who do not have the terminal; by default in the same words.
         """
         self._reason = reason or said
-        print_error(f"sar-run: {said}")
+        self._last_words.append(said)
         return FINDINGS

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.commands import print_error
-from sar_compiler.journal.condition import RunProcess
 from sar_compiler.journal.journal_entries import ORDERED, RUN_ENDED, JournalEntry
+from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
@@ -144,7 +144,7 @@ def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
 
 
 def _why_of(explained: Explanation) -> dict[str, Any] | None:
-    return explained.data() if explained.is_of_a_failure else None
+    return explained.data() if explained.reasons.is_of_a_failure else None
 
 
 class _TellsWhy:

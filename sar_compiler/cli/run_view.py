@@ -11,12 +11,13 @@ from collections.abc import Callable, Iterable, Sequence
 
 from sar_compiler.cli.companions import RunSetup
 from sar_compiler.cli.terminal import draws_in_place
+from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.clock import mission_clock, steady_timer
 from sar_compiler.ros.companion import Companion
-from sar_compiler.views.mission_view import Line, change_text, full_height, screen
+from sar_compiler.views.mission_view import Line, change_text, condition_change, full_height, screen
 
 # How often the screen is drawn, in seconds of the steady clock.
 _PERIOD_SEC = 0.2
@@ -29,6 +30,7 @@ _STYLES = {
     "SKIPPED": "dim",
     "title": "bold reverse",
     "quiet": "dim",
+    "alarm": "bold red",
 }
 
 # For terminals of other encodings than UTF-8.
@@ -67,12 +69,12 @@ class ChangeLog(RunView):
 
     def take(self, entry: JournalEntry) -> None:
         """Show an entry, if it is a change."""
-        nodes = self._state.nodes
+        nodes, was = self._state.nodes, condition(self._state)
         before = nodes[entry.data["node"]].status if entry.kind == "status" else ""
         self._state.take(entry)
-        text = change_text(self._state, entry, before)
-        if text:
-            self._output.show(text)
+        for text in (change_text(self._state, entry, before), condition_change(self._state, was)):
+            if text:
+                self._output.show(text)
 
 
 class RunScreen(RunView):

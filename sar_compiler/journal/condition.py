@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from sar_compiler.journal.mission_state import MissionState, RunState
+from sar_compiler.runtime.clock import clock_text
 
 GOOD, QUIET, WARNING, ERROR = "good", "quiet", "warning", "error"
 """How serious a condition is: as it should be; nothing to say; somebody should look; something is wrong."""
@@ -13,23 +14,10 @@ COMPLETE, FAILED, STOPPED, ABORTED = "complete", "failed", "stopped", "aborted"
 
 # What the mission itself calls a phase, and what it is called here.
 _PHASES = {"held": (PAUSED, WARNING), "waiting": (WAITING, WARNING), "aborted": (ABORTED, WARNING)}
+# Of these it is said how long they have lasted.
+_COUNTED = (PAUSED, WAITING)
 _LONG_SILENCE_SEC = 10.0
 _ENDS = {"over": FAILED, "stopped": STOPPED, "failed": FAILED}
-
-
-class RunProcess(NamedTuple):
-    """What is known of the process that runs a mission, beside what it has written.
-
-    Attributes:
-        is_gone: Whether it is there no more.
-        silent_sec: For how long nothing has been heard of it, in seconds.
-    """
-
-    is_gone: bool = False
-    silent_sec: float = 0.0
-
-
-_TELLING = RunProcess()
 
 
 class MissionCondition(NamedTuple):
@@ -47,23 +35,27 @@ class MissionCondition(NamedTuple):
     since: float = 0.0
     reason: str = ""
 
-    @property
-    def text(self) -> str:
-        """The condition in one line: `PAUSED: by the operator`."""
+    def text(self, now: float | None = None) -> str:
+        """Return the condition in one line: `PAUSED (0:19): by the operator`.
+
+        Args:
+            now: Seconds of the mission's clock since the run's beginning; without it nothing is said of how long it has lasted.
+        """
         word = self.word.upper() if self.level in (WARNING, ERROR) else self.word
-        return f"{word}: {self.reason}" if self.reason else word
+        lasts = f" ({clock_text(now - self.since)})" if now is not None and self.word in _COUNTED else ""
+        return f"{word}{lasts}{f': {self.reason}' if self.reason else ''}"
 
 
-def condition(state: MissionState, process: RunProcess = _TELLING) -> MissionCondition:
-    """Return the condition of a mission.
+def condition_text(state: MissionState) -> str:
+    """Return the condition of a mission in one line, as of its last entry."""
+    return condition(state).text(state.now.time)
 
-    Args:
-        state: What is known of it.
-        process: What is known of its process; by default, that it is there and tells what happens.
-    """
+
+def condition(state: MissionState) -> MissionCondition:
+    """Return the condition of a mission."""
     if not state.runs:
         return MissionCondition(reason="the run has not begun")
-    run, now = state.runs[-1], state.now.time
+    run, process, now = state.runs[-1], state.process, state.now.time
     if run.ending:
         return _ended(state, run)
     if process.is_gone:
@@ -80,13 +72,6 @@ def condition(state: MissionState, process: RunProcess = _TELLING) -> MissionCon
 def silence(seconds: float) -> str:
     """Return what it means that nothing was heard for so many seconds."""
     return f"No word for {clock_text(seconds)}. The robot may still be driving."
-
-
-def clock_text(seconds: float) -> str:
-    """Return a duration as minutes and seconds, and hours if there are any: `1:05`, `2:00:00`."""
-    whole = max(0, int(seconds))
-    hours, minutes = divmod(whole // 60, 60)
-    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
 
 
 def _ended(state: MissionState, run: RunState) -> MissionCondition:

@@ -4,8 +4,10 @@ The entries come one by one while the mission runs (`Journal.listen`), or all at
 the state is the same. Entries of other kinds, or without what belongs to their kind, are facts of the mission.
 """
 
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.journal_entries import (
@@ -44,6 +46,26 @@ class Instant(NamedTuple):
     run: int
     time: float
     wall: float
+
+    @property
+    def utc(self) -> str | None:
+        """The time of the system's clock in ISO 8601; None if there is no such day."""
+        try:
+            return datetime.fromtimestamp(self.wall, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+        except (OSError, OverflowError, ValueError):
+            return None
+
+
+class RunProcess(NamedTuple):
+    """What is known of the process that runs a mission, beside what it has written.
+
+    Attributes:
+        is_gone: Whether it is there no more.
+        silent_sec: For how long nothing has been heard of it, in seconds.
+    """
+
+    is_gone: bool = False
+    silent_sec: float = 0.0
 
 
 class RobotPose(NamedTuple):
@@ -206,10 +228,12 @@ class MissionState:
         now: The moment of the last entry.
         since_phase: When the present phase began.
         finished: When each landmark was done or given up in the last run, by kind and name.
+        process: The process that runs it; by default, that it is there and tells what happens.
     """
 
     def __init__(self) -> None:
         self.about: Mapping[str, Any] = {}
+        self.process = RunProcess()
         self.runs: list[RunState] = []
         self.nodes: list[NodeState] = []
         self.situation = Situation()
@@ -261,9 +285,13 @@ class MissionState:
         if anew or name != self._phase:
             self._phase, self.since_phase = name, self.now
 
-    def instant(self, time: FactTime) -> Instant:
+    def look_at_process(self, *, is_gone: bool) -> None:
+        """Take what the system says of the process that runs the mission: whether it is there, and how long it is silent by now."""
+        self.process = RunProcess(is_gone, max(0.0, time.time() - self.now.wall))
+
+    def instant(self, at: FactTime) -> Instant:
         """Return a moment of the mission's clock as one of its run."""
-        return Instant(time.run, time.time - self._starts.get(time.run, 0.0), time.wall)
+        return Instant(at.run, at.time - self._starts.get(at.run, 0.0), at.wall)
 
     @property
     def title(self) -> str:
@@ -272,17 +300,8 @@ class MissionState:
 
     @property
     def phase(self) -> MissionPhase:
-        """The phase: the outcome of its last run, else what holds it up, what it says itself, or whether it drives."""
-        run, told = self.runs[-1] if self.runs else None, self.situation.phase
-        if run is not None and run.ending:
-            word = (
-                "complete"
-                if run.status == 0
-                else {"over": "incomplete", "stopped": "stopped", "failed": "failed"}.get(
-                    run.ending, run.ending
-                )
-            )
-            return told._replace(name=word, reason=run.reason)
+        """The phase, as long as its run has not ended: what it says itself, what holds it up, or whether it drives."""
+        told = self.situation.phase
         if told.name:
             return told
         if self.lacks:

@@ -125,6 +125,11 @@ class Gauge(NamedTuple):
     unit: str = ""
     least: float | None = None
 
+    @property
+    def text(self) -> str:
+        """The gauge in words: `battery 80 %`."""
+        return f"{self.name} {self.value:g}{f' {self.unit}' if self.unit else ''}"
+
 
 class Alarm(NamedTuple):
     """Something that a person must know.

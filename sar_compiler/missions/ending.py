@@ -7,6 +7,7 @@ from enum import Enum
 from py_trees.common import Status
 
 from sar_compiler.missions.mission import MissionRun
+from sar_compiler.runtime.clock import clock_text
 
 
 class Until(str, Enum):
@@ -79,11 +80,9 @@ class EndCondition:
             elapsed_sec: Time since the first tick, in seconds of the node's clock.
         """
         result = self._mission_result(status) if self.until is Until.COMPLETE else self._root_result(status)
-        late = self.time_limit_sec is not None and elapsed_sec > self.time_limit_sec
-        if result is None and late:
-            return RunResult(
-                achieved=False, reason=f"The time limit of {self.time_limit_sec:g} s was reached."
-            )
+        if result is None and self.time_limit_sec is not None and elapsed_sec > self.time_limit_sec:
+            limit = f"The time limit of {clock_text(self.time_limit_sec)} was reached."
+            return RunResult(achieved=False, reason=" ".join([limit, *self.shortfalls()]))
         return result
 
     def _root_result(self, status: Status) -> RunResult | None:
@@ -106,8 +105,7 @@ class EndCondition:
         over = nothing_left and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0
         if self._idle_ticks > 1:
-            idles = f"{nothing_left}, and the tree idles at {status.name}."
-            return RunResult(achieved=False, reason=" ".join([idles, *self.shortfalls()]))
+            return RunResult(achieved=False, reason=" ".join([f"{nothing_left}.", *self.shortfalls()]))
         return None
 
 

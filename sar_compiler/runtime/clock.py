@@ -40,3 +40,10 @@ class Clock(Protocol):
     def now(self) -> float:
         """Return the time in seconds; only differences mean anything."""
         ...
+
+
+def clock_text(seconds: float) -> str:
+    """Return a duration as minutes and seconds, and hours if there are any: `1:05`, `2:00:00`."""
+    whole = max(0, int(seconds))
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"

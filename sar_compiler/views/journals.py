@@ -3,31 +3,33 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from sar_compiler.journal.database import VERSION, JournalFile, is_locked
+from sar_compiler.journal.condition import COMPLETE, condition, condition_text
+from sar_compiler.journal.database import VERSION, JournalFile
 from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
-from sar_compiler.journal.mission_state import tree_nodes
+from sar_compiler.journal.mission_state import MissionState, tree_nodes
+from sar_compiler.runtime.clock import clock_text
 from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.views.mission_report import not_done
 from sar_compiler.views.plain import as_json
 
 # How the JSON of an object ends that is in several lines.
 _END = "\n}"
-_RUNNING, _BROKEN_OFF, _EMPTY = "running", "broken off", "empty"
 
 
-def journal_json(file: JournalFile, *, with_watched: bool = False) -> Iterator[str]:
+def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool = False) -> Iterator[str]:
     """Yield a journal as the lines of a JSON object, with a line for each fact and each watched entry.
 
     Args:
         file: The journal.
+        state: The state of the mission.
         with_watched: Whether what was watched is part of it.
     """
-    # Before the snapshot: to look at the lock takes away those of whoever reads the file in this process.
-    state = _state(file, file.runs())
     with file.snapshot():
         data = {
             "file": str(file.path),
             "version": VERSION,
-            "state": state,
+            "state": _state(state),
+            "condition": condition(state)._asdict(),
             **file.about(),
             "runs": [run._asdict() for run in file.runs()],
         }
@@ -50,17 +52,24 @@ def _json_items(entries: Iterable[JournalEntry]) -> Iterator[str]:
         yield before
 
 
-def journal_lines(file: JournalFile, *, with_watched: bool = False) -> Iterator[str]:
-    """Yield a journal as text: the mission, its runs, and the facts of each, with the seconds since its beginning.
+def journal_lines(
+    file: JournalFile, state: MissionState, why: str = "", *, with_watched: bool = False
+) -> Iterator[str]:
+    """Yield a journal as text: the mission and its condition, its runs, and the facts of each, with the time since its beginning.
 
     Args:
         file: The journal.
+        state: The state of the mission.
+        why: The first to look at, if it is not complete.
         with_watched: Whether what was watched is told as well.
     """
     runs, about = file.runs(), file.about()
     mission = about.get("mission") or "a tree of no mission"
     nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
-    yield in_one_line(f"{mission}, {_state(file, runs)}")
+    yield in_one_line(f"{mission}, {condition_text(state)}")
+    if condition(state).word != COMPLETE:
+        yield from (in_one_line(f"not done: {each}") for each in not_done(state))
+        yield from [in_one_line(why)] if why else []
     for run in runs:
         width = file.widest_kind(run.number, with_watched=with_watched)
         entries = file.entries(run.number, with_watched=with_watched)
@@ -68,12 +77,13 @@ def journal_lines(file: JournalFile, *, with_watched: bool = False) -> Iterator[
         yield from map(in_one_line, _table(run, entries, nodes, width))
 
 
-def _state(file: JournalFile, runs: Sequence[JournalRun]) -> str:
-    if is_locked(file.path):
-        return _RUNNING
-    if not runs:
-        return _EMPTY
-    return _BROKEN_OFF if runs[-1].ending is None else runs[-1].ending.value
+def _state(state: MissionState) -> str:
+    """Return what the journal itself is, for scripts: `running`, `broken off`, `empty`, or how its last run has ended."""
+    if ending := state.runs[-1].ending if state.runs else "":
+        return ending
+    if not state.process.is_gone:
+        return "running"
+    return "broken off" if state.runs else "empty"
 
 
 def _headline(run: JournalRun) -> str:
@@ -94,7 +104,7 @@ def _table(
     start = began if isinstance(began, (int, float)) else 0.0
     for entry in entries:
         words = shortened(", ".join(entry_words(entry.data, nodes)))
-        yield f"{entry.time - start:9.1f} s  {entry.kind:{width}}  {words}".rstrip()
+        yield f"{clock_text(entry.time - start):>9}  {entry.kind:{width}}  {words}".rstrip()
 
 
 def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:

@@ -2,39 +2,23 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from datetime import datetime, timezone
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.errors import SarError
+from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState
 from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.nodes.spec import load
 from sar_compiler.tree.content import real_path
 from sar_compiler.views.plain import as_json
+from sar_compiler.views.why import Why, why_data
 
 
 class ReportError(SarError):
     """A report cannot be written like this."""
-
-
-def outcome(state: MissionState) -> tuple[str, str]:
-    """Return the outcome of a mission's last run: a word, and the reason."""
-    if not state.runs or not state.runs[-1].ending:
-        return "unfinished", "it still runs, or it has broken off"
-    return state.phase.name, state.phase.reason
-
-
-def utc(instant: Instant | None) -> str | None:
-    """Return a time of the system's clock in ISO 8601; None if there is none, or no such day."""
-    if instant is None:
-        return None
-    try:
-        return datetime.fromtimestamp(instant.wall, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
-    except (OSError, OverflowError, ValueError):
-        return None
 
 
 def georeference(state: MissionState) -> Georeference | None:
@@ -47,8 +31,17 @@ def to_visit(state: MissionState) -> list[Landmark]:
     return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
 
 
-def report_data(state: MissionState) -> dict[str, Any]:
-    """Return the report of a mission as JSON values.
+def not_done(state: MissionState) -> list[str]:
+    """Return the places that a mission had to go to and has not done, with the state of each and its reason."""
+    return [
+        f"{each.name} ({each.state}{f': {each.reason}' if each.reason else ''})"
+        for each in state.situation.landmarks.values()
+        if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found
+    ]
+
+
+def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
+    """Return the report of a mission, and why it has failed, as JSON values.
 
     Positions are metres in the frame `map`, with `lat` and `lon` in degrees where the map's place on the earth is known;
     times are `utc`, and `time`, the seconds of the mission's clock since the beginning of the run.
@@ -56,20 +49,19 @@ def report_data(state: MissionState) -> dict[str, Any]:
     Raises:
         ImportError: If pyproj is not installed, and the map's place on the earth is known.
     """
-    reference, situation = georeference(state), state.situation
-    word, reason = outcome(state)
+    reference, situation, now = georeference(state), state.situation, condition(state)
     return {
         "mission": state.about.get("mission"),
         "simulated": bool(state.about.get("simulated")),
-        "outcome": word,
-        "reason": reason,
-        "as_of": utc(state.now) if state.runs else None,
+        "outcome": now.word,
+        "reason": now.reason,
+        "as_of": state.now.utc if state.runs else None,
         "phase": state.phase._asdict(),
         "georeference": reference and reference._asdict(),
         "runs": [
             {
-                "began": utc(run.began),
-                "ended": utc(run.ended),
+                "began": run.began.utc,
+                "ended": run.ended and run.ended.utc,
                 "duration": run.ended and run.ended.time,
                 "ending": run.ending or None,
                 "status": run.status,
@@ -86,6 +78,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
         "figures": [each._asdict() for each in situation.figures.values()],
         "gauges": [each._asdict() for each in situation.gauges.values()],
         "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
+        "why": why and why_data(why),
         "facts": [
             {**_at(each.at), "kind": each.kind, "data": dict(each.data), "text": each.text}
             for each in state.facts
@@ -108,7 +101,7 @@ def _place(reference: Georeference | None, x: float, y: float) -> dict[str, floa
 def _at(instant: Instant | None) -> dict[str, Any]:
     if instant is None:
         return {"run": None, "time": None, "utc": None}
-    return {"run": instant.run, "time": round(instant.time, 3), "utc": utc(instant)}
+    return {"run": instant.run, "time": round(instant.time, 3), "utc": instant.utc}
 
 
 def _landmark(state: MissionState, landmark: Landmark, reference: Georeference | None) -> dict[str, Any]:
@@ -144,9 +137,9 @@ def _node(node: NodeState) -> dict[str, Any]:
     }
 
 
-def json_report(state: MissionState) -> str:
+def json_report(state: MissionState, why: Why | None = None) -> str:
     """Return the report of a mission as JSON."""
-    return as_json(report_data(state)) + "\n"
+    return as_json(report_data(state, why)) + "\n"
 
 
 class ReportForm(NamedTuple):
@@ -212,7 +205,9 @@ def _obstacle(file: Path) -> str:
     return "" if os.access(written, os.W_OK) else f"{written} may not be written to"
 
 
-def report_text(state: MissionState, file: Path | str) -> str:
-    """Return the report of a mission in the form of a file."""
-    text: str = load(FORMS[Path(file).suffix.lower()].function)(state)
+def report_text(state: MissionState, file: Path | str, why: Why | None = None) -> str:
+    """Return the report of a mission in the form of a file, with why it has failed where that form has it."""
+    form = FORMS[Path(file).suffix.lower()]
+    write = load(form.function)
+    text: str = write(state) if form.is_of_the_world else write(state, why)
     return text

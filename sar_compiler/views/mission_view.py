@@ -5,10 +5,11 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from sar_compiler.journal.condition import clock_text
+from sar_compiler.journal.condition import DRIVING, GOOD, QUIET, MissionCondition, condition
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
 from sar_compiler.journal.situation import CHANGED, Landmark, fact_words
+from sar_compiler.runtime.clock import clock_text
 from sar_compiler.tree.showing import in_one_line, shortened
 
 # So many facts, and landmarks of a kind, have room in a line.
@@ -69,7 +70,19 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
         words = str(entry.data.get("said") or "")
     else:
         words = "" if state.is_told else fact_words(entry.kind, entry.data)
-    return in_one_line(f"{state.now.time:9.1f} s  {shortened(words)}") if words else ""
+    return _log_line(state, words) if words else ""
+
+
+def condition_change(state: MissionState, before: MissionCondition) -> str:
+    """Return the log line of a mission's condition; empty if it is as before, or neither is more than that all is well."""
+    now = condition(state)
+    if (now.word, now.reason) == (before.word, before.reason) or {now.level, before.level} <= {GOOD, QUIET}:
+        return ""
+    return _log_line(state, now.text())
+
+
+def _log_line(state: MissionState, words: str) -> str:
+    return in_one_line(f"{clock_text(state.now.time):>9}  {shortened(words)}")
 
 
 def screen(state: MissionState, now: float, height: int) -> list[Line]:
@@ -80,38 +93,38 @@ def screen(state: MissionState, now: float, height: int) -> list[Line]:
         now: Seconds of the mission's clock since the run's beginning.
         height: The number of lines at most; 3 or more.
     """
-    head = [_headline(state, now), *_found(state)]
+    head = [_headline(state, now), *_gauges(state, now), *_found(state)]
     return [*head, *_tree(state, now, height - len(head))]
 
 
 def full_height(state: MissionState) -> int:
     """Return the number of lines of a screen on which nothing is folded."""
     found = sum(kind.is_found for kind in state.situation.kinds.values())
-    return 1 + max(1, found) + len(state.nodes)
+    return 1 + len([*_gauges(state, 0.0)]) + max(1, found) + len(state.nodes)
 
 
 def _headline(state: MissionState, now: float) -> Line:
-    words = [state.title, clock_text(now), _going_on(state), *_whereabouts(state)]
+    words = [state.title, clock_text(now), condition(state).text(now), _drive_left(state)]
     words += [figure.text for figure in state.situation.figures.values()]
     return [Piece("  ".join(map(in_one_line, filter(None, words))), "title")]
 
 
-def _going_on(state: MissionState) -> str:
-    phase = state.phase
-    raised = [alarm.text for alarm in state.situation.alarms.values() if not alarm.is_over]
-    if raised and not (state.runs and state.runs[-1].ending):
-        return f"ALARM: {raised[-1]}"
-    return "" if phase.reason == state.lacks != "" else phase.name
-
-
-def _whereabouts(state: MissionState) -> list[str]:
-    place, drive = state.situation.phase.place, state.drive
-    if state.lacks:
-        return [place, f"WAITS: {state.lacks}"]
-    if drive is None:
-        return [place]
+def _drive_left(state: MissionState) -> str:
+    drive = state.drive
+    if drive is None or condition(state).word != DRIVING:
+        return ""
     left = "" if drive.time_left is None else f", {clock_text(drive.time_left)} left"
-    return [place if drive.target != place else "", f"{drive.target} in {drive.distance:.1f} m{left}"]
+    return f"{drive.distance:.1f} m{left}"
+
+
+def _gauges(state: MissionState, now: float) -> Iterator[Line]:
+    """Yield a line with what runs out and what a person must know, if there is anything."""
+    situation = state.situation
+    words = [gauge.text for gauge in situation.gauges.values()]
+    raised = [alarm for alarm in situation.alarms.values() if not alarm.is_over]
+    words += [f"ALARM ({clock_text(now - state.since[each.text].time)}): {each.text}" for each in raised]
+    if words:
+        yield [Piece("  ".join(map(in_one_line, words)), "alarm" if raised else "")]
 
 
 def _found(state: MissionState) -> Iterator[Line]:

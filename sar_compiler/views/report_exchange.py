@@ -11,11 +11,12 @@ from typing import Any
 
 from lxml import etree
 
+from sar_compiler.journal.condition import condition_text
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.mission_state import Instant, MissionState
 from sar_compiler.journal.situation import FactTime, Landmark
 from sar_compiler.tree.showing import in_one_line
-from sar_compiler.views.mission_report import ReportError, georeference, outcome, report_data, to_visit, utc
+from sar_compiler.views.mission_report import ReportError, georeference, report_data, to_visit
 from sar_compiler.views.plain import as_json, speakable
 
 # How near to where it is told a find is, metres: what is drawn around it.
@@ -103,7 +104,6 @@ def cap_report(state: MissionState) -> str:
     from xsdata.models.datatype import XmlDateTime
 
     reference, sent = _reference(state), _moment(state.now)
-    word, reason = outcome(state)
     alert = Alert(
         # A later state of the mission is another alert.
         identifier=f"{_mission_id(state)}-{sent:{_STAMP}}",
@@ -113,7 +113,7 @@ def cap_report(state: MissionState) -> str:
         msg_type=MsgType.ALERT,
         scope=Scope.RESTRICTED,
         restriction="for those who coordinate the response",
-        note=_text(f"The search is {word}{f': {reason}' if reason else ''}"),
+        note=_text(condition_text(state)),
         infos=list(_infos(state, reference)),
     )
     written = XmlSerializer(config=SerializerConfig(indent="  ")).render(alert, ns_map={None: _CAP})
@@ -154,9 +154,8 @@ def _event(state: MissionState, find: Landmark, number: int, reference: Georefer
     colour = str(_RED if find.is_certain else _ORANGE)
     uid = f"{_mission_id(state)}.{number}"
     event = etree.Element("event", version="2.0", uid=uid, type=_SPOT, how="m-g")
-    found = utc(
-        next((state.instant(each) for each in find.details.values() if isinstance(each, FactTime)), None)
-    )
+    times = (state.instant(each).utc for each in find.details.values() if isinstance(each, FactTime))
+    found = next(times, None)
     event.set("time", now.strftime(stamp))
     event.set("start", found.replace("Z", ".000Z") if found else now.strftime(stamp))
     event.set("stale", (now + _STALE).strftime(stamp))
@@ -202,7 +201,9 @@ def _mission_id(state: MissionState) -> str:
 
 
 def _moment(instant: Instant | None) -> datetime:
-    return datetime.fromisoformat((utc(instant) or "1970-01-01T00:00:00Z").replace("Z", "+00:00"))
+    return datetime.fromisoformat(
+        ((instant and instant.utc) or "1970-01-01T00:00:00Z").replace("Z", "+00:00")
+    )
 
 
 def _text(text: str) -> str:

@@ -12,12 +12,14 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
-from sar_compiler.journal.condition import clock_text
+from sar_compiler.journal.condition import GOOD, condition
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, RobotPose
 from sar_compiler.journal.situation import FactTime, Landmark, Level
+from sar_compiler.runtime.clock import clock_text
 from sar_compiler.tree.showing import visible
-from sar_compiler.views.mission_report import georeference, outcome
+from sar_compiler.views.mission_report import georeference, not_done
 from sar_compiler.views.mission_view import sign
+from sar_compiler.views.why import Why, first_to_look_at
 
 _NONE = "-"
 _POSITION = ("x, y in map (m)", "latitude, longitude")
@@ -30,8 +32,8 @@ _ERROR = 40
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 
-def html_report(state: MissionState) -> str:
-    """Return the report of a mission as an HTML page; all text from outside is escaped.
+def html_report(state: MissionState, why: Why | None = None) -> str:
+    """Return the report of a mission, and why it has failed, as an HTML page; all text from outside is escaped.
 
     Raises:
         ImportError: If pyproj is not installed, and the map's place on the earth is known.
@@ -39,7 +41,7 @@ def html_report(state: MissionState) -> str:
     title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
     found, others = (_landmarks(state, is_found=each) for each in (True, False))
     parts = (
-        _head(state),
+        _head(state, why),
         found,
         _map(state),
         others,
@@ -58,14 +60,15 @@ def html_report(state: MissionState) -> str:
     )
 
 
-def _head(state: MissionState) -> Iterator[str]:
-    word, reason = outcome(state)
+def _head(state: MissionState, why: Why | None) -> Iterator[str]:
+    now = condition(state)
     yield f"<header><h1>{_text(state.title)}</h1>"
     if state.about.get("simulated"):
         seeks = any(kind.is_found for kind in state.situation.kinds.values())
         yield f'<p class="simulated">Simulated{": nobody was searched for, nobody was found" if seeks else ""}</p>'
-    yield f'<p class="outcome{"" if word == "complete" else " bad"}">{_text(word.capitalize())}'
-    yield f"{_text(f': {reason}') if reason and word != 'complete' else ''}</p>"
+    yield f'<p class="outcome{"" if now.level == GOOD else " bad"}">{_text(now.text(state.now.time))}</p>'
+    if why is not None and (first := first_to_look_at(why)):
+        yield f'<p class="first">{_text(first)}</p>'
     facts: list[tuple[str, str]] = [
         (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
         for run in state.runs
@@ -74,12 +77,7 @@ def _head(state: MissionState) -> Iterator[str]:
         facts.append(("as of", _day(state.now)))
     figures = state.situation.figures.values()
     facts += [(each.name, each.text.removeprefix(each.name).strip()) for each in figures]
-    lacking = [
-        f"{each.name} ({each.state})"
-        for each in state.situation.landmarks.values()
-        if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found
-    ]
-    if lacking:
+    if lacking := not_done(state):
         facts.append(("not done", ", ".join(lacking)))
     if state.is_told:
         facts.append(("robot", _robot(state)))

@@ -3,9 +3,9 @@
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from sar_compiler.checks.verify.counterfactual import Counterfactual
+from sar_compiler.journal.condition import COMPLETE, condition
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import (
     FAILURE,
@@ -17,10 +17,13 @@ from sar_compiler.journal.mission_state import (
 )
 from sar_compiler.journal.recorded_events import is_status
 from sar_compiler.journal.situation import CHANGED, Level
+from sar_compiler.runtime.clock import clock_text
 from sar_compiler.runtime.events import Event
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.drawing import Shape
-from sar_compiler.views.mission_report import outcome, utc
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.verify.counterfactual import Counterfactual
 
 _OTHER = {FAILURE: SUCCESS, SUCCESS: FAILURE}
 _GONE = ("IDLE", "HALTED")
@@ -78,8 +81,9 @@ class Why(NamedTuple):
         chain: The nodes from the root down to the answers, parents first; empty if the root has not failed.
         answers: The answers that have caused it, the likeliest cause first.
         before: What had failed before, by time.
-        outcome: What the mission has come to, in a word.
-        reason: The reason that its last run has given.
+        outcome: What the mission has come to, in a word: the word of its condition.
+        reason: The reason of that.
+        said: Both in a line.
         ended: When the root had failed.
         went_on: Whether the root has come to something else since.
     """
@@ -89,8 +93,14 @@ class Why(NamedTuple):
     before: tuple[FormerFailure, ...]
     outcome: str
     reason: str
+    said: str
     ended: Instant | None
     went_on: bool = False
+
+    @property
+    def is_of_a_failure(self) -> bool:
+        """Whether there is something to be told: the mission is not complete, and something has failed."""
+        return self.first is not None and self.outcome != COMPLETE
 
     @property
     def first(self) -> NodeStatus | None:
@@ -165,14 +175,16 @@ class Inquiry:
         answers = sorted(self._explained.answers, key=blame)
         blamed = {answer.node for answer in answers}
         before = [each for each in history.former() if each.first.node not in blamed]
-        word, reason = outcome(self.state)
-        if all(map(is_look, answers)) and word != "complete":
+        now = condition(self.state)
+        if all(map(is_look, answers)) and now.word != COMPLETE:
             acted = [each for each in before if not is_look(each.first)]
             acted = [each for each in acted if not chain or _cost(self.state, each)]
             acted.sort(key=lambda each: (not _cost(self.state, each), each.has_recovered, -each.times))
             answers = [*(each.first for each in acted), *answers]
         since = chain[0].since if chain else None
-        return Why(chain, tuple(answers), tuple(before), word, reason, since, self._explained.went_on)
+        said = now.text(self.state.now.time)
+        went_on = self._explained.went_on
+        return Why(chain, tuple(answers), tuple(before), now.word, now.reason, said, since, went_on)
 
 
 def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
@@ -420,13 +432,13 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
             yield _answer(node)
 
 
-def counterfactual_text(change: Counterfactual, nodes: Sequence[NodeState]) -> str:
+def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) -> str:
     """Return how a mission whose tree has these nodes would have succeeded, in words."""
     leaf = nodes[change.instead.number]
     said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
     place = f"  ({leaf.place})" if leaf.place else ""
     lines = ["It would have succeeded with another answer:"]
-    lines.append(in_one_line(f"  {change.time_sec:.1f} s  {leaf.name} {said}{place}"))
+    lines.append(in_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
     if change.then:
         usual = "as usual" if not change.unusual else f"{change.unusual} of them not as usual"
         told = [f"{nodes[each.number].name} {each.answer}" for each in change.then[:_MOST]]
@@ -439,7 +451,7 @@ def _meaning(answer: Event) -> str:
     return f" ({answer.label})" if answer.label else ""
 
 
-def counterfactual_data(change: Counterfactual, nodes: Sequence[NodeState]) -> dict[str, Any]:
+def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) -> dict[str, Any]:
     """Return how a mission whose tree has these nodes would have succeeded as JSON values."""
 
     def data(answer: Event) -> dict[str, object]:
@@ -459,14 +471,13 @@ def counterfactual_data(change: Counterfactual, nodes: Sequence[NodeState]) -> d
 
 def why_text(reasons: Why, otherwise: str = "") -> str:
     """Return why a mission has failed, in words, with what would have succeeded."""
-    said = f": {reasons.reason}" if reasons.reason else "."
-    lines = [in_one_line(f"The mission is {reasons.outcome}{said}")]
-    if reasons.first is not None and reasons.outcome != "complete":
+    lines = [in_one_line(reasons.said)]
+    if reasons.first is not None and reasons.is_of_a_failure:
         lines += ["", "First to look at:", f"  {_status_line(reasons.first)}"]
     if reasons.chain:
         lines += ["", "The root had failed, and went on:" if reasons.went_on else "The root has failed:"]
         lines += [f"  {'  ' * answer.depth}{_status_line(answer)}" for answer in reasons.chain]
-    elif reasons.outcome != "complete":
+    elif reasons.outcome != COMPLETE:
         lines += ["", "The root has not failed."]
     if otherwise:
         lines += ["", otherwise]
@@ -478,12 +489,19 @@ def why_text(reasons: Why, otherwise: str = "") -> str:
     return "\n".join(lines)
 
 
+def first_to_look_at(reasons: Why) -> str:
+    """Return the likeliest cause of a failure in a line; empty if there is none to be told."""
+    if reasons.first is None or not reasons.is_of_a_failure:
+        return ""
+    return f"first to look at: {_status_line(reasons.first)}"
+
+
 def _repetition(failure: FormerFailure) -> str:
-    return f"; {failure.times} times, until {failure.last.time:.1f} s" if failure.times > 1 else ""
+    return f"; {failure.times} times, until {clock_text(failure.last.time)}" if failure.times > 1 else ""
 
 
 def _status_line(answer: NodeStatus) -> str:
-    at = f"{answer.since.time:.1f} s  " if answer.since is not None else ""
+    at = f"{clock_text(answer.since.time)}  " if answer.since is not None else ""
     said = f", {shortened(answer.message)}" if answer.message else ""
     place = f"  ({answer.place})" if answer.place else ""
     return in_one_line(f"{at}{answer.name} {answer_words(answer.status, answer.label)}{said}{place}")
@@ -531,4 +549,4 @@ def answer_data(answer: NodeStatus) -> dict[str, Any]:
 
 
 def _instant(instant: Instant) -> Mapping[str, object]:
-    return {"time": instant.time, "utc": utc(instant)}
+    return {"time": instant.time, "utc": instant.utc}

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple
 
-from sar_compiler.journal.condition import RunProcess, condition
+from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
     GOAL_ENDED,
@@ -14,7 +14,7 @@ from sar_compiler.journal.journal_entries import (
     RUN_ENDED,
     JournalEntry,
 )
-from sar_compiler.journal.mission_state import FAILURE, RUNNING, MissionState
+from sar_compiler.journal.mission_state import FAILURE, RUNNING, MissionState, RunProcess
 from sar_compiler.journal.situation import CHANGED, FactTime, Landmark
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
@@ -109,7 +109,6 @@ class PageState:
         self._mission = MissionState()
         self._statuses: dict[int, ShownStatus] = {}
         self._why: Mapping[str, Any] | None = None
-        self._process = RunProcess()
         self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
         # When the last lines of the log were said, in seconds since 1970.
@@ -161,9 +160,9 @@ class PageState:
 
     def know(self, process: RunProcess) -> None:
         """Take what is known of the process that runs the mission."""
-        before = condition(self._mission, self._process)
-        self._process = process
-        if condition(self._mission, process) != before:
+        before = condition(self._mission)
+        self._mission.process = process
+        if condition(self._mission) != before:
             self._touched.add("condition")
 
     def change(self) -> PageChange | None:
@@ -387,7 +386,7 @@ class PageState:
         "pose": _pose_values,
         "plan": lambda self: self._mission.plan,
         "drive": lambda self: self._mission.drive and self._mission.drive._asdict(),
-        "condition": lambda self: condition(self._mission, self._process)._asdict(),
+        "condition": lambda self: condition(self._mission)._asdict(),
         "place": lambda self: self._mission.situation.phase.place,
         "estimate": lambda self: {"end": self._mission.likely_end, "limit": self._mission.time_limit_sec},
         "times": lambda self: self._times,

@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.journal import condition, mission_state, situation
-from sar_compiler.journal.condition import RunProcess
 from sar_compiler.journal.database import JournalFile, StreamPlace, is_locked
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.journal.reserve import SUFFIX
 from sar_compiler.journal.situation import CHANGED
 from sar_compiler.resources import cache_folder

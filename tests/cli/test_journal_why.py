@@ -39,7 +39,7 @@ def why(tree, tmp_path, capsys):
 
 def test_it_tells_people_what_would_have_succeeded(why):
     assert (
-        "\nIt would have succeeded with another answer:\n  0.0 s  Look SUCCESS instead of FAILURE  (" in why()
+        "\nIt would have succeeded with another answer:\n  0:00  Look SUCCESS instead of FAILURE  (" in why()
     )
 
 

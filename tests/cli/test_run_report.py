@@ -5,9 +5,9 @@ import re
 import pytest
 
 from sar_compiler.cli.arguments import REPORT_FORMS
-from sar_compiler.cli.run_report import RunReport, write_reports
+from sar_compiler.cli.run_report import RunReport, report_journal
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.opening import open_journal
 from sar_compiler.views.mission_report import FORMS
 
 BEGAN = JournalEntry(1, 1, 1.7e9, 0.0, "run_began", {"mission": "patrol", "identity": {}, "run": {}})
@@ -17,7 +17,7 @@ BEGAN = JournalEntry(1, 1, 1.7e9, 0.0, "run_began", {"mission": "patrol", "ident
 def breaking(monkeypatch):
     """Let the first form of two be one that cannot be made."""
 
-    def fail(_):
+    def fail(*_):
         message = "no way"
         raise ZeroDivisionError(message)
 
@@ -53,9 +53,12 @@ def test_a_run_that_has_not_begun_has_no_report(files):
     assert not any(file.exists() for file in files)
 
 
-def test_of_a_journal_none_is_written_if_one_cannot_be_made(breaking, files):
+def test_of_a_journal_none_is_written_if_one_cannot_be_made(breaking, files, tmp_path):
+    journal = open_journal(tmp_path / "m.journal")
+    journal.begin({"mission": "patrol"}, {})
+    journal.close()
     with pytest.raises(ZeroDivisionError):
-        write_reports(MissionState.of([BEGAN]), files[::-1], None)
+        report_journal(tmp_path / "m.journal", files[::-1])
     assert not any(file.exists() for file in files)
 
 

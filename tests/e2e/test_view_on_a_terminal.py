@@ -137,7 +137,7 @@ def test_a_terminal_that_obeys_nothing_gets_a_line_for_each_change(tmp_path):
     path.write_text(document('<AlwaysSuccess name="Done"/>'), encoding="utf-8")
     terminal = Terminal("sar-run", path, "--view", "text", env={"TERM": "dumb"})
     assert terminal.end() == 0
-    assert any(row.endswith(" s  Done SUCCESS, success") for row in terminal.rows), terminal.rows
+    assert any(row.endswith(":00  Done SUCCESS, success") for row in terminal.rows), terminal.rows
     terminal.kill()
 
 

@@ -35,7 +35,7 @@ def runs():
 
 def without_times(text):
     """Return the lines that tell of changes, without the time that each begins with."""
-    return [line.partition(" s  ")[2] for line in text.splitlines() if re.match(r" +\d+\.\d s  ", line)]
+    return [found[1] for line in text.splitlines() if (found := re.match(r" +\d+:\d\d  (.*)", line))]
 
 
 @pytest.mark.ros

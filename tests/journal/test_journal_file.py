@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import Ending, Row
+from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.reserve import RunEnd
 from sar_compiler.views.journals import journal_json, journal_lines
 
@@ -46,7 +47,7 @@ def written(place):
 def read(place):
     file = JournalFile.read(place)
     try:
-        return json.loads("\n".join(journal_json(file, with_watched=True)))
+        return json.loads("\n".join(journal_json(file, MissionState.of(file.stream()), with_watched=True)))
     finally:
         file.close()
 
@@ -231,7 +232,7 @@ def test_a_damaged_journal_is_told_or_refused_in_words(tmp_path_factory, data):
     with suppress(JournalError):  # anything else is a traceback for somebody
         reader = JournalFile.read(place)
         try:
-            [*journal_lines(reader, with_watched=True)]
-            [*journal_json(reader, with_watched=True)]
+            [*journal_lines(reader, MissionState(), with_watched=True)]
+            [*journal_json(reader, MissionState(), with_watched=True)]
         finally:
             reader.close()

@@ -127,10 +127,6 @@ HELD = changed(phase={"name": "held", "reason": "by the operator", "place": "a"}
         ([DRIVES], "driving", ""),
         ([DRIVES, LOST], "waiting", "no localisation"),
         ([DRIVES, LOST, HELD], "held", "by the operator"),
-        ([HELD, ("run_ended", {"ending": "over", "status": 0, "reason": "done"})], "complete", "done"),
-        ([("run_ended", {"ending": "over", "status": 1, "reason": "no"})], "incomplete", "no"),
-        ([("run_ended", {"ending": "stopped", "status": 130, "reason": ""})], "stopped", ""),
-        ([("run_ended", {"ending": "failed", "status": 1, "reason": "no"})], "failed", "no"),
         ([("run_ended", {"ending": "failed", "status": 1, "reason": "no"}), BEGAN], "working", ""),
     ],
 )

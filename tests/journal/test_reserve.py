@@ -18,6 +18,7 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.following import JournalFollower
 from sar_compiler.journal.journal_entries import FACTS_LOST, Ending, Row
+from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.reserve import Kept, Reserve, read_reserve
 from sar_compiler.views.journals import journal_json
@@ -61,7 +62,7 @@ class Mission:
 
 def read(place):
     with closing(JournalFile.read(place)) as file:
-        return json.loads("\n".join(journal_json(file, with_watched=True)))
+        return json.loads("\n".join(journal_json(file, MissionState(), with_watched=True)))
 
 
 def kinds(place, which="facts"):
@@ -135,7 +136,7 @@ def test_a_mission_that_was_over_while_its_disk_was_full_is_over(place):
     mission.journal.end(Ending.OVER, 0, "Mission complete.")
     mission.journal.close()
     assert "lacks is beside it, and belongs to it" in mission.said[-1]
-    assert read(place)["state"] == "over"
+    assert read(place)["runs"][-1]["ending"] == "over"
     assert kinds(place) == ["base_reached"]
     with pytest.raises(JournalError, match="is over"):
         open_journal(place, resume=True)

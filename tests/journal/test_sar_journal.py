@@ -39,10 +39,10 @@ def shown(capsys, *arguments):
 
 def test_the_facts_of_each_run_are_told_with_their_time(place, capsys):
     lines = shown(capsys, place).splitlines()
-    assert lines[0] == "search_and_rescue, over"
+    assert lines[0] == "search_and_rescue, complete: Mission complete."
     assert lines[1].startswith("run 1, begun 20")
     assert lines[1].endswith(", stopped with status 130:")
-    assert lines[2] == r"      3.5 s  zone_searched  zone zone_a\x1b[2J\n, survivor (-2.50, 3.20)"
+    assert lines[2] == r"     0:03  zone_searched  zone zone_a\x1b[2J\n, survivor (-2.50, 3.20)"
     assert lines[3].endswith(", over with status 0, Mission complete.:")
 
 
@@ -67,7 +67,7 @@ def test_json_has_everything_as_it_is(place, capsys):
     assert "\x1b" not in text
     assert r"\u202e" in text
     data = json.loads(shown(capsys, place, "--format", "json"))
-    assert data["state"] == "over"
+    assert (data["state"], data["condition"]["word"]) == ("over", "complete")
     assert data["tree"] == TREE
     assert [run["ending"] for run in data["runs"]] == ["stopped", "over"]
     assert [fact["data"] for fact in data["facts"]] == [
@@ -83,7 +83,7 @@ def test_a_mission_that_runs_is_told_as_running(tmp_path, capsys):
     journal.begin({"mission": None}, {})
     journal.note("base_reached")
     out = shown(capsys, tmp_path / "mission.journal")
-    assert out.startswith("a tree of no mission, running\n")
+    assert out.startswith("a tree of no mission, working\n")
     assert "base_reached" in out
     journal.close()
 

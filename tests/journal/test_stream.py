@@ -94,10 +94,10 @@ def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back
         journal.close()
     with closing(JournalFile.read(place)) as file:
         happened = [entry for entry in file.stream() if entry.kind != "run_began"]
-        told = [*journal_lines(file, with_watched=True)]
+        told = [*journal_lines(file, MissionState(), with_watched=True)]
     assert [(entry.run, entry.kind) for entry in happened] == written
     assert [entry.data for entry in happened[:2]] == [{"x": 0.0}, {"zone": "zone_0"}]
-    assert [line.split()[2] for line in told if " s  " in line] == [kind for _, kind in written]
+    assert [line.split()[1] for line in told if line.startswith(" ")] == [kind for _, kind in written]
 
 
 def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
@@ -137,8 +137,8 @@ def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_p
     with closing(long(1_000)) as short, closing(long(20_000)) as file:
         for read in (
             lambda file: MissionState.of(file.stream()),
-            lambda file: deque(journal_lines(file, with_watched=True), 0),
-            lambda file: deque(journal_json(file, with_watched=True), 0),
+            lambda file: deque(journal_lines(file, MissionState(), with_watched=True), 0),
+            lambda file: deque(journal_json(file, MissionState(), with_watched=True), 0),
             lambda file: Explanation.of(file).data(),
             lambda file: deque(recorded_events(file.stream()), 0),
         ):

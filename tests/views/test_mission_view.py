@@ -2,10 +2,11 @@
 
 import pytest
 
-from sar_compiler.journal.condition import clock_text
+from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.views.mission_view import change_text, screen
+from sar_compiler.runtime.clock import clock_text
+from sar_compiler.views.mission_view import change_text, condition_change, screen
 
 
 def node(name, *children):
@@ -83,7 +84,7 @@ def test_the_headline_has_the_place_what_is_left_of_the_drive_and_the_figures():
         drive,
     ]
     assert lines(mission(node("Main"), more=told))[0] == (
-        "patrol  0:10  driving  zone_b in 3.2 m, 0:08 left  zones visited 1 of 2"
+        "patrol  0:10  driving: to zone_b  3.2 m, 0:08 left  zones visited 1 of 2"
     )
 
 
@@ -91,7 +92,7 @@ def test_of_a_robot_that_cannot_drive_the_headline_says_why_and_not_what_is_left
     drive = ("progress", {"target": "zone_b", "distance": 5.6, "time_left": 8.0})
     lost = ("lacks", {"text": "Nav2 is not active: node amcl: not there"})
     head = lines(mission(node("Main"), more=[drive, lost]))[0]
-    assert head == "patrol  0:10  WAITS: Nav2 is not active: node amcl: not there"
+    assert head == "patrol  0:10  WAITING (0:08): Nav2 is not active: node amcl: not there"
 
 
 @pytest.mark.parametrize(
@@ -104,12 +105,12 @@ def test_of_a_robot_that_cannot_drive_the_headline_says_why_and_not_what_is_left
 def test_after_the_end_of_a_run_nobody_waits_or_drives(last):
     ended = ("run_ended", {"ending": "failed", "status": 1, "reason": ""})
     head = lines(mission(node("Main"), more=[last, ended]))[0]
-    assert head == "patrol  0:10  failed"
+    assert head == "patrol  0:10  FAILED"
 
 
 def test_what_keeps_a_mission_stands_in_the_headline():
     held = changed(phase={"name": "held", "reason": "by the operator", "place": "zone_b"})
-    assert lines(mission(node("Main"), more=[held]))[0] == "patrol  0:10  held  zone_b"
+    assert lines(mission(node("Main"), more=[held]))[0] == "patrol  0:10  PAUSED (0:09): by the operator"
 
 
 def test_the_latest_find_comes_first():
@@ -137,12 +138,17 @@ def test_a_mission_that_looks_for_nobody_shows_the_latest_that_it_has_noted():
     assert shown[1].endswith("photo: photo_12")
 
 
-def test_an_alarm_is_in_the_headline_until_it_is_over():
+def test_an_alarm_has_a_line_of_its_own_until_it_is_over():
     low = {"text": "battery low"}
-    head = lines(mission(node("Main"), more=[changed(alarms=[low])]))[0]
-    assert head == "patrol  0:10  ALARM: battery low"
+    second = lines(mission(node("Main"), more=[changed(alarms=[low])]))[1]
+    assert second == "ALARM (0:09): battery low"
     over = changed(alarms=[{**low, "is_over": True}])
-    assert lines(mission(node("Main"), more=[changed(alarms=[low]), over]))[0] == "patrol  0:10  working"
+    assert lines(mission(node("Main"), more=[changed(alarms=[low]), over]))[1] == "[-] Main"
+
+
+def test_what_runs_out_stands_before_the_alarms():
+    told = changed(gauges=[{"name": "battery", "value": 15, "unit": "%"}], alarms=[{"text": "low"}])
+    assert lines(mission(node("Main"), more=[told]))[1] == "battery 15 %  ALARM (0:09): low"
 
 
 def wide(count=100):
@@ -200,8 +206,8 @@ def change(kind, data, before="", more=()):
 
 def test_a_change_is_a_line_with_the_time():
     told = {"node": 1, "tick": 2, "status": "FAILURE", "message": "no way"}
-    assert change("status", told) == "      2.5 s  Drive FAILURE, no way"
-    assert change("zone_visited", {"zone": "zone_a"}) == "      2.5 s  zone visited: zone: zone_a"
+    assert change("status", told) == "     0:02  Drive FAILURE, no way"
+    assert change("zone_visited", {"zone": "zone_a"}) == "     0:02  zone visited: zone: zone_a"
 
 
 def test_which_leaf_has_noted_a_fact_is_no_line_of_its_own():
@@ -211,7 +217,7 @@ def test_which_leaf_has_noted_a_fact_is_no_line_of_its_own():
 def test_of_a_mission_that_says_itself_what_has_happened_that_is_the_line():
     fact, said, told = {"zone": "zone_a"}, {"said": "zone_a was visited"}, [changed(kinds=[])]
     assert change("zone_visited", fact, more=told) == ""
-    assert change("changed", said, more=[*told, ("zone_visited", fact)]) == "      2.5 s  zone_a was visited"
+    assert change("changed", said, more=[*told, ("zone_visited", fact)]) == "     0:02  zone_a was visited"
     assert change("changed", {"figures": []}, more=told) == ""
 
 
@@ -226,3 +232,32 @@ def test_of_a_mission_that_says_itself_what_has_happened_that_is_the_line():
 )
 def test_what_is_no_change_to_people_is_no_line(kind, data):
     assert change(kind, data, before="RUNNING") == ""
+
+
+def lines_of_conditions(*told):
+    """Return the lines that a log has of a mission's condition, entry by entry."""
+    state, said = mission(node("Main", node("Drive"))), []
+    for number, (kind, data) in enumerate(told, 9):
+        before = condition(state)
+        state.take(JournalEntry(number, 1, float(number), float(number), kind, data))
+        said.append(condition_change(state, before))
+    return said
+
+
+DRIVES = ("progress", {"target": "a", "distance": 5.6, "time_left": 8.0})
+LOST = ("lacks", {"text": "Nav2 is not active"})
+
+
+def test_that_a_mission_waits_and_goes_on_are_lines_and_that_it_goes_on_well_is_none():
+    assert lines_of_conditions(DRIVES, LOST, LOST, ("lacks", {"text": ""}), DRIVES) == [
+        "",
+        "     0:10  WAITING: Nav2 is not active",
+        "",
+        "     0:12  driving: to a",
+        "",
+    ]
+
+
+def test_another_reason_for_the_same_is_a_line():
+    other = ("lacks", {"text": "no localisation"})
+    assert lines_of_conditions(LOST, other)[1] == "     0:10  WAITING: no localisation"

@@ -19,7 +19,7 @@ from xsdata.formats.dataclass.parsers import XmlParser
 
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.views.mission_report import FORMS, ReportError, report_data, report_text, require_form
 from sar_compiler.views.report_exchange import cot_report
@@ -155,7 +155,7 @@ class TestJson:
             "zone_b": "abandoned",
             "zone_c": "open",
         }
-        assert (data["outcome"], data["reason"]) == ("incomplete", "zone_b was abandoned.")
+        assert (data["outcome"], data["reason"]) == ("failed", "zone_b was abandoned.")
         assert [(each["name"], each["value"], each["of"]) for each in data["figures"]][:2] == [
             ("zones visited", 1, 3),
             ("survivors found", 1, None),
@@ -192,8 +192,11 @@ class TestJson:
         assert report_data(mission())["as_of"] == "2023-11-14T22:13:31Z"
         assert report_data(MissionState())["as_of"] is None
 
-    def test_a_run_without_an_end_is_unfinished(self):
-        assert report_data(mission(ended=False))["outcome"] == "unfinished"
+    def test_a_run_without_an_end_is_what_it_is_at_until_its_process_is_gone(self):
+        state = mission(ended=False)
+        assert report_data(state)["outcome"] == "working"
+        state.process = RunProcess(is_gone=True)
+        assert report_data(state)["outcome"] == "broken off"
 
 
 class TestGeoJson:
@@ -289,7 +292,7 @@ class TestCommonAlertingProtocol:
     def test_an_alert_has_an_info_for_each_survivor_with_a_circle_around_it(self):
         alert = self.read()
         assert (alert.status, alert.scope) == (Status.ACTUAL, Scope.RESTRICTED)
-        assert alert.note == "The search is incomplete: zone_b was abandoned."
+        assert alert.note == "FAILED: zone_b was abandoned."
         (info,) = alert.infos
         assert info.headline == "survivor_1: candidate"
         assert (info.language, info.categories, info.response_types) == (
@@ -351,7 +354,7 @@ class TestThePage:
     def test_it_says_what_has_come_of_the_mission_and_who_was_found_where(self):
         read = texts(html_report(mission()))
         for words in (
-            "Incomplete: zone_b was abandoned.",
+            "FAILED: zone_b was abandoned.",
             "survivor_1",
             "candidate",
             "100.00, 0.00",
@@ -361,7 +364,7 @@ class TestThePage:
 
     def test_what_is_not_done_stands_at_the_top(self):
         head, tables = html_report(mission(("zone_visited", {"zone": "zone_c"}))).split("</header>")
-        lacking = "zone_b (abandoned), zone_c (visited, not searched)"
+        lacking = "zone_b (abandoned: after attempt 2), zone_c (visited, not searched)"
         assert f"<dt>not done</dt><dd>{lacking}</dd>" in head
         assert "<dt>zones visited</dt><dd>2 of 3</dd>" in head
         for words in ("visited, not searched", "abandoned: after attempt 2"):

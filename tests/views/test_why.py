@@ -136,7 +136,7 @@ def test_of_a_parallel_those_are_told_that_failed():
 def test_a_root_that_succeeds_has_no_chain():
     reasons = why(flown(leaf("one", S)))
     assert (reasons.chain, reasons.first, reasons.outcome) == ((), None, "complete")
-    assert why_text(reasons) == "The mission is complete: The root has failed."
+    assert why_text(reasons) == "complete: The root has failed."
 
 
 AT_HOME = {"x": 0.0, "y": 0.0, "yaw": 0.0}
@@ -215,8 +215,10 @@ def test_entries_of_somebody_else_do_not_count(odd):
 
 
 def test_a_reason_with_a_line_break_is_one_line():
-    (line, *_) = why_text(why(flown(leaf("one", S)))._replace(reason="a\nThe root has failed:")).splitlines()
-    assert line == "The mission is complete: a\\nThe root has failed:"
+    (line, *_) = why_text(
+        why(flown(leaf("one", S)))._replace(said="complete: a\nThe root has failed:")
+    ).splitlines()
+    assert line == "complete: a\\nThe root has failed:"
 
 
 class TestTheFirstDifference:
@@ -264,7 +266,7 @@ class TestTheCommand:
     def test_it_tells_people(self, places, capsys):
         assert main(["why", places[0]]) == 0
         shown = capsys.readouterr().out
-        assert shown.startswith("The mission is incomplete: The root has failed.\n\nFirst to look at:\n")
+        assert shown.startswith("FAILED: The root has failed.\n\nFirst to look at:\n")
         assert r"Drive\x1b[2J FAILURE" in shown
         assert "(m.xml:2)" in shown
 
@@ -285,4 +287,5 @@ class TestTheCommand:
             file.begin_run({}, {}, 0.0)
         file.close()
         assert main(["why", str(tmp_path / "m.journal")]) == 0
-        assert "unfinished" in capsys.readouterr().out
+        said = "BROKEN OFF: at 0:00, no goal was active" if has_begun else "not begun: the run has not begun"
+        assert capsys.readouterr().out == f"{said}\n\nThe root has not failed.\n"

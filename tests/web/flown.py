@@ -1,6 +1,6 @@
 """A run in a process of its own, as far as somebody looks at it: `python -m tests.web.flown SCENE JOURNAL`.
 
-It prints the address of its page, and goes on until it is killed.
+It prints the address of its page, and goes on until it is killed. At each SIGUSR1 it prints the first line that `--view text` has on a terminal.
 """
 
 import signal
@@ -10,8 +10,10 @@ from pathlib import Path
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending
+from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.views.mission_view import screen
 from sar_compiler.web.feed import LiveFeed
 from sar_compiler.web.page_server import PageServer
 from tests.web.conftest import ABOUT, KINDS, Patrol
@@ -22,13 +24,16 @@ VERBS = [
 ]
 
 
+PROGRESS = {"target": "east", "distance": 2.5, "time_left": 5.0}
+
+
 def drive(journal):
     """Drive to the second point, 84 s after the beginning."""
     journal.clock.advance(42.0)
     journal.note("point_reached", point="north")
     journal.clock.advance(42.0)
     journal.watch("pose", x=1.0, y=2.0, yaw=0.5)
-    journal.watch("progress", target="east", distance=2.5, time_left=5.0)
+    journal.watch("progress", **PROGRESS)
     journal.note(GOAL_SENT, action="navigate_to_pose", goal="a")
 
 
@@ -90,7 +95,11 @@ class Deaf:
 
 def main(scene: str, place: str) -> None:
     """Let a run come to a scene, with its page."""
+    # Before there are other threads, which leave it alone as well.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
     journal = open_journal(Path(place))
+    state = MissionState()
+    journal.listen(state.take)
     verbs = [[verb["name"] for verb in VERBS]]
     feed = LiveFeed({"robots": ["/patrol"], "verbs": [VERBS]}, lambda: {"verbs": verbs})
     journal.listen(feed.take)
@@ -98,7 +107,12 @@ def main(scene: str, place: str) -> None:
     server = PageServer(feed, 0, Deaf())
     server.start()
     print(server.url, flush=True)  # noqa: T201 - whoever has begun it reads that
-    signal.pause()
+    while True:
+        if signal.sigtimedwait({signal.SIGUSR1}, 1.0) is not None:
+            title, *_ = screen(state, state.now.time, 3)
+            print(*(piece.text for piece in title), flush=True)  # noqa: T201 - as above
+        elif scene == "driving":  # of which a robot tells every second
+            journal.watch("progress", **PROGRESS)
 
 
 if __name__ == "__main__":

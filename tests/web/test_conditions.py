@@ -1,14 +1,17 @@
-"""What is said of a mission in each condition, by who shows it: the table of `docs/page.md`, row by row, in a real browser."""
+"""What is said of a mission in each condition, by who shows it: the table of `docs/page.md`, row by row, in a real browser and by the commands."""
 
 import re
 import signal
 import sys
 from contextlib import ExitStack, closing
+from functools import partial
+from html import unescape
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
+from sar_compiler.cli.journal_command import main
 from sar_compiler.web.feed import ReplayFeed
 from sar_compiler.web.page_server import PageServer
 from sar_compiler.web.replay import Replay
@@ -88,9 +91,8 @@ def go_to_end(browser):
     )
 
 
-def look(row, start, stack, browser, tmp_path):
-    """Bring runs to a condition, and open the page that shows them."""
-    journals = [tmp_path / f"robot{number}.journal" for number, _ in enumerate(row.scenes, 1)]
+def look(row, journals, start, stack, browser):
+    """Bring runs to a condition, and open the page that shows them; return the runs."""
     python = Path(sys.executable).name
     runs = [
         start(python, "-m", "tests.web.flown", scene, journal)
@@ -111,6 +113,44 @@ def look(row, start, stack, browser, tmp_path):
         server.start()
         browser.open(server.url)
         go_to_end(browser)
+    return runs
+
+
+def on_terminal(run):
+    """Return what a run says on its terminal, behind its name and its time; nothing if it cannot say anything any more."""
+    before = run.output
+    run.send(signal.SIGUSR1)
+    said = lambda: run.output.removeprefix(before).strip()  # noqa: E731
+    run.wait_until(said, "the line of the terminal")
+    return said().split("  ")[2]
+
+
+def in_report(journal):
+    """Return what the report of a journal says at its top."""
+    page = journal.with_suffix(".html")
+    assert main(["report", str(journal), "-o", str(page)]) == 0
+    (said,) = re.findall(r'<p class="outcome[^>]*>([^<]*)</p>', page.read_text(encoding="utf-8"))
+    return unescape(said)
+
+
+def in_show(capsys, journal):
+    """Return what `sar-journal show` says of a journal in its first line."""
+    capsys.readouterr()
+    assert main(["show", str(journal)]) == 0
+    return capsys.readouterr().out.splitlines()[0].removeprefix("patrol, ")
+
+
+def of_robots(said):
+    """Return what is said of one robot, or of several by their names."""
+    first, *others = said
+    if not others:
+        return first
+    return "; ".join(f"robot{number}: {each}" for number, each in enumerate([first, *others], 1))
+
+
+def say_all(read, journals, wanted):
+    """Return whether what is read of journals is what a cell has."""
+    return plain(of_robots(map(read, journals))) == plain(wanted)
 
 
 SAID = """
@@ -124,16 +164,24 @@ return [...document.querySelectorAll('.stop, .toggle')].some((each) => !each.dis
 
 
 @pytest.mark.parametrize("name", ROWS)
-def test_the_page_says_what_the_table_says(name, start, browser, tmp_path):
+def test_everybody_says_what_the_table_says(name, start, browser, tmp_path, capsys):
     row, wanted = ROWS[name], table()[name]
+    journals = [tmp_path / f"robot{number}.journal" for number, _ in enumerate(row.scenes, 1)]
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET")
     with ExitStack() as stack:
-        look(row, start, stack, browser, tmp_path)
+        runs = look(row, journals, start, stack, browser)
         said = plain(wanted["the page"])
         browser.wait(lambda: plain(browser.js(SAID)) == said, f"{said!r}")
         browser.wait(lambda: browser.js(MAY_ORDER) == (wanted["orders"] == "yes"), "the orders")
         is_silent = row.seen == "own" and row.sent != 0
         assert browser.js("return document.body.classList.contains('stale')") == is_silent
+        # Who is frozen or dead says nothing itself.
+        assert bool(wanted["terminal"]) == (row.sent == 0)
+        if row.sent == 0:
+            assert plain(of_robots(map(on_terminal, runs))) == plain(wanted["terminal"])
+        for place, read in (("report", in_report), ("`sar-journal show`", partial(in_show, capsys))):
+            is_said = partial(say_all, read, journals, wanted[place])
+            browser.wait(is_said, f"{wanted[place]} in {place}")
 
 
 def test_every_row_of_the_table_is_tried():

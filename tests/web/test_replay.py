@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.journal.condition import RunProcess
 from sar_compiler.journal.database import JournalFile
-from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web import replay as replay_module
