@@ -19,6 +19,7 @@ from sar_compiler.commands import (
     print_text,
     run,
 )
+from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry
@@ -70,8 +71,7 @@ def _print_findings(error: "TreeError") -> int:
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
 
     if isinstance(error, UnknownTreeError):
-        print_error(f"{PROG}: {error.findings[0].message}")
-        return USAGE
+        raise SarError(error.findings[0].message) from error
     print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
     is_usage = all(finding.source.path.startswith(_GIVEN) for finding in error.findings)
     return USAGE if is_usage else FINDINGS
@@ -159,8 +159,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
     if arguments.from_use is not None and arguments.format != "json":
         return _nodes_from_use(arguments)
     if arguments.from_use is not None:
-        print_error(f"{PROG}: --from-use prints a palette, which is XML: leave --format json out")
-        return USAGE
+        raise SarError("--from-use prints a palette, which is XML: leave --format json out")
     from sar_compiler.nodes.models.palette import palette
     from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
 
@@ -172,8 +171,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
         advice = did_you_mean(registry.nearest(arguments.tag))
         if known := palettes_with(arguments.tag):
             advice = f"; a palette knows it: --model {' or '.join(known)}"
-        print_error(f"{PROG}: no node is called '{arguments.tag}'{advice}")
-        return USAGE
+        raise SarError(f"no node is called '{arguments.tag}'{advice}")
     specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)
     if arguments.format == "groot2":
         print(palette(specs), end="")

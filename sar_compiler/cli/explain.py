@@ -3,7 +3,8 @@
 import argparse
 
 from sar_compiler.cli.arguments import ArgumentKind
-from sar_compiler.commands import OK, USAGE, print_error
+from sar_compiler.commands import OK
+from sar_compiler.errors import SarError
 
 
 def add_explain(parser: argparse.ArgumentParser) -> None:
@@ -17,6 +18,7 @@ def explain_code(arguments: argparse.Namespace) -> int:
     """Print the page about a kind of finding, and return the exit status.
 
     Raises:
+        SarError: If there is no such kind.
         ResourceError: If the pages are not installed.
     """
     from sar_compiler.tree.guessing import did_you_mean, nearest
@@ -25,7 +27,6 @@ def explain_code(arguments: argparse.Namespace) -> int:
 
     if arguments.code not in KINDS:
         advice = did_you_mean(nearest(arguments.code, KINDS))
-        print_error(f"sar-compile: no finding is called '{arguments.code}'{advice}")
-        return USAGE
+        raise SarError(f"no finding is called '{arguments.code}'{advice}")
     print(page_of(arguments.code), end="")
     return OK

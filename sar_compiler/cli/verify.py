@@ -18,7 +18,8 @@ from sar_compiler.cli.loading import (
     workspace,
 )
 from sar_compiler.cli.terminal import ProgressLine
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE, print_error, print_text
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_text
+from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify import Progress, Verification
@@ -72,8 +73,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.diagnostic import TreeError
 
     if arguments.against is not None and arguments.export is not None:
-        print_error("sar-compile: --export is for one tree: leave --against out")
-        return USAGE
+        raise SarError("--export is for one tree: leave --against out")
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []

@@ -33,7 +33,6 @@ _LONGEST_RECORDING = 1000
 _PATIENCE_SEC = 5.0
 # How often a publisher with hooks looks whether requests still come.
 _LOOK_MSEC = 100
-_STOPPED = b"stopped"
 _VERSION = 2
 _HEADER = struct.Struct("<BBI")
 _STATUS = struct.Struct("<HB")
@@ -114,10 +113,6 @@ class Groot2Publisher:
         except BaseException:
             self._context.destroy(linger=0)
             raise
-        address = "inproc://stop"
-        self._stopping, self._stopped = self._context.socket(zmq.PAIR), self._context.socket(zmq.PAIR)
-        self._stopped.bind(address)
-        self._stopping.connect(address)
         self._thread: Thread | None = Thread(target=self._serve, name="groot2", daemon=True)
         self._thread.start()
 
@@ -156,9 +151,10 @@ class Groot2Publisher:
         if thread is None:
             return
         self._hooks.remove_all()
-        self._stopping.send(_STOPPED)
+        self._publisher.close()
+        # Breaks off what the other thread waits for, and waits until that has closed its socket.
+        self._context.term()
         thread.join()
-        self._context.destroy(linger=0)
 
     def _note(self, change: StatusChange) -> None:
         with self._lock:
@@ -176,17 +172,13 @@ class Groot2Publisher:
             self._publisher.send_multipart([header, b"%d" % hook.uid])
 
     def _serve(self) -> None:
-        poller = zmq.Poller()
-        poller.register(self._server, zmq.POLLIN)
-        poller.register(self._stopped, zmq.POLLIN)
-        while True:
-            ready = dict(poller.poll(_LOOK_MSEC if self._may_hook else None))
-            if self._stopped in ready:
-                return
-            if self._may_hook:
-                (self._hooks.heard if ready else self._hooks.look)()
-            if ready:
-                self._server.send_multipart(self._reply(self._server.recv_multipart()))
+        with self._server, suppress(zmq.ContextTerminated):
+            while True:
+                ready = self._server.poll(_LOOK_MSEC if self._may_hook else None)
+                if self._may_hook:
+                    (self._hooks.heard if ready else self._hooks.look)()
+                if ready:
+                    self._server.send_multipart(self._reply(self._server.recv_multipart()))
 
     def _reply(self, frames: list[bytes]) -> list[bytes]:
         try:
