@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,12 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
-from sar_compiler.ros.faults import LOCALISATION, GoalFate, NavigationFaults
+from sar_compiler.ros.faults import LOCALISATION, FaultPlan, GoalFate
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 from sar_compiler.sim.messages import from_pose, tell_state, to_duration, to_path, to_pose, to_stamp
 from sar_compiler.sim.navigator import QUICK, Drive, DriveEnd, DriveOutcome, DriveProgress, Manner, Recovery
 from sar_compiler.sim.node_host import NodeHost
+from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
 from sar_compiler.sim.robot import STAND
 from sar_compiler.sim.robot_interface import RemoteRobot, RobotInterface
@@ -133,6 +134,23 @@ class _Goal(AcceptedGoal):
         self.localised_at = began
 
 
+@dataclass(frozen=True)
+class NavigationSetup:
+    """The data shared by all robots' stand-ins for Nav2.
+
+    Attributes:
+        occupancy: The map.
+        planner: Plans the paths on it.
+        places: Positions of places, metres, frame `map`, for faults.
+        faults: The faults of navigation, the same for each robot.
+    """
+
+    occupancy: OccupancyMap
+    planner: Planner
+    places: Mapping[str, tuple[float, float]]
+    faults: FaultPlan
+
+
 class BtNavigator(NavigationServer):
     """Node `bt_navigator`: `navigate_to_pose`, `bt_navigator/get_state`, and the topic `plan` of Nav2's planner.
 
@@ -142,11 +160,10 @@ class BtNavigator(NavigationServer):
     Args:
         host: Creates the node.
         rosbot: The robot to drive, by its topic `cmd_vel`.
-        planner: Plans the paths.
+        navigation: What it shares with others.
         localise: Returns the robot's pose in `map`, or None while there is no such transform.
-        lose_localisation: Makes the localisation disappear, until a simulated time in seconds or for ever (None).
-        places: Positions of places, metres, frame `map`, for faults.
-        faults: The faults to inject.
+        lose_localisation: Makes the localisation disappear, until a simulated time in seconds or for ever (None); one that is another
+            process stays.
         manner: How it drives.
     """
 
@@ -154,18 +171,17 @@ class BtNavigator(NavigationServer):
         self,
         host: NodeHost,
         rosbot: "RobotInterface | RemoteRobot",
-        planner: Planner,
+        navigation: NavigationSetup,
         localise: Callable[[], Pose2D | None],
         *,
-        lose_localisation: Callable[[float | None], None],
-        places: Mapping[str, tuple[float, float]],
-        faults: NavigationFaults,
+        lose_localisation: Callable[[float | None], object] = lambda _: None,
         manner: Manner = QUICK,
     ) -> None:
         super().__init__()
-        self._host, self._rosbot, self._planner, self._localise = host, rosbot, planner, localise
+        self._host, self._rosbot, self._localise, self._manner = host, rosbot, localise, manner
         self._lose_localisation = lose_localisation
-        self._places, self._faults, self._manner = places, faults, manner
+        self._planner, self._places = navigation.planner, navigation.places
+        self._faults = navigation.faults.for_navigation()
         self._back_at: float | None = None
         self._goal: _Goal | None = None
         # A drive that goes on after its goal has ended, and until when; and acknowledgements that are due later.

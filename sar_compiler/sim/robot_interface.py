@@ -25,6 +25,8 @@ from sar_compiler.sim.world import Lidar
 _SCAN_EVERY = 4
 # One state of the battery in this many steps (1 Hz), which goes from full to empty in this many seconds.
 _BATTERY_EVERY, _BATTERY_SEC = 20, 4 * 3600.0
+# The true pose and that of the odometry, of one step.
+_PLACES = "simulator/places"
 _MAP, _ODOM, _BASE = "map", "odom", "base_link"
 # So many of its own commands can be on their way back to it.
 _OWN_COMMANDS = 100
@@ -41,12 +43,13 @@ class RobotInterface:
         host: Creates the node.
         robot: The robot, which is sent the latest command.
         seed: Seed of its scanner's noise.
+        tells_truth: Whether to tell its localisation, which is another process, where it truly is.
 
     Attributes:
         limits: The limits of its drive.
     """
 
-    def __init__(self, host: NodeHost, robot: Robot, *, seed: int = 0) -> None:
+    def __init__(self, host: NodeHost, robot: Robot, *, seed: int = 0, tells_truth: bool = False) -> None:
         self._robot, self.limits = robot, robot.limits
         self._seed = seed
         self._lidar = Lidar()
@@ -58,6 +61,9 @@ class RobotInterface:
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
         self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
+        self._places = (
+            host.create("simulator_places").create_publisher(TFMessage, _PLACES, 10) if tells_truth else None
+        )
         self._own_commands: deque[_CommandKey] = deque(maxlen=_OWN_COMMANDS)
         self._stamp = to_stamp(0)
         self._odometry_message = Odometry(child_frame_id=_BASE)
@@ -97,6 +103,10 @@ class RobotInterface:
             self._scan_message.header.stamp = stamp
             self._scan_message.ranges = array("f", ranges.astype(np.float32).tobytes())
             self._scan.publish(self._scan_message)
+        if self._places is not None:
+            truth = to_transform(_MAP, _BASE, state.pose, stamp)
+            measured = to_transform(_ODOM, _BASE, state.odometry, stamp)
+            self._places.publish(TFMessage(transforms=[truth, measured]))
 
     def drive(self, twist: Twist2D) -> None:
         """Command the robot, and say so on `cmd_vel` if anybody else listens."""
@@ -137,32 +147,8 @@ def _key_of(command: TwistStamped) -> _CommandKey:
     return command.header.frame_id, stamp.sec, stamp.nanosec
 
 
-# The true pose and that of the odometry, of one step.
-_PLACES = "simulator/places"
 # A transform from `map` that is older says nothing of now, in seconds of either clock.
 _FRESH_SEC = 0.5
-
-
-class TruePlaces:
-    """Tells the localisation of a robot, where that is another process, where the robot truly is.
-
-    Args:
-        host: Creates the node.
-        robot: The robot.
-    """
-
-    def __init__(self, host: NodeHost, robot: Robot) -> None:
-        self._robot = robot
-        self._publisher = host.create("simulator_places").create_publisher(TFMessage, _PLACES, 10)
-
-    def publish(self, now_ns: int) -> None:
-        """Publish both at a simulated time, nanoseconds."""
-        state, stamp = self._robot.state, to_stamp(now_ns)
-        transforms = [
-            to_transform(_MAP, _BASE, state.pose, stamp),
-            to_transform(_ODOM, _BASE, state.odometry, stamp),
-        ]
-        self._publisher.publish(TFMessage(transforms=transforms))
 
 
 class RemoteRobot:

@@ -12,7 +12,7 @@ from rclpy.context import Context
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 
-from sar_compiler.ros.faults import NavigationFaults
+from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.ros.leaves.goals import ABORTED, CANCELED, SUCCEEDED
 from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.bt_navigator import (
@@ -21,15 +21,15 @@ from sar_compiler.sim.bt_navigator import (
     AcceptedGoal,
     ControllerServer,
     NavigationServer,
+    NavigationSetup,
 )
 from sar_compiler.sim.messages import NANOSECONDS
 from sar_compiler.sim.navigator import DriveEnd, DriveOutcome, Manner, manner
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor
-from sar_compiler.sim.occupancy import OccupancyMap, read_map
+from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.placement import AMCL, CONTROLLER, Placement, PlacementError
-from sar_compiler.sim.planner import Planner
 from sar_compiler.sim.robot_interface import RemoteRobot
-from sar_compiler.sim.simulation import STEP_NS
+from sar_compiler.sim.simulation import STEP_NS, navigation_in
 from sar_compiler.sim.world import World
 
 # Who drives says ten times a second where; silent for so long, it is taken for dead, seconds of both clocks.
@@ -207,7 +207,8 @@ class SeparatePart:
         context: Context,
         interrupted: Callable[[], bool],
     ) -> None:
-        if world.map_path is None:
+        navigation = navigation_in(world, FaultPlan(places={}))
+        if navigation is None:
             raise PlacementError(
                 robots[0].name, f"has no {part} in the world '{world.name}', which has no map"
             )
@@ -215,15 +216,13 @@ class SeparatePart:
         self._executor = PacedExecutor(context=context, interrupted=interrupted)
         self._host = NodeHost(self._executor, context)
         self._host.create(f"{part}_clock").create_subscription(Clock, "/clock", self._on_clock, 10)
-        occupancy = read_map(world.map_path)
-        planner = Planner(occupancy, world.robot_radius)
         self._robots: list[RemoteRobot] = []
         self._parts: list[_StandIn] = []
         for placement in robots:
             host = NodeHost(self._executor, context, cli_args=placement.ros_arguments)
             robot = RemoteRobot(host, f"{part}_robot", knows_truth=part == AMCL)
             self._robots.append(robot)
-            self._parts.append(_make_part(part, host, robot, occupancy, planner, placement))
+            self._parts.append(_make_part(part, host, robot, navigation, placement))
 
     def run(self) -> None:
         """Serve until the process is to end; then end current goals."""
@@ -242,24 +241,11 @@ class SeparatePart:
 
 
 def _make_part(
-    part: str,
-    host: NodeHost,
-    robot: RemoteRobot,
-    occupancy: OccupancyMap,
-    planner: Planner,
-    placement: Placement,
+    part: str, host: NodeHost, robot: RemoteRobot, navigation: NavigationSetup, placement: Placement
 ) -> _StandIn:
     if part == AMCL:
-        return _Localiser(host, robot, occupancy, localised=placement.localised)
+        return _Localiser(host, robot, navigation.occupancy, localised=placement.localised)
+    how = manner(placement.like)
     if part == CONTROLLER:
-        return ControllerServer(
-            host,
-            robot,
-            planner,
-            robot.place,
-            lose_localisation=lambda _: None,
-            places={},
-            faults=NavigationFaults(),
-            manner=manner(placement.like),
-        )
-    return SeparateNavigator(host, robot, manner(placement.like))
+        return ControllerServer(host, robot, navigation, robot.place, manner=how)
+    return SeparateNavigator(host, robot, how)

@@ -6,8 +6,7 @@ import math
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,17 +21,17 @@ from rosgraph_msgs.msg import Clock
 from sar_compiler.errors import SarError
 from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.sim.amcl import Amcl
-from sar_compiler.sim.bt_navigator import BtNavigator
+from sar_compiler.sim.bt_navigator import BtNavigator, NavigationSetup
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.isolation import refuse_rivals
 from sar_compiler.sim.messages import to_stamp
 from sar_compiler.sim.navigator import manner
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor
-from sar_compiler.sim.occupancy import OccupancyMap, read_map
+from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.placement import KeptPlaces, Placement, PlacementError
 from sar_compiler.sim.planner import Planner
 from sar_compiler.sim.robot import Robot
-from sar_compiler.sim.robot_interface import RobotInterface, TruePlaces
+from sar_compiler.sim.robot_interface import RobotInterface
 from sar_compiler.sim.world import World
 
 if TYPE_CHECKING:
@@ -102,23 +101,6 @@ def _place_text(start: Pose2D) -> str:
     return f"({start.x:.2f}, {start.y:.2f})"
 
 
-@dataclass(frozen=True)
-class NavigationSetup:
-    """The data shared by all robots' stand-ins for Nav2.
-
-    Attributes:
-        occupancy: The map.
-        planner: Plans the paths on it.
-        places: Positions of places, metres, frame `map`, for faults.
-        faults: The faults of navigation, the same for each robot.
-    """
-
-    occupancy: OccupancyMap
-    planner: Planner
-    places: Mapping[str, tuple[float, float]]
-    faults: FaultPlan
-
-
 class SimulatedRobot:
     """A robot with its node `rosbot` and, if there is a map, `amcl` and `bt_navigator`.
 
@@ -140,8 +122,7 @@ class SimulatedRobot:
         placement: Placement,
     ) -> None:
         self._host, self._robot = host, robot
-        self._interface = RobotInterface(host, robot, seed=seed)
-        self._places = TruePlaces(host, robot) if placement.separate else None
+        self._interface = RobotInterface(host, robot, seed=seed, tells_truth=placement.separate)
         self._amcl: Amcl | None = None
         self._navigator: BtNavigator | None = None
         self._navigation, self._amcl_back_at = navigation, math.inf
@@ -150,11 +131,9 @@ class SimulatedRobot:
             self._navigator = BtNavigator(
                 host,
                 self._interface,
-                navigation.planner,
+                navigation,
                 lambda: None if self._amcl is None else self._amcl.pose(),
                 lose_localisation=self._lose_localisation,
-                places=navigation.places,
-                faults=navigation.faults.for_navigation(),
                 manner=manner(placement.like),
             )
 
@@ -170,8 +149,6 @@ class SimulatedRobot:
     def sense(self, step: int, now_ns: int) -> None:
         """Publish the sensor data at the end of step number *step*, at *now_ns* nanoseconds."""
         self._interface.publish(step, now_ns)
-        if self._places is not None:
-            self._places.publish(now_ns)
 
     def navigate(self, step: int, now_ns: int) -> None:
         """Localise, and continue with the current goal."""
@@ -270,7 +247,7 @@ class Simulation:
         self._period = STEP_SEC / speed
         self._kept: KeptPlaces | None = None
         bodies = make_robots(world, robots, seed=seed)
-        navigation = _navigation(world, faults or FaultPlan())
+        navigation = navigation_in(world, faults or FaultPlan())
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
         self._step_count = 0
@@ -393,7 +370,7 @@ class Simulation:
                 self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
 
-def _navigation(world: World, faults: FaultPlan) -> NavigationSetup | None:
+def navigation_in(world: World, faults: FaultPlan) -> NavigationSetup | None:
     """Return the data of the stand-ins for Nav2, or None if the world has no map."""
     places = world.places if faults.places is None else faults.places
     faults.for_navigation().check_places(places)
