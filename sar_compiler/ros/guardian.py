@@ -169,7 +169,8 @@ def _goals_left(node: "Node", lines: Iterable[str]) -> list["LeftGoal"]:
         if sign == _OVER:
             active.pop(goal_id, None)
         else:
-            active[goal_id] = LeftGoal(node, action, goal_id, partial(tell_end, action), _UNKNOWN_SEC)
+            goal = GoalNews(goal_id, action)
+            active[goal_id] = LeftGoal(node, goal, partial(tell_end, action), _UNKNOWN_SEC)
     return [*active.values()]
 
 

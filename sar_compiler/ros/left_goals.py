@@ -52,7 +52,7 @@ class LeftGoals(Requirement):
 
     def __init__(self, node: Node, journal: Journal) -> None:
         self._goals = [
-            LeftGoal(node, goal.action, goal.goal_id, partial(_watch_end, journal, goal.goal_id))
+            LeftGoal(node, GoalNews(goal.goal_id, goal.action), partial(_watch_end, journal, goal.goal_id))
             for goal in journal.goals_left()
         ]
 
@@ -68,24 +68,18 @@ class LeftGoal:
 
     Args:
         node: The node to cancel it from.
-        action: The full name of its action.
-        goal_id: Its id, 32 hexadecimal digits.
+        goal: Which it is.
         on_end: Called with its final status; 0 where the server does not know it any more, or how it has ended.
         patience_sec: How long a server must say that it does not know the goal: one that was sent just before its
             client's death may be accepted after it.
     """
 
     def __init__(
-        self,
-        node: Node,
-        action: str,
-        goal_id: str,
-        on_end: Callable[[int], None],
-        patience_sec: float = 0.0,
+        self, node: Node, goal: GoalNews, on_end: Callable[[int], None], patience_sec: float = 0.0
     ) -> None:
-        self.action, self._id = action, goal_id
-        self._client = of_node(node, (cancel_client, action), lambda: cancel_client(node, action))
-        self._statuses = goal_statuses_of(node, action)
+        self._id, self.action = goal.goal_id, goal.action
+        self._client = of_node(node, (cancel_client, self.action), lambda: cancel_client(node, self.action))
+        self._statuses = goal_statuses_of(node, self.action)
         self._on_end, self._patience_sec = on_end, patience_sec
         self._is_over = False
         self._asked_at = -math.inf

@@ -51,7 +51,6 @@ class Search(MissionRun):
     Args:
         zones: The plan.
         record: What has happened.
-        kept: The reports that are still to be delivered.
         orders: What the operator has ordered.
         fence: The geofence.
     """
@@ -62,14 +61,13 @@ class Search(MissionRun):
         self,
         zones: ZoneManager,
         record: MissionRecord | None = None,
-        kept: KeptReports | None = None,
         orders: OperatorOrders | None = None,
         *,
         fence: Fence | None = None,
     ) -> None:
         self.zones = zones
         self.record = record or MissionRecord()
-        self.kept = KeptReports() if kept is None else kept
+        self.kept = KeptReports()
         self.orders = orders or OperatorOrders()
         self._fence = fence or Fence()
         self.context = {
