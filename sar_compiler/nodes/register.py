@@ -90,7 +90,8 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     if value_type is not None:
         return Parameter(name, Role.ATTRIBUTE, value_type=value_type, direction=direction, **common)
     if is_class(target) and is_mission_context(target):
-        return Parameter(name, Role.CONTEXT, target_or_path=target, **common)
+        # It is written in no tag, nor is what stands in for it.
+        return Parameter(name, Role.CONTEXT, target_or_path=target, **{**common, "default": None})
     if is_class(target) and issubclass(target, Behaviour):
         return Parameter(name, Role.REFERENCE, target_or_path=target, **common)
     raise RegistrationError(

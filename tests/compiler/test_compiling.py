@@ -249,6 +249,7 @@ def test_all_leaves_of_a_tree_hold_the_same_zone_manager():
     record = MissionRecord()
     context = {ZoneManager: zones, MissionRecord: record, Clock: ManualClock()}
     tree = compile_tree(binding, context, {})
-    held = [vars(leaf)["_zones"] for leaf in tree.root.iterate() if "_zones" in vars(leaf)]
+    kept = [each for leaf in tree.root.iterate() for each in vars(leaf).values()]
+    held = [each for each in kept if isinstance(each, ZoneManager)]
     assert len(held) >= 5
     assert all(each is zones for each in held)

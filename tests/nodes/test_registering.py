@@ -1,6 +1,7 @@
 """A leaf's constructor is its manifest."""
 
 import sys
+from dataclasses import dataclass, field
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -228,6 +229,22 @@ def test_a_module_that_cannot_be_imported_is_named_with_the_reason(name):
 def test_an_unknown_tag_has_no_spec():
     assert default_registry().get("Nonsense") is None
     assert default_registry().nearest("Sequnce") == "Sequence"
+
+
+def test_the_fields_of_a_dataclass_are_a_constructor_as_any():
+    @dataclass(eq=False)
+    class Call(Still):
+        name: str
+        times: int = 1
+        radio: leaves.Radio = field(default_factory=lambda: leaves.Radio("b"))
+
+        def __post_init__(self):
+            super().__init__(self.name)
+
+    parameters = NodeSpec("Call", Call, Kind.ACTION).parameters
+    assert [*parameters] == ["name", "times", "radio"]
+    radio = parameters["radio"]
+    assert (radio.role, radio.required, radio.default) == (Role.CONTEXT, False, None)
 
 
 def test_a_class_is_marked_as_context_with_or_without_brackets():

@@ -1,6 +1,7 @@
 """The conditions of failsafes: SUCCESS while all is well, FAILURE with a reason where the mission is to be cut short."""
 
 import math
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from py_trees.common import Status
@@ -18,6 +19,7 @@ from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence
 
 
+@dataclass(eq=False, repr=False)
 class _Failsafe(RosLeaf):
     """The common base of these conditions, which report a problem once, until all is well again.
 
@@ -25,21 +27,25 @@ class _Failsafe(RosLeaf):
         record: Where the reason is noted; for `AbandonZones`.
     """
 
-    def __init__(self, name: str, record: MissionRecord | None) -> None:
-        super().__init__(name)
-        self._record = record or MissionRecord()
+    name: str
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
         self._raised = False
 
     def _judge(self, problem: str) -> Status:
         """Return FAILURE for a problem in words, and SUCCESS for an empty one."""
         if problem and not self._raised:
             self.complain(f"Failsafe: {problem}.")
-            self._record.alarmed(problem)
+            self.record.alarmed(problem)
         self._raised = bool(problem)
         self.feedback_message = problem
         return Status.FAILURE if problem else Status.SUCCESS
 
 
+@dataclass(eq=False, repr=False)
 class _OrderCondition(_Failsafe):
     """The common base of conditions on an order of the operator that cuts the mission short.
 
@@ -48,30 +54,28 @@ class _OrderCondition(_Failsafe):
         record: Where the reason is noted.
     """
 
-    verb = order = reason = ""
+    orders: OperatorOrders
 
-    def __init__(self, name: str, orders: OperatorOrders, *, record: MissionRecord | None = None) -> None:
-        super().__init__(name, record)
-        self._orders = orders
+    verb = order = reason = ""
 
     def setup(self, **kwargs: Any) -> None:
         """Offer the service."""
         from std_srvs.srv import Trigger
 
         super().setup(**kwargs)
-        self._orders.offer(self.node, self.verb, Trigger, self._on_order)
+        self.orders.offer(self.node, self.verb, Trigger, self._on_order)
 
     def shutdown(self) -> None:
         """Withdraw the service."""
-        self._orders.withdraw()
+        self.orders.withdraw()
         super().shutdown()
 
     def update(self) -> Status:
         """Look at the orders."""
-        return self._judge(self.reason if self.order in self._orders.given else "")
+        return self._judge(self.reason if self.order in self.orders.given else "")
 
     def _on_order(self, _: Any, response: Any) -> Any:
-        self._orders.give(self.order)
+        self.orders.give(self.order)
         self._wake()
         response.success, response.message = True, self.reason
         return response
@@ -100,15 +104,13 @@ class NavigationAvailable(_Failsafe):
         record: Knows it, and where the reason is noted.
     """
 
-    def __init__(self, name: str, *, record: MissionRecord | None = None) -> None:
-        super().__init__(name, record)
-
     def update(self) -> Status:
         """Look at what the last drive has come to."""
-        lost = self._record.navigation_lost
+        lost = self.record.navigation_lost
         return self._judge(f"navigation is unavailable ({lost})" if lost else "")
 
 
+@dataclass(eq=False, repr=False, kw_only=True)
 class BatterySuffices(_Failsafe, TopicLeaf):
     """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
 
@@ -119,21 +121,15 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         max_age_sec: How long it may be silent, seconds of the node's clock.
     """
 
+    at_least: float = 0.2
+    topic: str = "battery_state"
+    max_age_sec: Seconds = 30.0
+
     topic_type = "sensor_msgs/msg/BatteryState"
 
-    def __init__(
-        self,
-        name: str,
-        *,
-        record: MissionRecord | None = None,
-        at_least: float = 0.2,
-        topic: str = "battery_state",
-        max_age_sec: Seconds = 30.0,
-    ) -> None:
-        super().__init__(name, record)
-        self.topic_name = topic
-        self.max_age_sec = self._limit_sec = max_age_sec
-        self._at_least = at_least
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.topic_name = self.topic
         self._silent_since: float | None = None
 
     def on_message(self, message: Any) -> Status:
@@ -142,18 +138,19 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         share = float(message.percentage)
         if not math.isfinite(share):
             return self._judge(f"the battery's percentage on '{self.topic_name}' is {share}")
-        low = f"the battery is at {share:.0%}, below {self._at_least:.0%}"
-        return self._judge(low if share < self._at_least else "")
+        low = f"the battery is at {share:.0%}, below {self.at_least:.0%}"
+        return self._judge(low if share < self.at_least else "")
 
     def on_silence(self) -> Status:
         """Give the first message time, too."""
         if self._silent_since is None:
             self._silent_since = self._now_sec()
         # After a message, the base class has waited already.
-        waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self._limit_sec
-        return self._judge(f"nothing on '{self.topic_name}' for {self._limit_sec:g} s" if waited else "")
+        waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self.max_age_sec
+        return self._judge(f"nothing on '{self.topic_name}' for {self.max_age_sec:g} s" if waited else "")
 
 
+@dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
     """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.
 
@@ -165,9 +162,10 @@ class InsideFence(_Failsafe):
         record: Where the reason is noted.
     """
 
-    def __init__(self, name: str, fence: Fence, *, record: MissionRecord | None = None) -> None:
-        super().__init__(name, record)
-        self._fence = fence
+    fence: Fence
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._robot: RobotEstimate | None = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -178,15 +176,16 @@ class InsideFence(_Failsafe):
     def update(self) -> Status:
         """Look at the position."""
         # Without a fence a transform need not be read in each tick.
-        robot = self._robot if self._fence else None
+        robot = self._robot if self.fence else None
         if robot is not None and robot.is_diverged:
             return self._judge("the localisation has diverged: its last pose is none")
         place = robot.place() if robot is not None else None
-        if place is None or self._fence.contains(*place[:2]):
+        if place is None or self.fence.contains(*place[:2]):
             return self._judge("")
         return self._judge(f"the robot, at ({place[0]:.2f}, {place[1]:.2f}), is outside the geofence")
 
 
+@dataclass(eq=False, repr=False)
 class MissionTimeLeft(_Failsafe):
     """Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.
 
@@ -196,23 +195,23 @@ class MissionTimeLeft(_Failsafe):
         record: Where the reason is noted.
     """
 
-    def __init__(
-        self, name: str, limit: Seconds, clock: Clock, *, record: MissionRecord | None = None
-    ) -> None:
-        super().__init__(name, record)
-        self._limit_sec = limit
-        self._clock = clock
+    limit: Seconds
+    clock: Clock
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._began: float | None = None
 
     def update(self) -> Status:
         """Look at the clock."""
-        now = self._clock.now()
+        now = self.clock.now()
         if self._began is None:
             self._began = now
-        up = now - self._began > self._limit_sec
-        return self._judge(f"the mission's time of {self._limit_sec:g} s is up" if up else "")
+        up = now - self._began > self.limit
+        return self._judge(f"the mission's time of {self.limit:g} s is up" if up else "")
 
 
+@dataclass(eq=False, repr=False)
 class BaseInReach(_Failsafe):
     """Is the base station there? FAILURE if its service was in no network for too long.
 
@@ -225,28 +224,23 @@ class BaseInReach(_Failsafe):
         patience: How long it may be away, seconds of the mission's clock.
     """
 
+    clock: Clock
+    _: KW_ONLY
+    service: str = "report_survivor"
+    patience: Seconds = 60.0
+
     service_type = "sar_interfaces/srv/ReportSurvivor"
 
-    def __init__(
-        self,
-        name: str,
-        clock: Clock,
-        *,
-        record: MissionRecord | None = None,
-        service: str = "report_survivor",
-        patience: Seconds = 60.0,
-    ) -> None:
-        super().__init__(name, record)
-        self.service_name = service
-        self._clock = clock
-        self._patience_sec = patience
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.service_name = self.service
         self._seen: float | None = None
 
     def update(self) -> Status:
         """Look whether there is a server."""
-        now, service = self._clock.now(), self.node.resolve_service_name(self.service_name)
+        now, service = self.clock.now(), self.node.resolve_service_name(self.service_name)
         if self._seen is None or self.node.count_services(service):
             self._seen = now
         away = now - self._seen
         lost = f"base ('{self.service_name}') is out of reach for {away:.0f} s"
-        return self._judge(lost if away > self._patience_sec else "")
+        return self._judge(lost if away > self.patience else "")

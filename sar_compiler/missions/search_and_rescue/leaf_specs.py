@@ -175,10 +175,10 @@ SPECS = [
         "Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.",
         handed_over("kept_reports", _KEPT_REPORTS, "Where the reports are kept."),
         handed_over("record", _RECORD, "Where acknowledgements are noted.", required=False),
-        handed_over("clock", Clock, "The clock of the back-off.", required=False),
         attribute("service", str, "The service's name.", "report_survivor"),
         _SERVER_TIMEOUT,
         attribute("timeout_sec", Seconds, "How long to wait for each answer, seconds.", 5.0),
+        handed_over("clock", Clock, "The clock of the back-off.", required=False),
         attribute(
             "backoff_sec",
             Seconds,

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from typing import Any
 
@@ -13,6 +14,7 @@ from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standi
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
 
 
+@dataclass(eq=False, repr=False)
 class NotHeld(RosLeaf):
     """Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.
 
@@ -28,20 +30,15 @@ class NotHeld(RosLeaf):
         record: Where orders are noted.
     """
 
-    def __init__(
-        self,
-        name: str,
-        orders: OperatorOrders,
-        zone_manager: ZoneManager,
-        *,
-        fence: Fence | None = None,
-        record: MissionRecord | None = None,
-    ) -> None:
-        super().__init__(name)
-        self._orders = orders
-        self._zones = zone_manager
-        self._fence = fence or Fence()
-        self._record = record or MissionRecord()
+    name: str
+    orders: OperatorOrders
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    fence: Fence = field(default_factory=Fence)
+    record: MissionRecord = field(default_factory=MissionRecord)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
 
     def setup(self, **kwargs: Any) -> None:
         """Offer the services."""
@@ -50,28 +47,28 @@ class NotHeld(RosLeaf):
 
         super().setup(**kwargs)
         for verb, service_type, carry_out in (
-            ("pause", Trigger, lambda _: self._orders.give("hold")),
-            ("resume", Trigger, lambda _: self._orders.give("release")),
+            ("pause", Trigger, lambda _: self.orders.give("hold")),
+            ("resume", Trigger, lambda _: self.orders.give("release")),
             ("skip_zone", Trigger, self._skip_zone),
             ("add_zone", AddZone, self._add_zone),
             ("judge_survivor", JudgeSurvivor, self._judge),
         ):
-            self._orders.offer(self.node, verb, service_type, partial(self._answer, verb, carry_out))
+            self.orders.offer(self.node, verb, service_type, partial(self._answer, verb, carry_out))
 
     def update(self) -> Status:
         """Look at the orders."""
-        if self._orders.replanned:
-            label = "zone skipped" if self._orders.has_skipped else ""
-            self._orders.replanned = self._orders.has_skipped = False
+        if self.orders.replanned:
+            label = "zone skipped" if self.orders.has_skipped else ""
+            self.orders.replanned = self.orders.has_skipped = False
             self._wake()
             self.feedback_message = "the plan has changed"
             return self.answer(Status.FAILURE, label)
-        self.feedback_message = "held by the operator" if self._orders.held else ""
-        return self.answer(Status.FAILURE, "held") if self._orders.held else Status.SUCCESS
+        self.feedback_message = "held by the operator" if self.orders.held else ""
+        return self.answer(Status.FAILURE, "held") if self.orders.held else Status.SUCCESS
 
     def shutdown(self) -> None:
         """Withdraw the services."""
-        self._orders.withdraw()
+        self.orders.withdraw()
         super().shutdown()
 
     def _answer(self, verb: str, carry_out: Callable[[Any], str | None], request: Any, response: Any) -> Any:
@@ -86,26 +83,26 @@ class NotHeld(RosLeaf):
         return response
 
     def _skip_zone(self, _: Any) -> str:
-        if not self._zones.has_remaining():
+        if not self.zone_manager.has_remaining():
             return "no zone is left"
-        self._zones.abandon("the operator has skipped it")
-        self._orders.replanned = self._orders.has_skipped = True
+        self.zone_manager.abandon("the operator has skipped it")
+        self.orders.replanned = self.orders.has_skipped = True
         return ""
 
     def _add_zone(self, request: Any) -> str:
         pose, yaw = request.pose.pose.position, yaw_of(request.pose.pose.orientation)
         zone_id, frame = request.zone_id, request.pose.header.frame_id
-        if not zone_id or self._zones.knows(zone_id):
+        if not zone_id or self.zone_manager.knows(zone_id):
             return f"there is a zone '{zone_id}' already" if zone_id else "the zone has no name"
         if frame != MAP_FRAME:
             return f"the pose is in the frame '{frame}', and must be in '{MAP_FRAME}'"
         if not all(map(math.isfinite, (pose.x, pose.y, yaw))):
             return "the pose is not finite"
-        if not self._fence.contains(pose.x, pose.y):
+        if not self.fence.contains(pose.x, pose.y):
             return f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
         # On the way home already: the mission begins anew, with this zone.
-        self._orders.replanned = self._orders.replanned or not self._zones.has_remaining()
-        self._zones.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=yaw))
+        self.orders.replanned = self.orders.replanned or not self.zone_manager.has_remaining()
+        self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=yaw))
         return ""
 
     def _judge(self, request: Any) -> str:
@@ -113,12 +110,12 @@ class NotHeld(RosLeaf):
         standing = _STANDINGS.get(request.verdict)
         if standing is None:
             return f"there is no verdict {request.verdict}"
-        if self._record.survivor(survivor_id) is None:
+        if self.record.survivor(survivor_id) is None:
             return f"there is no '{survivor_id}'"
         merged = standing is Standing.MERGED
-        if merged and (same_as == survivor_id or self._record.survivor(same_as) is None):
+        if merged and (same_as == survivor_id or self.record.survivor(same_as) is None):
             return f"'{survivor_id}' cannot be merged with '{same_as}'"
-        self._record.survivor_judged(survivor_id, standing, same_as if merged else None)
+        self.record.survivor_judged(survivor_id, standing, same_as if merged else None)
         return ""
 
 

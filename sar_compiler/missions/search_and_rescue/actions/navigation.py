@@ -1,6 +1,7 @@
 """Driving to the zones and home: goals for Nav2's action `NavigateToPose`."""
 
 import math
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from py_trees.common import Status
@@ -61,6 +62,7 @@ _RANGES = (
 )
 
 
+@dataclass(eq=False, repr=False)
 class NavigateTo(ActionLeaf):
     """The common base of driving to a zone and driving home: one goal for each activation.
 
@@ -77,30 +79,22 @@ class NavigateTo(ActionLeaf):
             client's goal, seconds.
     """
 
+    name: str
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    action: str = "navigate_to_pose"
+    server_timeout_sec: Seconds = 10.0
+    acceptance_timeout_sec: Seconds = 5.0
+    feedback_timeout_sec: Seconds = 10.0
+    hold_timeout_sec: Seconds = 60.0
+
     action_type = "nav2_msgs/action/NavigateToPose"
 
-    def __init__(
-        self,
-        name: str,
-        zone_manager: ZoneManager,
-        *,
-        record: MissionRecord | None = None,
-        action: str = "navigate_to_pose",
-        server_timeout_sec: Seconds = 10.0,
-        acceptance_timeout_sec: Seconds = 5.0,
-        feedback_timeout_sec: Seconds = 10.0,
-        hold_timeout_sec: Seconds = 60.0,
-    ) -> None:
-        super().__init__(name)
-        self.action_name = action
-        self.server_timeout_sec = server_timeout_sec
-        self.acceptance_timeout_sec = acceptance_timeout_sec
-        self.feedback_timeout_sec = feedback_timeout_sec
-        self.hold_timeout_sec = hold_timeout_sec
-        self._zones = zone_manager
-        self._record = record or MissionRecord()
-        self._target = ""
-        self._headline = ""
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.action_name = self.action
+        self._target = self._headline = ""
         self._hopeless: dict[str, tuple[str, Deadline]] = {}
         self._next_progress: Deadline | None = None
 
@@ -121,7 +115,7 @@ class NavigateTo(ActionLeaf):
             self._next_progress = Deadline(_PROGRESS_SEC, self._clock)
             seconds = time_left.sec + time_left.nanosec / 1e9
             left = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
-            self._record.journal.watch("progress", target=self._target, **left)
+            self.record.journal.watch("progress", target=self._target, **left)
 
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
@@ -140,7 +134,7 @@ class NavigateTo(ActionLeaf):
         """Return the leaf's status, and say of RUNNING whether the robot drives or waits for somebody to judge the drive."""
         status = super().update()
         if status is Status.RUNNING:
-            self.answer_label = "waiting for Nav2" if self._record.navigation_lost else "driving"
+            self.answer_label = "waiting for Nav2" if self.record.navigation_lost else "driving"
         return status
 
     def setup(self, **kwargs: Any) -> None:
@@ -160,15 +154,15 @@ class NavigateTo(ActionLeaf):
 
     def on_hold(self, obstacle: str) -> None:
         """Note that nobody judges the drive."""
-        self._record.navigation_lost = obstacle
+        self.record.navigation_lost = obstacle
 
     def on_available(self) -> None:
         """Note that somebody does."""
-        self._record.navigation_lost = ""
+        self.record.navigation_lost = ""
 
     def on_unavailable(self, reason: str) -> Status:
         """Return FAILURE: that says nothing of the target, which `NavigationAvailable` asks for."""
-        self._record.navigation_lost = reason
+        self.record.navigation_lost = reason
         self.complain(f"Navigation to {self._target} is unavailable: {reason}")
         return self.answer(Status.FAILURE, "unavailable")
 
@@ -201,15 +195,15 @@ class NavigateToZone(NavigateTo):
 
     def goal(self) -> Any:
         """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
-        if not self._zones.has_remaining():
+        if not self.zone_manager.has_remaining():
             self.complain(f"'{self.name}' has nowhere to drive to: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
-        zone = self._zones.current_zone()
-        if self._record.before.has_searched(zone["id"]):
+        zone = self.zone_manager.current_zone()
+        if self.record.before.has_searched(zone["id"]):
             self.feedback_message = f"{zone['id']} was searched by an earlier run"
             return Status.SUCCESS
-        self._record.zone_started(zone["id"])
-        place = f"{self._zones.current_index() + 1}/{self._zones.total_zones()}"
+        self.record.zone_started(zone["id"])
+        place = f"{self.zone_manager.current_index() + 1}/{self.zone_manager.total_zones()}"
         headline = f"--- Zone {place}: {zone['id']} ({zone['x']:.2f}, {zone['y']:.2f}) ---"
         return self._drive_to(zone["id"], zone, headline)
 
@@ -226,20 +220,20 @@ class NavigateToBase(NavigateTo):
 
     def goal(self) -> Any:
         """Return the goal for the base station; SUCCESS if the robot was there already when the mission was resumed."""
-        if self._record.before.take_home():
+        if self.record.before.take_home():
             self.feedback_message = "an earlier run has driven home"
             self._on_arrival()
             return Status.SUCCESS
-        headline = "" if self._zones.has_remaining() else f"{self._visited()} Returning to base."
-        return self._drive_to("base station", self._zones.base_pose(), headline)
+        headline = "" if self.zone_manager.has_remaining() else f"{self._visited()} Returning to base."
+        return self._drive_to("base station", self.zone_manager.base_pose(), headline)
 
     def _visited(self) -> str:
-        abandoned = [zone["id"] for zone in self._zones.abandoned_zones()]
+        abandoned = [zone["id"] for zone in self.zone_manager.abandoned_zones()]
         return f"No zone is left; abandoned: {', '.join(abandoned)}." if abandoned else "All zones visited."
 
     def _on_arrival(self) -> None:
-        self._record.base_reached()
-        shortfalls = self._record.shortfalls(self._zones)
+        self.record.base_reached()
+        shortfalls = self.record.shortfalls(self.zone_manager)
         told = "Mission complete."
         if shortfalls:
             # As of now: a report that is kept may still be delivered here.

@@ -1,6 +1,7 @@
 """Reports that could not be delivered: kept, and delivered when the base station answers again."""
 
 import math
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from py_trees.common import Status
@@ -71,6 +72,7 @@ class KeepReport(RosLeaf):
         return Status.SUCCESS
 
 
+@dataclass(eq=False, repr=False)
 class DeliverReports(ReportLeaf):
     """Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.
 
@@ -86,28 +88,21 @@ class DeliverReports(ReportLeaf):
         backoff_sec: How long to send nothing after the first failure, seconds; 0 to send again at once.
     """
 
-    def __init__(
-        self,
-        name: str,
-        kept_reports: KeptReports,
-        *,
-        record: MissionRecord | None = None,
-        clock: Clock | None = None,
-        service: str = "report_survivor",
-        server_timeout_sec: Seconds = 10.0,
-        timeout_sec: Seconds = 5.0,
-        backoff_sec: Seconds = 0.0,
-    ) -> None:
-        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
-        self._kept = kept_reports
+    kept_reports: KeptReports
+    _: KW_ONLY
+    clock: Clock = field(default_factory=WallClock)
+    backoff_sec: Seconds = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._untried: list[SurvivorReport] = []
         self._tried: set[str] = set()
         self._kept_at_first = 0
-        self._backoff = Backoff(clock or WallClock(), backoff_sec, _LONGEST_BACKOFF_SEC)
+        self._backoff = Backoff(self.clock, self.backoff_sec, _LONGEST_BACKOFF_SEC)
 
     def initialise(self) -> None:
         """Begin with the oldest report."""
-        self._untried = list(self._kept)
+        self._untried = list(self.kept_reports)
         self._kept_at_first = len(self._untried)
         super().initialise()
 
@@ -128,7 +123,7 @@ class DeliverReports(ReportLeaf):
         super().on_response(response)
         if self._untried:
             return Status.RUNNING
-        if self._kept:
+        if self.kept_reports:
             return self._failed()
         self._backoff.reset()
         self._tried.clear()
@@ -141,6 +136,6 @@ class DeliverReports(ReportLeaf):
 
     def _failed(self) -> Status:
         self._backoff.failed()
-        left = len(self._kept)
+        left = len(self.kept_reports)
         one_is_left = "all but one delivered" if left == 1 else ""
         return self.answer(Status.FAILURE, "refused" if left == self._kept_at_first else one_is_left)

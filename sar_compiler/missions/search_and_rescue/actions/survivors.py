@@ -1,6 +1,7 @@
 """Searching for survivors, giving them a frame, and reporting them."""
 
 import math
+from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
@@ -70,6 +71,7 @@ def map_extent_of(node: "Node") -> MapExtent:
     return of_node(node, MapExtent, lambda: MapExtent(node))
 
 
+@dataclass(eq=False, repr=False)
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
 
@@ -83,24 +85,19 @@ class DetectSurvivor(ServiceLeaf):
         timeout_sec: How long to wait for the answer, seconds.
     """
 
+    name: str
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    service: str = "detect_survivor"
+    server_timeout_sec: Seconds = 10.0
+    timeout_sec: Seconds = 5.0
+
     service_type = "sar_interfaces/srv/DetectSurvivor"
 
-    def __init__(
-        self,
-        name: str,
-        zone_manager: ZoneManager,
-        *,
-        record: MissionRecord | None = None,
-        service: str = "detect_survivor",
-        server_timeout_sec: Seconds = 10.0,
-        timeout_sec: Seconds = 5.0,
-    ) -> None:
-        super().__init__(name)
-        self.service_name = service
-        self.server_timeout_sec = server_timeout_sec
-        self.timeout_sec = timeout_sec
-        self._zones = zone_manager
-        self._record = record or MissionRecord()
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.service_name = self.service
         self._zone_id = ""
         self._pose: tuple[float, float] | None = None
         self._survivor_id: str | None = None
@@ -130,13 +127,13 @@ class DetectSurvivor(ServiceLeaf):
         """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
         self._pose = None
         self._survivor_id = None
-        if not self._zones.has_remaining():
+        if not self.zone_manager.has_remaining():
             self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
-        self._zone_id = self._zones.current_zone()["id"]
-        if self._record.before.has_searched(self._zone_id):
+        self._zone_id = self.zone_manager.current_zone()["id"]
+        if self.record.before.has_searched(self._zone_id):
             self.say(f"{self._zone_id} was searched by an earlier run.")
-            return self._answered(self._record.before.take_search(self._zone_id))
+            return self._answered(self.record.before.take_search(self._zone_id))
         return self.interface.Request(zone_id=self._zone_id)
 
     def on_send(self) -> None:
@@ -146,10 +143,10 @@ class DetectSurvivor(ServiceLeaf):
     def on_response(self, response: Any) -> Status:
         """Keep the answer, with or without a survivor; one at an impossible place is none."""
         if objection := self._objection(response):
-            self._record.survivor_unplaced(self._zone_id, objection)
+            self.record.survivor_unplaced(self._zone_id, objection)
             return self.on_failure(f"{self.service_name} found a survivor, and {objection}")
         survivor = (response.survivor_x, response.survivor_y) if response.found else None
-        self._record.zone_searched(self._zone_id, survivor)
+        self.record.zone_searched(self._zone_id, survivor)
         if survivor is not None:
             self.say(f"Survivor detected at {self._zone_id}!")
         return self._answered(survivor)
@@ -206,6 +203,7 @@ def static_transforms_of(node: "Node") -> StaticTransforms:
     return of_node(node, StaticTransforms, lambda: StaticTransforms(node))
 
 
+@dataclass(eq=False, repr=False)
 class BroadcastSurvivorTF(RosLeaf):
     """Give the survivor that was found a name, and publish a static frame of that name under `map`.
 
@@ -217,25 +215,21 @@ class BroadcastSurvivorTF(RosLeaf):
         record: Where the name is noted.
     """
 
-    def __init__(
-        self,
-        name: str,
-        detect_node: DetectSurvivor,
-        zone_manager: ZoneManager,
-        *,
-        record: MissionRecord | None = None,
-    ) -> None:
-        super().__init__(name)
-        self._detect_node = detect_node
-        self._zones = zone_manager
-        self._record = record or MissionRecord()
+    name: str
+    detect_node: DetectSurvivor
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
         """Create the publisher, or share the one that the node has already; publish the survivors of earlier runs."""
         super().setup(**kwargs)
         static_transforms_of(self.node)
-        for survivor in self._record.survivors:
+        for survivor in self.record.survivors:
             if survivor.survivor_id is not None:
                 self._publish(survivor.survivor_id, survivor.x, survivor.y)
 
@@ -250,19 +244,19 @@ class BroadcastSurvivorTF(RosLeaf):
         return self._verdict
 
     def _broadcast(self) -> Status:
-        pose = self._detect_node.survivor_pose()
+        pose = self.detect_node.survivor_pose()
         if pose is None:
             self.complain(f"'{self.name}' has no frame to broadcast: nobody was found.")
             return Status.FAILURE
-        survivor_id = self._record.before.take_name(*pose)
+        survivor_id = self.record.before.take_name(*pose)
         if survivor_id is None:
-            survivor_id = self._zones.next_survivor_id()
-            self._record.survivor_named(survivor_id, *pose)
+            survivor_id = self.zone_manager.next_survivor_id()
+            self.record.survivor_named(survivor_id, *pose)
         self._publish(survivor_id, *pose)
-        self._detect_node.set_survivor_id(survivor_id)
+        self.detect_node.set_survivor_id(survivor_id)
         self.feedback_message = f"{survivor_id} at ({pose[0]:.2f}, {pose[1]:.2f})"
         self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
-        named = self._record.survivor(survivor_id)
+        named = self.record.survivor(survivor_id)
         if named is not None and named.possibly is not None:
             self.say(f"{survivor_id} is possibly {named.possibly}: the operator decides.")
         return Status.SUCCESS
@@ -303,6 +297,7 @@ def report_of(
     return SurvivorReport(survivor_id, *pose)
 
 
+@dataclass(eq=False, repr=False)
 class ReportLeaf(ServiceLeaf):
     """A leaf that reports a survivor to the base station, and handles the acknowledgement.
 
@@ -315,26 +310,23 @@ class ReportLeaf(ServiceLeaf):
         timeout_sec: How long to wait for the answer, seconds.
     """
 
+    name: str
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    service: str = "report_survivor"
+    server_timeout_sec: Seconds = 10.0
+    timeout_sec: Seconds = 5.0
+
     service_type = "sar_interfaces/srv/ReportSurvivor"
 
-    def __init__(
-        self,
-        name: str,
-        record: MissionRecord | None,
-        service: str,
-        server_timeout_sec: float,
-        timeout_sec: float,
-    ) -> None:
-        super().__init__(name)
-        self.service_name = service
-        self.server_timeout_sec = server_timeout_sec
-        self.timeout_sec = timeout_sec
-        self._record = record or MissionRecord()
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.service_name = self.service
         self._survivor_id = ""
 
     def on_send(self) -> None:
         """Note that the survivor is reported, and log the name."""
-        self._record.report_sent(self._survivor_id)
+        self.record.report_sent(self._survivor_id)
         self.say(f"Reporting {self._survivor_id} to base...")
 
     def on_response(self, response: Any) -> Status:
@@ -342,7 +334,7 @@ class ReportLeaf(ServiceLeaf):
         if not response.acknowledged:
             self.complain(f"Base did not acknowledge {self._survivor_id}.")
             return self.answer(Status.FAILURE, "refused")
-        self._record.survivor_acknowledged(self._survivor_id)
+        self.record.survivor_acknowledged(self._survivor_id)
         self.feedback_message = f"{self._survivor_id} acknowledged"
         self.say(f"Base acknowledged {self._survivor_id}.")
         return Status.SUCCESS
@@ -364,6 +356,7 @@ class ReportLeaf(ServiceLeaf):
         return request
 
 
+@dataclass(eq=False, repr=False)
 class NotifyBase(ReportLeaf):
     """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
 
@@ -371,22 +364,11 @@ class NotifyBase(ReportLeaf):
         detect_node: The search that found the survivor.
     """
 
-    def __init__(
-        self,
-        name: str,
-        detect_node: DetectSurvivor,
-        *,
-        record: MissionRecord | None = None,
-        service: str = "report_survivor",
-        server_timeout_sec: Seconds = 10.0,
-        timeout_sec: Seconds = 5.0,
-    ) -> None:
-        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
-        self._detect_node = detect_node
+    detect_node: DetectSurvivor
 
     def request(self) -> Any:
         """Return the report of the survivor; FAILURE if none was found, or it has no name, SUCCESS if base knew it before."""
-        report = report_of(self._detect_node, self, self._record, "nothing to report")
+        report = report_of(self.detect_node, self, self.record, "nothing to report")
         if isinstance(report, Status):
             return self.answer(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
         return self._request_for(report)
