@@ -214,6 +214,7 @@ class TestTheCall:
         service.gate.set()
         stage.until(lambda: service.answered == 1, "the late answer")
         assert stage.wakes == 0
+        leaf.timeout_sec = 10.0
         assert stage.run(leaf) is Status.SUCCESS
         assert not leaf.was_found()
 
