@@ -26,10 +26,10 @@ from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Entry, Scope
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import preview_of
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.ports import InOut, Input, Output
+from sar_compiler.runtime.variables import Enums
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused

@@ -85,6 +85,8 @@ COMMIT;
 # What the file says of its own parts: in this text, and no other.
 _PARTS = {statement.strip() for statement in _SCHEMA.split(";")}
 
+_ENTRIES = "SELECT number, run, wall, time, kind, data FROM"
+
 # How many steps of SQLite's a reading may take, and how many more for each byte of the file: some twenty times what it does take.
 _STEPS, _STEPS_OF_A_BYTE = 2_000_000, 20
 
@@ -196,7 +198,7 @@ class JournalFile:
             self._connection.executescript(_SCHEMA)
             _sync_folder(self.path.parent)
         # Not before it is known to be a journal: it changes the file.
-        self.checked()
+        self._require_journal()
         self._connection.execute("PRAGMA journal_mode = WAL")
         self._take_from(self._reserved())
 
@@ -248,28 +250,16 @@ class JournalFile:
             file = cls(path, _connected(uri, uri=True))
             try:
                 with file._reading():
-                    file.checked()
+                    file._require_journal()
                     file._show(file._reserved())
                     return file
             except BaseException:
                 file.close()
                 raise
 
-    def checked(self) -> "JournalFile":
-        """Return the file if it is a journal of this version; close it and raise if not.
-
-        Raises:
-            JournalError: If it is not.
-        """
-        try:
-            flaw = self._flaw()
-        except sqlite3.Error:
-            self.close()
-            raise
-        if flaw:
-            self.close()
+    def _require_journal(self) -> None:
+        if flaw := self._flaw():
             raise JournalError(flaw)
-        return self
 
     def _flaw(self) -> str:
         known, version = (
@@ -338,13 +328,11 @@ class JournalFile:
 
     def facts(self) -> Iterator[JournalEntry]:
         """Yield all facts, in their order."""
-        return self._read("SELECT number, run, wall, time, kind, data FROM fact ORDER BY number", ())
+        return self._read("fact")
 
     def watched(self, *kinds: str) -> Iterator[JournalEntry]:
         """Yield what was watched, in its order: entries of some kinds; of all, if none is named."""
-        chosen = f"WHERE kind IN ({', '.join('?' * len(kinds))}) " if kinds else ""
-        query = f"SELECT number, run, wall, time, kind, data FROM watched {chosen}ORDER BY number"  # noqa: S608
-        return self._read(query, kinds)
+        return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
     def stream(self) -> Iterator[JournalEntry]:
         """Yield all entries in their order, one by one, as `Journal.listen` gives them live."""
@@ -391,11 +379,11 @@ class JournalFile:
             without: Kinds of it that are left out.
             after: The number behind which they begin.
         """
-        query = "SELECT number, run, wall, time, kind, data FROM fact WHERE run = ?1 AND number > ?2"
+        chosen = "WHERE run = ?1 AND number > ?2"
+        source = f"fact {chosen}"
         if with_watched:
-            query += " UNION ALL SELECT number, run, wall, time, kind, data FROM watched WHERE run = ?1 AND number > ?2"
-            query += f" AND kind NOT IN ({', '.join('?' * len(without))})" if without else ""
-        yield from self._read(f"{query} ORDER BY number", (run, after, *without))
+            source += f" UNION ALL {_ENTRIES} watched {chosen} AND kind NOT IN ({_places(without)})"
+        return self._read(source, (run, after, *without))
 
     def widest_kind(self, run: int, *, with_watched: bool) -> int:
         """Return the length of the longest kind among the entries of a run; 0 if there are none."""
@@ -441,9 +429,8 @@ class JournalFile:
     def _news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
         runs = self.runs()
         about = self.about() if any(run.number not in mark.begun for run in runs) else {}
-        columns = "SELECT number, run, wall, time, kind, data FROM"
-        facts = [*self._read(f"{columns} fact WHERE number > ? ORDER BY number", (mark.fact,))]
-        watched = [*self._read(f"{columns} watched WHERE number > ? ORDER BY number", (mark.watched,))]
+        facts = [*self._read("fact WHERE number > ?", (mark.fact,))]
+        watched = [*self._read("watched WHERE number > ?", (mark.watched,))]
         entries = [*facts, *watched]
         for run in runs:
             if run.number not in mark.begun:
@@ -475,7 +462,9 @@ class JournalFile:
             (last,) = self._connection.execute(query, (run,)).fetchone()
         return -math.inf if last is None else float(last)
 
-    def _read(self, query: str, values: Iterable[str | int]) -> Iterator[JournalEntry]:
+    def _read(self, source: str, values: Iterable[str | int] = ()) -> Iterator[JournalEntry]:
+        """Yield the entries of a table, with a condition on them, in their order."""
+        query = f"{_ENTRIES} {source} ORDER BY number"
         with self._reading():
             for number, run, wall, time_, kind, data in self._connection.execute(query, tuple(values)):
                 yield JournalEntry(number, run, _finite(wall), _finite(time_), str(kind), _mapping(data))
@@ -621,6 +610,11 @@ def _lock(descriptor: int) -> None:
 def _is_sqlites(name: object, text: object) -> bool:
     """Return whether SQLite makes a part of a database by itself: the index of a key, or the results of ANALYZE."""
     return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
+
+
+def _places(values: Sequence[str]) -> str:
+    """Return places for values in a statement."""
+    return ", ".join("?" * len(values))
 
 
 def _size(path: str | Path) -> int:

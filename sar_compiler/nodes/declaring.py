@@ -165,7 +165,7 @@ def reference(keyword: str, path: str, doc: str) -> Parameter:
 
 
 SCOPE = handed_over("scope", "sar_compiler.runtime.blackboard:Scope", "Where keys are looked up.")
-ENUMS = handed_over("enums", "sar_compiler.runtime.enums:Enums", "The names that stand for numbers.")
+ENUMS = handed_over("enums", "sar_compiler.runtime.variables:Enums", "The names that stand for numbers.")
 CLOCK = handed_over("clock", "sar_compiler.runtime.clock:Clock", "What the time is measured with.")
 
 

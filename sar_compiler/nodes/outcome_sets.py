@@ -16,7 +16,7 @@ from functools import partial, reduce
 from operator import and_, or_
 from typing import TYPE_CHECKING, TypeAlias
 
-from sar_compiler.runtime.chosen_outcome import Outcome
+from sar_compiler.runtime.answers import Outcome
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.operators import equal_texts

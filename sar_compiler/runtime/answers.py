@@ -1,14 +1,37 @@
 """The possible answers of a leaf to a tick, as plain data, for runs without a robot."""
 
+import enum
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from py_trees.common import Status
 
 Fact: TypeAlias = bool | int | float | str
 """The types of a fact."""
 
-STATUSES = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED")
+
+class Outcome(enum.Enum):
+    """An outcome of a tick that an attribute of a tree file chooses."""
+
+    SUCCESS = "SUCCESS"
+    FAILURE = "FAILURE"
+    RUNNING = "RUNNING"
+    SKIPPED = "SKIPPED"
+
+    @property
+    def status(self) -> "Status":
+        """The outcome that a tick returns."""
+        from py_trees.common import Status
+
+        from sar_compiler.runtime.skipping import SKIPPED
+
+        return SKIPPED if self is Outcome.SKIPPED else Status[self.name]
+
+
+STATUSES = tuple(Outcome.__members__)
 """The statuses of an answer, the usual ones first."""
 
 

@@ -7,84 +7,76 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Union
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptPart:
+    """A part of a script's text: where it begins, and the first character behind it; equal ones may stand elsewhere."""
+
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
 @dataclass(frozen=True, slots=True)
-class Literal:
+class Literal(ScriptPart):
     """A number or a text; `true` and `false` are 1.0 and 0.0."""
 
     value: int | float | str
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class Name(ScriptPart):
     """A variable, or a name of an enumeration."""
 
     name: str
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Prefix:
+class Prefix(ScriptPart):
     """An operand with `-`, `~` or `!` before it."""
 
     operator: str
     operand: "Expression"
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class OperatorTerm:
+class OperatorTerm(ScriptPart):
     """An operator with the operand on its right; the place is the operator's."""
 
     operator: str
     operand: "Expression"
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(ScriptPart):
     """Operators of one rank, applied from left to right: `a + b - c`."""
 
     first: "Expression"
     steps: tuple[OperatorTerm, ...]
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class ComparisonChain:
+class ComparisonChain(ScriptPart):
     """Neighbours compared: `a < b <= c` is true if `a < b` and `b <= c` are."""
 
     first: "Expression"
     steps: tuple[OperatorTerm, ...]
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Conditional:
+class Conditional(ScriptPart):
     """One of two values: `condition ? then : otherwise`."""
 
     condition: "Expression"
     then: "Expression"
     otherwise: "Expression"
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Assignment:
+class Assignment(ScriptPart):
     """A variable is given a value, by one of `:= = += -= *= /=`."""
 
     operator: str
     target: Name
     value: "Expression"
-    start: int = field(compare=False)
-    end: int = field(compare=False)
 
 
 Expression = Union[  # noqa: UP007 - the union names classes by text

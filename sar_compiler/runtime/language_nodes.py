@@ -11,14 +11,13 @@ from py_trees.common import Status
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.entry_types import read_as, value_to_keep
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.turning import ConditionsNode
 from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
-from sar_compiler.runtime.variables import RefusedValueError, describe_value
+from sar_compiler.runtime.variables import Enums, RefusedValueError, describe_value
 
 
 class EntryTypeError(SarError):

@@ -177,13 +177,13 @@ class _ScriptParser:
     def _operand(self) -> Expression:
         token = self._advance()
         if token.kind is TokenKind.LITERAL:
-            return Literal(token.value, token.start, token.end)
+            return Literal(token.value, start=token.start, end=token.end)
         if token.kind is TokenKind.NAME:
             self._check_name(token)
-            return Name(token.text, token.start, token.end)
+            return Name(token.text, start=token.start, end=token.end)
         if token.kind is TokenKind.SIGN and token.text in _PREFIXES:
             operand = self._expression(_PREFIX)
-            return Prefix(token.text, operand, token.start, self._end)
+            return Prefix(token.text, operand, start=token.start, end=self._end)
         if token.kind is TokenKind.SIGN and token.text == "(":
             return self._in_brackets(token)
         if token.kind is TokenKind.SIGN:
@@ -212,7 +212,7 @@ class _ScriptParser:
                 raise ScriptError(message, start, operator.end, hint=hint)
             raise ScriptError(message, start, operator.end, hint="brackets may be missing")
         value = self._expression(_ANY)
-        return Assignment(operator.text, target, value, start, self._end)
+        return Assignment(operator.text, target, value, start=start, end=self._end)
 
     def _conditional(self, condition: Expression, start: int) -> Conditional:
         question = self._advance()
@@ -224,17 +224,17 @@ class _ScriptParser:
                 message, question.start, question.end, hint="write 'condition ? value : other value'"
             )
         otherwise = self._expression(_CONDITIONAL)
-        return Conditional(condition, then, otherwise, start, self._end)
+        return Conditional(condition, then, otherwise, start=start, end=self._end)
 
     def _chain(self, first: Expression, rank: int, start: int) -> Operation | ComparisonChain:
         steps: list[OperatorTerm] = []
         while self._rank() == rank:
             operator = self._advance()
             operand = self._expression(rank + 1)
-            steps.append(OperatorTerm(operator.text, operand, operator.start, operator.end))
+            steps.append(OperatorTerm(operator.text, operand, start=operator.start, end=operator.end))
         if rank == _COMPARISON:
-            return ComparisonChain(first, tuple(steps), start, self._end)
-        return Operation(first, tuple(steps), start, self._end)
+            return ComparisonChain(first, tuple(steps), start=start, end=self._end)
+        return Operation(first, tuple(steps), start=start, end=self._end)
 
     def _check_name(self, name: Token) -> None:
         """Refuse a name that is meant as an operator or a function; it has just been read."""

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from sar_compiler.errors import NodeError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError, Scope
 from sar_compiler.runtime.entry_types import value_of, value_to_assign
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.ports import Input, PortError
-from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError, VariableError
+from sar_compiler.runtime.variables import Enums, ScriptValue, UnknownVariableError, VariableError
 
 if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.entry_cells import Memo

@@ -12,14 +12,13 @@ from py_trees.common import Status
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.blackboard import Entry, Scope
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event, FactChanges, changes_in
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.scripting import ScopeVariables
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
-from sar_compiler.runtime.variables import ScriptValue
+from sar_compiler.runtime.variables import Enums, ScriptValue
 
 STATUSES: Mapping[str, Status] = {
     "SUCCESS": Status.SUCCESS,

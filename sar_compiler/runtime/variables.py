@@ -3,9 +3,11 @@
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from sar_compiler.errors import SarError
+from sar_compiler.runtime.context import mission_context
 from sar_compiler.runtime.tokens import LARGEST_INTEGER, excerpt
 
 ScriptValue = int | float | str
@@ -22,6 +24,18 @@ _WHOLE = re.compile(r"-?[0-9]+")
 _LONGEST_WHOLE = len(str(LARGEST_INTEGER)) + 1
 _BITS = 64
 _BOOLS = {"true": 1.0, "false": 0.0}
+
+
+@mission_context
+@dataclass(frozen=True)
+class Enums:
+    """The names of enumerations that scripts and Switch may use.
+
+    Attributes:
+        numbers: The number that each name stands for.
+    """
+
+    numbers: Mapping[str, int] = field(default_factory=dict)
 
 
 class VariableError(SarError):

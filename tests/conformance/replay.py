@@ -28,8 +28,8 @@ from sar_compiler.compiler import bind_main, compile_tree
 from sar_compiler.nodes.registry import Registry, load_registry
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.variables import Enums
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.conformance import as_there, leaves

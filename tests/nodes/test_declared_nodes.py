@@ -19,9 +19,9 @@ from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Role, load
 from sar_compiler.nodes.values import without_none
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input, Output
+from sar_compiler.runtime.variables import Enums
 from tests.runtime.stage import Stage
 from tests.trees import class_of
 

@@ -8,11 +8,11 @@ from py_trees.common import Status
 
 from sar_compiler.nodes.values import value_type_of
 from sar_compiler.runtime.blackboard import Board, Entry, Scope
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.variables import Enums
 from tests.conformance.leaves import Events, Scripted
 
 _LETTERS = {Status.SUCCESS: "S", Status.FAILURE: "F", Status.RUNNING: "R", Status.INVALID: "-"}

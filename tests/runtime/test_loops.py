@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from py_trees.behaviours import Success
 from py_trees.common import Status
 
-from sar_compiler.runtime.chosen_outcome import Outcome
+from sar_compiler.runtime.answers import Outcome
 from sar_compiler.runtime.ports import Input, Output, PortError
 from sar_compiler.runtime.queues import QueueError
 from tests.runtime.own import own

@@ -93,13 +93,13 @@ def marked(text):
 )
 def test_a_literal_has_the_value_that_it_says(text, value):
     (literal,) = parse(text).statements
-    assert literal == Literal(value, 0, len(text))
+    assert literal == Literal(value, start=0, end=len(text))
     assert type(literal.value) is type(value)
 
 
 @pytest.mark.parametrize("name", ["x", "_x1", "@x", "@_1", "True", "trueish", "and", "or", "not"])
 def test_a_name_is_letters_digits_and_underscores_maybe_behind_an_at_sign(name):
-    assert parse(name).statements == (Name(name, 0, len(name)),)
+    assert parse(name).statements == (Name(name, start=0, end=len(name)),)
 
 
 @pytest.mark.parametrize(
@@ -320,34 +320,40 @@ def test_a_script_says_whether_its_value_is_that_of_an_assignment():
 
 def literals():
     numbers = st.integers(0, 2**63 - 1) | st.floats(0, allow_nan=False, allow_infinity=False)
-    return (numbers | st.text(st.characters(exclude_characters="'"))).map(lambda value: Literal(value, 0, 0))
+    return (numbers | st.text(st.characters(exclude_characters="'"))).map(
+        lambda value: Literal(value, start=0, end=0)
+    )
 
 
 def names():
     words = st.from_regex(r"[A-Za-z_@][A-Za-z0-9_]*", fullmatch=True)
     return words.filter(lambda word: word not in {"true", "false", "not", "and", "or"}).map(
-        lambda word: Name(word, 0, 0)
+        lambda word: Name(word, start=0, end=0)
     )
+
+
+NOWHERE = {"start": st.just(0), "end": st.just(0)}
 
 
 def chains(kind, operators, parts):
     steps = st.lists(
-        st.builds(OperatorTerm, st.sampled_from(operators), parts, st.just(0), st.just(0)),
+        st.builds(OperatorTerm, st.sampled_from(operators), parts, **NOWHERE),
         min_size=1,
         max_size=3,
     )
-    return st.builds(kind, parts, steps.map(tuple), st.just(0), st.just(0))
+    return st.builds(kind, parts, steps.map(tuple), **NOWHERE)
 
 
 def larger(parts):
-    nowhere = (st.just(0), st.just(0))
     ranks = [["||"], ["&&"], ["|", "^"], ["&"], ["+", "-", ".."], ["*", "/"]]
     return st.one_of(
-        st.builds(Prefix, st.sampled_from("-~!"), parts, *nowhere),
+        st.builds(Prefix, st.sampled_from("-~!"), parts, **NOWHERE),
         *(chains(Operation, rank, parts) for rank in ranks),
         chains(ComparisonChain, ["==", "!=", "<", ">", "<=", ">="], parts),
-        st.builds(Conditional, parts, parts, parts, *nowhere),
-        st.builds(Assignment, st.sampled_from([":=", "=", "+=", "-=", "*=", "/="]), names(), parts, *nowhere),
+        st.builds(Conditional, parts, parts, parts, **NOWHERE),
+        st.builds(
+            Assignment, st.sampled_from([":=", "=", "+=", "-=", "*=", "/="]), names(), parts, **NOWHERE
+        ),
     )
 
 

@@ -3,8 +3,8 @@
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.runtime.answers import Outcome
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.language_nodes import RunScript, ScriptCondition
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse

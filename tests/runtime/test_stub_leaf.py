@@ -5,13 +5,13 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Scope
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
 from sar_compiler.runtime.stub_leaf import (
     FactVariables,
     StubLeaf,
     StubLeafError,
 )
+from sar_compiler.runtime.variables import Enums
 
 ARRIVED = Answer("SUCCESS", "arrived", when="left > 0", then="at = 'zone'; left -= 1")
 NOWHERE = Answer("FAILURE", "nowhere", when="left == 0")

@@ -16,7 +16,6 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.runtime.answers import STATUSES, Answer, nominal
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
@@ -24,7 +23,7 @@ from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf
-from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError, VariableError
+from sar_compiler.runtime.variables import Enums, ScriptValue, UnknownVariableError, VariableError
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
 OWN = ("root", "tick", "time")

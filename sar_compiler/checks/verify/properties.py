@@ -13,14 +13,13 @@ from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.blackboard import Entry
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.searching import Judgement
 from sar_compiler.runtime.kernel.trail import Guarded
 from sar_compiler.runtime.stub_leaf import FactVariables
-from sar_compiler.runtime.variables import ScriptValue
+from sar_compiler.runtime.variables import Enums, ScriptValue
 
 ROOT = "root"
 """The root's status after the last tick."""

@@ -24,7 +24,7 @@ from sar_compiler.nodes.outcome_sets import BITS, F, K, R, S
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
-from sar_compiler.runtime.chosen_outcome import Outcome
+from sar_compiler.runtime.answers import Outcome
 from sar_compiler.tree.model import SUBTREE_TAG
 
 _NOUNS = {S: "success", F: "failure", R: "running"}

@@ -33,10 +33,10 @@ from sar_compiler.nodes.language.node_rules import HOW_TO_SELECT, NO_ANSWER, cla
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import ANYTHING, CONDITION, type_of
 from sar_compiler.runtime.blackboard import Entry, Scope
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.ports import InOut, Input
 from sar_compiler.runtime.scripting import NodeScript
+from sar_compiler.runtime.variables import Enums
 
 B = TypeVar("B", bound=Behaviour)
 

@@ -14,7 +14,6 @@ from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.blackboard import Board
 from sar_compiler.runtime.clock import Clock, ManualClock
-from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.frozen import freeze
 from sar_compiler.runtime.hooked_tick import hooked_tick
 from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES
@@ -25,6 +24,7 @@ from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.tree_nodes import Visit, show_statuses
 from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.variables import Enums
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
