@@ -56,7 +56,7 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{_text(title)}</title><style>\n{style}</style></head>\n<body>{body}</body></html>\n"
+        f"<title>{_text(title)}</title><style>\n{style}</style></head>\n<body><main>{body}</main></body></html>\n"
     )
 
 
