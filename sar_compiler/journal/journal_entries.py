@@ -18,7 +18,7 @@ RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
 ORDERED = "ordered"
 """The kind of an order that was given on a page: its `verb`, its `label`, and `by` whom, as far as they have said."""
 
-OF_ROBOT = ("pose", "plan", "map", "log")
+OF_ROBOT = ("pose", "plan", "map", "battery", "log")
 """Kinds that are watched of the robot's topics."""
 
 

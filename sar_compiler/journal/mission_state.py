@@ -4,6 +4,7 @@ The entries come one by one while the mission runs (`Journal.listen`), or all at
 the state is the same. Entries of other kinds, or without what belongs to their kind, are facts of the mission.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ from sar_compiler.journal.journal_entries import (
 from sar_compiler.journal.situation import (
     CHANGED,
     FactTime,
+    Gauge,
     Level,
     MissionPhase,
     Situation,
@@ -28,8 +30,8 @@ from sar_compiler.journal.situation import (
     position,
 )
 
-RUNNING, SUCCESS, FAILURE = "RUNNING", "SUCCESS", "FAILURE"
-_RESTING = ("IDLE", "HALTED")
+RUNNING, SUCCESS, FAILURE, HALTED = "RUNNING", "SUCCESS", "FAILURE", "HALTED"
+_RESTING = ("IDLE", HALTED)
 _WARN = 30
 _OF_PHASE = (RUN_BEGAN, RUN_ENDED, GOAL_ENDED, CHANGED, "progress", "lacks")
 
@@ -219,6 +221,7 @@ class MissionState:
         plan: The way that it is about to drive, as x and y in the frame `map`, metres.
         drive: What is left of the drive that is under way; None if none is.
         lacks: Why the robot cannot drive, in words; empty if it can.
+        battery: What is left in the battery, as the robot says; None if it does not.
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
             `height` in cells, and the image `png`; empty if there is none.
         warnings: Warnings and errors of the log.
@@ -245,6 +248,7 @@ class MissionState:
         self.plan: list[tuple[float, float]] = []
         self.drive: DriveLeft | None = None
         self.lacks = ""
+        self.battery: Gauge | None = None
         self.map: Mapping[str, Any] = {}
         self.warnings: list[Told] = []
         self.orders: list[Told] = []
@@ -307,6 +311,13 @@ class MissionState:
         if self.lacks:
             return told._replace(name="waiting", reason=self.lacks)
         return told._replace(name="working" if self.drive is None else "driving")
+
+    @property
+    def gauges(self) -> list[Gauge]:
+        """What runs out: the battery, as the mission says it or else the robot, and the mission's other gauges."""
+        told = self.situation.gauges
+        own = [self.battery] if self.battery is not None and self.battery.name not in told else []
+        return [*own, *told.values()]
 
     @property
     def likely_end(self) -> float | None:
@@ -380,6 +391,12 @@ class MissionState:
     def _lacks(self, text: str) -> None:
         self.lacks = str(text)
 
+    def _battery(self, share: float) -> None:
+        """A mission that has a gauge of this name says it itself."""
+        if not math.isfinite(share):
+            raise ValueError(share)
+        self.battery = Gauge("battery", round(100.0 * share), "%")
+
     def _map(self, **data: Any) -> None:
         self.map = data
 
@@ -424,6 +441,7 @@ class MissionState:
         "plan": _plan,
         "progress": _progress,
         "lacks": _lacks,
+        "battery": _battery,
         "map": _map,
         "log": _log,
         ORDERED: _ordered,

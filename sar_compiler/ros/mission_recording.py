@@ -25,7 +25,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import BatteryState, LaserScan
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -97,6 +97,7 @@ RECORDED: dict[str, tuple[Any, ...]] = {
     "map": (OccupancyGrid,),
     "amcl_pose": (PoseWithCovarianceStamped,),
     "plan": (Plan,),
+    "battery_state": (BatteryState,),
     "cmd_vel": (TwistStamped, Twist),
     "navigate_to_pose/_action/feedback": (NavigateToPose.Impl.FeedbackMessage,),
     "navigate_to_pose/_action/status": (GoalStatusArray,),
@@ -108,7 +109,7 @@ RECORDED: dict[str, tuple[Any, ...]] = {
 """The topics of a mission, with their types; where there are several, what publishes decides."""
 
 _LATCHED = ("/tf_static", "map", "amcl_pose", "navigate_to_pose/_action/status", "~/markers")
-_UNRELIABLE = ("scan", "/clock", "odometry/filtered")
+_UNRELIABLE = ("scan", "/clock", "odometry/filtered", "battery_state")
 _DEPTH = 100
 # How often it is looked which topics there are, in seconds of the steady clock.
 _LOOK_SEC = 0.5

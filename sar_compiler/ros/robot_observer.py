@@ -11,7 +11,8 @@ from typing import Any
 from nav_msgs.msg import OccupancyGrid, Path
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import BatteryState
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, JournalEntry
@@ -57,7 +58,7 @@ def _png(width: int, height: int, data: bytes) -> bytes:
 
 
 # At most one in so many seconds of the node's clock; while a map is being made there is one after the other.
-_PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 10.0}
+_PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 10.0, "battery": 1.0}
 # A plan has a point every few centimetres; a drawing needs fewer.
 _POINTS = 200
 # How often it is looked for what was not due when it came, in seconds of the node's clock.
@@ -75,6 +76,7 @@ class RobotObserver:
     - `plan`: `points`, x and y in metres in the plan's `frame`, from `plan`
     - `map`: `png`, an image in base64 of `width` and `height` pixels of `resolution` metres, whose lower left corner is at `x`, `y`
       (m), turned by `yaw` (rad), from `map`; where it is another one than before
+    - `battery`: `share`, of 1 for a full one, to the percent, from `battery_state`; where it is another one than before
     - `lacks`: `text`, why the robot cannot drive (Nav2 is not active, transforms have stopped), empty when it can again
     - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`, and when it was said, `stamp` (s since 1970): a line comes later than what
       happens meanwhile; of other nodes than the mission's own only warnings and errors
@@ -93,13 +95,22 @@ class RobotObserver:
             "pose": self._on_pose,
             "plan": self._on_plan,
             "map": self._on_map,
+            "battery": self._on_battery,
         }
         self._map: tuple[object, ...] = ()
+        self._battery = math.nan
         self._others = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for message, topic, take, qos in (
             (Path, "plan", partial(self._take, "plan"), QoSProfile(depth=1)),
             (OccupancyGrid, "map", partial(self._take, "map"), latched),
+            # As drivers publish it, reliably or not.
+            (
+                BatteryState,
+                "battery_state",
+                partial(self._take, "battery"),
+                QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
+            ),
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
             node.create_subscription(message, topic, take, qos)
@@ -166,6 +177,12 @@ class RobotObserver:
             yaw=yaw,
             png=base64.b64encode(png).decode(),
         )
+
+    def _on_battery(self, message: Any) -> None:
+        share = round(float(message.percentage), 2)
+        if math.isfinite(share) and share != self._battery:
+            self._battery = share
+            self._journal.watch("battery", share=share)
 
     def _on_log(self, message: Any) -> None:
         if message.name != self._name:

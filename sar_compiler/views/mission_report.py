@@ -76,7 +76,7 @@ def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
             for kind in situation.kinds.values()
         },
         "figures": [each._asdict() for each in situation.figures.values()],
-        "gauges": [each._asdict() for each in situation.gauges.values()],
+        "gauges": [each._asdict() for each in state.gauges],
         "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
         "why": why and why_data(why),
         "facts": [

@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.situation import Level
+from sar_compiler.journal.situation import Gauge, Level
 
 TREE = {
     "class": "Sequence",
@@ -151,6 +151,14 @@ def test_what_the_robot_lacks_is_known_until_it_can_drive_again():
     lost = ("lacks", {"text": "Nav2 is not active: node amcl: not there"})
     assert after(lost).lacks == "Nav2 is not active: node amcl: not there"
     assert after(lost, ("lacks", {"text": ""})).lacks == ""
+
+
+def test_the_battery_is_what_the_robot_says_unless_the_mission_says_it():
+    low = ("battery", {"share": 0.186})
+    assert after(low).gauges == [Gauge("battery", 19, "%")]
+    own = {"name": "battery", "value": 18.6, "unit": "%", "least": 20.0}
+    assert after(low, changed(gauges=[own])).gauges == [Gauge(**own)]
+    assert after(("battery", {"share": None})).gauges == []
 
 
 def test_the_trail_has_every_pose():

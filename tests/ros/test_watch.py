@@ -1,10 +1,12 @@
 """What is watched while a tree runs: the localisation that is started again."""
 
+import math
 import time
 from typing import Any
 
 import pytest
 
+from sar_compiler.runtime.clock import ManualClock
 from tests.faults.conftest import serve
 from tests.ros.conftest import Ros, Said
 
@@ -180,6 +182,22 @@ def test_what_the_robot_lacks_is_in_the_journal_until_it_is_back(scene: Scene) -
         "Nav2 is not active: node bt_navigator: state 'inactive', must be 'active'",
         "",
     ]
+
+
+def test_the_battery_is_in_the_journal_where_it_has_changed(scene: Scene) -> None:
+    from sensor_msgs.msg import BatteryState
+
+    from sar_compiler.journal.journal import Journal
+    from sar_compiler.ros.robot_observer import RobotObserver
+
+    journal, told = Journal(), []
+    journal.clock = clock = ManualClock()
+    journal.listen(lambda entry: told.append(entry.data["share"]) if entry.kind == "battery" else None)
+    observer = RobotObserver(scene.watch._node, journal)
+    for share in (0.904, 0.896, math.nan, 0.85):
+        observer._take("battery", BatteryState(percentage=share))
+        clock.advance(2.0)
+    assert told == [0.9, 0.85]
 
 
 def test_a_robot_whose_nav2_is_not_heard_lacks_that_and_nothing_else(

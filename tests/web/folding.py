@@ -45,6 +45,7 @@ def happen(journal, chance, name):
         "plan": {"frame": chance.choice(["map", "odom"]), "points": [[x, x]]},
         "progress": {"target": point, "distance": abs(x), "time_left": None},
         "lacks": {"text": chance.choice(["", "no link"])},
+        "battery": {"share": chance.choice([0.5, 0.2])},
         "goal_ended": {"goal": name, "status": 4},
         "log": {"node": "patrol", "level": chance.choice([20, 30, 40]), "text": name},
         "whatever": {"name": name},
