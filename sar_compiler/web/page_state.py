@@ -14,7 +14,7 @@ from sar_compiler.journal.journal_entries import (
     RUN_ENDED,
     JournalEntry,
 )
-from sar_compiler.journal.mission_state import FAILURE, RUNNING, MissionState, RunProcess
+from sar_compiler.journal.mission_state import FAILURE, HALTED, RUNNING, SUCCESS, MissionState, RunProcess
 from sar_compiler.journal.situation import CHANGED, FactTime, Landmark
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
@@ -40,6 +40,9 @@ class ShownStatus(NamedTuple):
         failed: When it has failed last; None if it has not.
         failure: What it has said then.
         label: Which answer its status is; empty if that is not known.
+        ends: How often each end was noted: SUCCESS, FAILURE, HALTED. One that is the same tick after tick is noted once.
+        ran: How many seconds it was running until the ends of that.
+        longest: The longest of these times.
     """
 
     status: str = ""
@@ -51,6 +54,9 @@ class ShownStatus(NamedTuple):
     failed: float | None = None
     failure: str = ""
     label: str = ""
+    ends: tuple[int, int, int] = (0, 0, 0)
+    ran: float = 0.0
+    longest: float = 0.0
 
 
 class GrowingList:
@@ -108,6 +114,8 @@ class PageState:
         self._began = 0.0
         self._mission = MissionState()
         self._statuses: dict[int, ShownStatus] = {}
+        # The nodes that were reset since their last status.
+        self._reset: set[int] = set()
         self._why: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
@@ -123,6 +131,7 @@ class PageState:
         self._touched: set[str] = set()
         self._nodes: set[int] = set()
         self._landmarks: dict[tuple[str, str], None] = {}
+        self._gone: set[tuple[str, str]] = set()
 
     def take(self, entry: JournalEntry) -> None:
         """Apply an entry to the state.
@@ -199,7 +208,7 @@ class PageState:
 
     def _run_began(self, entry: JournalEntry) -> None:
         self._began, self._why, self._times = entry.time, None, {}
-        self._statuses, self._nodes = {}, set()
+        self._statuses, self._nodes, self._reset = {}, set(), set()
         node = self._mission.runs[-1].about.get("node")
         self._tell("fact", f"The run began{f' on {node}' if node else ''}.")
 
@@ -213,13 +222,17 @@ class PageState:
         data, now = entry.data, self._mission.now.time
         number, status, tick = data["node"], str(data["status"]), int(data["tick"])
         if status == "IDLE":  # it is shown, as something former, until there is something else
+            self._reset.add(number)
             return
         was = self._statuses.get(number, ShownStatus())
+        is_same = was.status == status and number not in self._reset
+        self._reset.discard(number)
         message = str(data["message"])
         has_failed = status == FAILURE
+        took = now - was.since if was.status == RUNNING and status != RUNNING else 0.0
         self._statuses[number] = ShownStatus(
             status,
-            was.since if was.status == status else now,
+            was.since if is_same else now,
             # An activation goes on while the node is running, and ends with what comes after that.
             was.entered if was.status == RUNNING else tick,
             now,
@@ -228,6 +241,9 @@ class PageState:
             now if has_failed else was.failed,
             message if has_failed else was.failure,
             str(data.get("label") or ""),
+            _counted(was.ends, status),
+            was.ran + took,
+            max(was.longest, took),
         )
         self._nodes.add(number)
 
@@ -251,9 +267,10 @@ class PageState:
         data = entry.data
         self._touched.update(data.keys() & self._SITUATION)
         keys = [(each["kind"], each["name"]) for each in data.get("landmarks", ())]
-        self._landmarks.update(dict.fromkeys([*keys, *((kind, name) for kind, name in data.get("gone", ()))]))
-        if "kinds" in data:
-            # What an earlier run has shown need not be there any more.
+        self._gone.update((kind, name) for kind, name in data.get("gone", ()))
+        self._landmarks.update(dict.fromkeys([*keys, *self._gone]))
+        if "kinds" in data or not self._gone.isdisjoint(keys):
+            # What an earlier run has shown need not be there any more; what was gone and came again is the last one.
             self._is_new = True
         if self._fact is not None and (said := data.get("said")):
             *when, _ = self._log.values[self._fact]
@@ -365,6 +382,7 @@ class PageState:
         "plan": ("plan",),
         "progress": ("drive", "condition", "estimate"),
         "lacks": ("condition",),
+        "battery": ("gauges",),
         "map": ("map",),
     }
     _TIMED = ("pose", "plan", "map")
@@ -396,7 +414,7 @@ class PageState:
         "figures": lambda self: [
             {**each._asdict(), "text": each.text} for each in self._mission.situation.figures.values()
         ],
-        "gauges": lambda self: [each._asdict() for each in self._mission.situation.gauges.values()],
+        "gauges": lambda self: [each._asdict() for each in self._mission.gauges],
         "alarms": _alarms,
         "why": lambda self: self._why,
     }
@@ -405,6 +423,11 @@ class PageState:
 def all_changes(states: Iterable[PageState]) -> list[PageChange]:
     """Return what has changed of robots' states since the last call."""
     return [change for state in states if (change := state.change()) is not None]
+
+
+def _counted(ends: tuple[int, int, int], status: str) -> tuple[int, int, int]:
+    successes, failures, halts = ends
+    return successes + (status == SUCCESS), failures + (status == FAILURE), halts + (status == HALTED)
 
 
 def _outlines(tree: Any) -> Iterator[Mapping[str, Any]]:

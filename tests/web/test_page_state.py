@@ -10,6 +10,7 @@ from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.page_state import PageState
 from tests.web.conftest import ABOUT
 from tests.web.folding import folded, history
@@ -127,7 +128,7 @@ def test_what_a_node_came_to_is_shown_after_it_was_reset():
             (6, "IDLE", "", {}),
         )
     ]
-    assert run_of(*told).whole()["states"]["1"] == ("FAILURE", 3.0, 3, 3.0, 5, "c", 3.0, "c", "refused")
+    assert run_of(*told).whole()["states"]["1"][:9] == ("FAILURE", 3.0, 3, 3.0, 5, "c", 3.0, "c", "refused")
 
 
 def test_of_a_long_run_little_is_kept():
@@ -193,3 +194,37 @@ def test_an_entry_of_somebody_else_is_a_fact():
         "changed",
     ]
     assert (shown["pose"], shown["states"]) == (None, {})
+
+
+def test_a_node_has_how_often_it_has_ended_and_how_long_that_took():
+    journal = Journal()
+    journal.clock = clock = ManualClock(100.0)
+    state = PageState()
+    journal.listen(state.take)
+    journal.begin(ABOUT, {})
+    for number, (status, seconds) in enumerate(
+        [
+            ("RUNNING", 2.0),
+            ("SUCCESS", 1.0),
+            ("IDLE", 1.0),
+            ("RUNNING", 6.0),
+            ("FAILURE", 1.0),
+            ("RUNNING", 1.0),
+        ]
+    ):
+        journal.watch("status", node=1, tick=number, status=status, message="")
+        clock.advance(seconds)
+    *_, ends, ran, longest = state.whole()["states"]["1"]
+    assert (ends, ran, longest) == ((1, 1, 0), 8.0, 6.0)
+
+
+def test_a_node_that_was_reset_has_its_status_anew():
+    journal = Journal()
+    journal.clock = clock = ManualClock(100.0)
+    state = PageState()
+    journal.listen(state.take)
+    journal.begin(ABOUT, {})
+    for number, status in enumerate(["SUCCESS", "IDLE", "SUCCESS"]):
+        journal.watch("status", node=1, tick=number, status=status, message="")
+        clock.advance(2.0)
+    assert state.whole()["states"]["1"][1] == 4.0

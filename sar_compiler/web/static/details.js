@@ -2,6 +2,8 @@
 
 import { duration, html, say } from "./shapes.js";
 
+const WORDS = ["SUCCESS", "FAILURE", "HALTED"];
+
 /** Show a node of a run in a list of terms. */
 export function showDetails(place, run, id) {
   const node = run.nodes[id];
@@ -21,6 +23,7 @@ export function showDetails(place, run, id) {
     ["says", state.message],
     ["last change", state.status ? `${ago(state.time)}, tick ${state.tick}` : ""],
     ["last failure", state.failed === null ? "" : `${state.failure || "without a reason"}, ${ago(state.failed)}`],
+    ["ended", ended(state)],
     ["written at", node.file ? `${node.file}:${node.line}` : ""],
     ...Object.entries(node.attributes).map(([key, value]) => [key, typeof value === "object" ? JSON.stringify(value) : String(value)]),
   ];
@@ -32,4 +35,11 @@ export function showDetails(place, run, id) {
   }
   // Only what is another text is written, so that the rest can be selected meanwhile.
   shown.forEach(([, value], row) => say(place.children[2 * row + 1], value));
+}
+
+/** How often it has ended with which status, and how long that took. */
+function ended({ ends, ran, longest }) {
+  const times = ends.flatMap((count, status) => (count ? [`${WORDS[status]} ${count}×`] : []));
+  const took = ran ? [`after ${duration(ran / ends.reduce((sum, count) => sum + count))} on average, ${duration(longest)} at most`] : [];
+  return [...times, ...took].join(", ");
 }

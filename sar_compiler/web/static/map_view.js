@@ -38,7 +38,9 @@ export class MapView {
     if (!width || !height) return;
     const box = extent(runs);
     const scale = this.zoom * Math.min(width / (box[2] - box[0]), height / (box[3] - box[1]));
-    const [cx, cy] = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
+    // An open legend lies beside what is in sight, as far as there is room.
+    const spare = Math.max(0, width - (box[2] - box[0]) * scale);
+    const [cx, cy] = [(box[0] + box[2]) / 2 + Math.min(spare, this.legend?.width ?? 0) / 2 / scale, (box[1] + box[3]) / 2];
     this.at = (x, y) => [width / 2 + (x - cx) * scale + this.shift[0], height / 2 - (y - cy) * scale + this.shift[1]];
     this.from = (px, py) => [cx + (px - width / 2 - this.shift[0]) / scale, cy - (py - height / 2 - this.shift[1]) / scale];
     this.taken = [];
@@ -238,6 +240,11 @@ class Legend {
   constructor(place) {
     this.place = place;
     this.ages = {};
+  }
+
+  /** How wide it is, in pixels, with the edge around it. */
+  get width() {
+    return this.place.parentElement.open ? this.place.parentElement.offsetWidth + 16 : 0;
   }
 
   show(run) {

@@ -45,7 +45,7 @@ function show() {
   at("mission").title = node;
   document.title = `${condition.word}: ${mission}`;
   say(at("drive"), driveLeft(run));
-  showFigures(at("figures"), run);
+  showFigures(at("figures"), run, !stream.silent && condition.word !== "broken off");
   showGauges(at("gauges"), run);
   map.show(stream);
   alarms.show(stream);
@@ -71,7 +71,8 @@ document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea, summary, a") || orders.isOpen) return;
   if (replay.key(event)) event.preventDefault();
 });
-at("legend").open = matchMedia("(min-width: 821px)").matches;
+at("legend").open = matchMedia("(min-width: 1200px)").matches;
+at("legend").addEventListener("toggle", () => map.again());
 document.addEventListener("visibilitychange", () => stream.listen());
 // The address of another run on the same port: with another token.
 window.addEventListener("hashchange", () => location.reload());

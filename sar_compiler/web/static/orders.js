@@ -57,7 +57,8 @@ export class Orders {
     this.now = new Set(now);
     this.verbs = (verbs[chosen] ?? []).filter(({ name }) => offered.has(name));
     this.isHeld = run.condition.word === "paused";
-    this.place.hidden = isReplay || !(verbs[chosen] ?? []).length;
+    // To a run that has ended there is nothing more to order; the answer to what has ended it stays.
+    this.place.hidden = isReplay || !(verbs[chosen] ?? []).length || (Boolean(run.run.ended) && !this.answer.textContent);
     say(this.to, isTeam ? `Orders to ${names[chosen]}` : "Orders");
     const key = `${chosen} ${this.verbs.map(({ name }) => name).join(" ")}`;
     if (key !== this.key) this.draw(key);

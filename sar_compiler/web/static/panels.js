@@ -8,8 +8,9 @@ const SEEN = "sar-seen";
 const REMEMBERED = 200;
 
 /** How far the mission is, in figures: its time, about how long it still takes, how long it may, and what it says itself. */
-export function showFigures(place, run) {
-  const { estimate, time, run: { number, ended } } = run;
+export function showFigures(place, run, isHeard) {
+  const { estimate, time, run: { number } } = run;
+  const ended = run.run.ended || !isHeard;
   const left = ended || estimate.end == null || estimate.end < time ? null : estimate.end - time;
   const rows = [
     ["time", number ? `${clock(time)}${number > 1 ? `, run ${number}` : ""}` : "–"],

@@ -16,7 +16,7 @@ export class PlacesView {
     if (this.key === key) return;
     this.key = key;
     this.place.hidden = !told.length;
-    this.place.replaceChildren(...told.flatMap(([kind, found]) => [html("h2", {}, `${kind.plural} (${found.length})`), html("ul", {}, ...found.map((each) => item(each, kind)))]));
+    this.place.replaceChildren(...told.flatMap(([kind, found]) => [html("h2", {}, `${kind.plural}${found.length > 1 ? ` (${found.length})` : ""}`), html("ul", {}, ...found.map((each) => item(each, kind)))]));
   }
 }
 

@@ -1,6 +1,6 @@
 // What is known of a run, as the server tells it. Nothing is concluded from it here; times are seconds since the run's beginning.
 
-const NEVER = Object.freeze({ status: "", since: 0, entered: 0, time: 0, tick: 0, message: "", failed: null, failure: "", label: "" });
+const NEVER = Object.freeze({ status: "", since: 0, entered: 0, time: 0, tick: 0, message: "", failed: null, failure: "", label: "", ends: [0, 0, 0], ran: 0, longest: 0 });
 
 export class Run {
   constructor() {
@@ -24,8 +24,8 @@ export class Run {
       this.nodes = linked(nodes);
       this.states = this.nodes.map(() => NEVER);
     }
-    for (const [id, [status, since, entered, time, tick, message, failed, failure, label]] of Object.entries(states)) {
-      this.states[id] = { status, since, entered, time, tick, message, failed, failure, label };
+    for (const [id, [status, since, entered, time, tick, message, failed, failure, label, ends, ran, longest]] of Object.entries(states)) {
+      this.states[id] = { status, since, entered, time, tick, message, failed, failure, label, ends, ran, longest };
     }
     for (const [key, landmark] of Object.entries(landmarks)) {
       if (landmark) this.landmarks.set(key, landmark);
