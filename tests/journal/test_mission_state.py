@@ -156,8 +156,8 @@ def test_what_the_robot_lacks_is_known_until_it_can_drive_again():
 def test_the_battery_is_what_the_robot_says_unless_the_mission_says_it():
     low = ("battery", {"share": 0.186})
     assert after(low).gauges == [Gauge("battery", 19, "%")]
-    own = {"name": "battery", "value": 18.6, "unit": "%", "least": 20.0}
-    assert after(low, changed(gauges=[own])).gauges == [Gauge(**own)]
+    own = Gauge("battery", 18.6, "%", 20.0)
+    assert after(low, changed(gauges=[own._asdict()])).gauges == [own]
     assert after(("battery", {"share": None})).gauges == []
 
 

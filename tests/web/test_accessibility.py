@@ -153,7 +153,9 @@ def test_everything_that_can_be_clicked_is_reached_by_tab(told, browser, page):
     reached: list[str] = []
     while (at := tab(browser)) and len(reached) < 3 * wanted:
         reached.append(at)
-    focusable = browser.js("return document.querySelectorAll('#map, #log, #tree, #details, #places[tabindex]').length")
+    focusable = browser.js(
+        "return document.querySelectorAll('#map, #log, #tree, #details, #places[tabindex]').length"
+    )
     assert wanted <= len(reached) <= wanted + focusable, reached
 
 
