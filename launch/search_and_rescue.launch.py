@@ -45,6 +45,7 @@ RECORDED = (
     "map",
     "amcl_pose",
     "plan",
+    "battery_state",
     "cmd_vel",
     "navigate_to_pose/_action/feedback",
     "navigate_to_pose/_action/status",

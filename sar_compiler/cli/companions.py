@@ -57,7 +57,8 @@ def companions_asked_for(options: Namespace) -> Iterator[Make]:
     if options.view == "web":
         from sar_compiler.cli.run_page import RunPage
 
-        yield lambda run: RunPage(options.web_port, run.journal, run.node, run.mission)
+        may_hold = not options.groot2_hooks
+        yield lambda run: RunPage(options.web_port, run.journal, run.node, run.mission, may_hold=may_hold)
     if options.view == "text":
         from sar_compiler.cli.run_view import run_view
 

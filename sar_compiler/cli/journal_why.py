@@ -17,6 +17,7 @@ from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify.counterfactual import Counterfactual
+    from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.journal.mission_state import MissionState, NodeState
@@ -67,6 +68,10 @@ def _difference(place: Path, other_place: Path) -> "RunDifference | None":
 
     with closing(JournalFile.read(place)) as file, closing(JournalFile.read(other_place)) as other:
         return first_difference(_tree_entries(file), _tree_entries(other))
+
+
+class GoneTreeError(SarError):
+    """The tree that ran is not to be found."""
 
 
 class Otherwise(NamedTuple):
@@ -167,24 +172,42 @@ def what_would_have_succeeded(
         projects: Loads the tree.
         tree_file: Its file; by default the one that the run had.
     """
-    from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.verify.counterfactual import OtherTreeError, counterfactual
     from sar_compiler.tree.diagnostic import TreeError
 
-    about: Mapping[str, Any] = state.runs[-1].about
-    file, tree_id, facts = tree_file or about.get("tree_file"), about.get("tree_id"), about.get("facts") or {}
-    if file is None:
-        return Otherwise(reason="the journal does not say in which file the tree is; say --tree-file TREE")
-    path = Path(str(file))
-    if not path.is_file():
-        return Otherwise(reason=f"{path} is not there; say --tree-file TREE")
     try:
-        stage = projects.load_file(path).stage(tree_id, StartValues(state.parameters, facts))
-        found = counterfactual(stage.play().simulated, record, [each.name for each in state.nodes])
+        simulated = tree_that_ran(state, projects, tree_file)
+        found = counterfactual(simulated, record, [each.name for each in state.nodes])
+    except GoneTreeError as error:
+        return Otherwise(reason=f"{error}; say --tree-file TREE")
     except OtherTreeError:
+        path = tree_file or state.runs[-1].about.get("tree_file")
         return Otherwise(reason=f"{path} has another tree now; say --tree-file TREE")
     except TreeError as error:
+        path = tree_file or state.runs[-1].about.get("tree_file")
         return Otherwise(reason=f"{path} has mistakes now: {error.findings[0].message}")
     except SarError as error:
         return Otherwise(reason=str(error))
     return Otherwise(found, "" if found is not None else "no change of a few answers was found that does it")
+
+
+def tree_that_ran(
+    state: "MissionState", projects: "Workspace", tree_file: Path | None = None
+) -> "SimulatedTree":
+    """Return the tree of the last run of a mission as it is now, with stub leaves.
+
+    Raises:
+        GoneTreeError: If its file is not known, or not there.
+        TreeError: If it has mistakes.
+    """
+    from sar_compiler.checks.assumptions import StartValues
+
+    about: Mapping[str, Any] = state.runs[-1].about
+    file = tree_file or about.get("tree_file")
+    if file is None:
+        raise GoneTreeError("the journal does not say in which file the tree is")
+    path = Path(str(file))
+    if not path.is_file():
+        raise GoneTreeError(f"{path} is not there")
+    values = StartValues(state.parameters, about.get("facts") or {})
+    return projects.load_file(path).stage(about.get("tree_id"), values).play().simulated

@@ -8,21 +8,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
+from sar_compiler.cli.page_tools import LiveTools, journal_tools
 from sar_compiler.commands import print_error
 from sar_compiler.journal.journal_entries import ORDERED, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
-from sar_compiler.web.page_server import OrderGiver, PageServer
+from sar_compiler.web.page_server import OrderGiver, PageServer, Tools
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun, Verb
     from sar_compiler.missions.verb_calls import VerbCalls
     from sar_compiler.project import Workspace
+    from sar_compiler.ros.engine import Engine
 
 # How often journals of other processes are looked at, in seconds; they are written once a second.
 _LOOK_SEC = 0.5
@@ -36,12 +39,15 @@ class RunPage(Companion):
         journal: The run's journal.
         node: The run's node.
         mission: The mission, which says what the operator can order.
+        may_hold: Whether the page may hold the tree at breakpoints.
 
     Raises:
         PageError: If the port cannot be had.
     """
 
-    def __init__(self, port: int | None, journal: "Journal", node: "Node", mission: "MissionRun") -> None:
+    def __init__(
+        self, port: int | None, journal: "Journal", node: "Node", mission: "MissionRun", *, may_hold: bool
+    ) -> None:
         from sar_compiler.missions.verb_calls import VerbCalls
         from sar_compiler.ros.clock import NodeTime
 
@@ -52,25 +58,38 @@ class RunPage(Companion):
         # Its own, for it is read in the server's thread; the mission's says what becomes of it.
         clock = NodeTime(node)
 
+        def tell(text: str, held: str) -> None:
+            node.get_logger().warning(text)
+            journal.watch("breakpoint", text=held)
+
+        self._tools = LiveTools(tell, may_hold=may_hold)
+
         def beat() -> dict[str, object]:
+            self._tools.look()
             try:
                 return {"time": clock.now(), "verbs": [calls.available()]}
             except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
                 return {}
 
         robots, forms = [node.get_fully_qualified_name()], [[_form(verb) for verb in verbs]]
-        feed = LiveFeed({"robots": robots, "verbs": forms}, beat)
+        tools = self._tools.tools
+        feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
         for entry in journal.earlier():
             feed.take(entry)
         # Apart: a page on which nobody says why goes on.
-        for listener in (feed.take, _TellsWhy(feed).take):
+        for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
             journal.listen(listener)
-        self._server = PageServer(feed, port, _OwnOrders(calls))
+        self._server = PageServer(feed, port, _OwnOrders(calls), tools)
         self._server.start()
         print_error(f"The page of this run: {self._server.url}")
 
+    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
+        """Let the tree be asked."""
+        self._tools.begin(tree, engine)
+
     def end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is served from before that on
         """Serve it no more."""
+        self._tools.end()
         self._server.close()
 
 
@@ -105,7 +124,8 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
     from sar_compiler.web.replay import Replay
 
     replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())), add_displays)
-    with _serve(ReplayFeed(replay, {"robots": _names(paths)}), port) as server:
+    tools = journal_tools(paths)
+    with _serve(ReplayFeed(replay, {"robots": _names(paths), "tools": [*tools]}), port, tools) as server:
         server.wait()
 
 
@@ -120,10 +140,11 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
     from sar_compiler.journal.following import JournalFollower
 
     followers = [JournalFollower(path) for path in paths]
-    hello: dict[str, object] = {"robots": _names(paths)}
+    tools = journal_tools(paths)
+    hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
     feed = LiveFeed(hello, dict, len(paths))
     heard = [time.monotonic() for _ in paths]
-    with _serve(feed, port) as server:
+    with _serve(feed, port, tools) as server:
         while not server.wait(_LOOK_SEC):
             for robot, follower in enumerate(followers):
                 # Between two looks, in this thread: it takes away the locks of whoever reads the file in this process.
@@ -168,8 +189,8 @@ class _TellsWhy:
 
 
 @contextmanager
-def _serve(feed: "LiveFeed | ReplayFeed", port: int | None) -> Iterator[PageServer]:
-    with closing(PageServer(feed, port)) as server:
+def _serve(feed: "LiveFeed | ReplayFeed", port: int | None, tools: Tools) -> Iterator[PageServer]:
+    with closing(PageServer(feed, port, tools=tools)) as server:
         server.start()
         print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)
         yield server

@@ -33,7 +33,7 @@ from sar_compiler.journal.situation import (
 RUNNING, SUCCESS, FAILURE, HALTED = "RUNNING", "SUCCESS", "FAILURE", "HALTED"
 _RESTING = ("IDLE", HALTED)
 _WARN = 30
-_OF_PHASE = (RUN_BEGAN, RUN_ENDED, GOAL_ENDED, CHANGED, "progress", "lacks")
+_OF_PHASE = (RUN_BEGAN, RUN_ENDED, GOAL_ENDED, CHANGED, "progress", "lacks", "breakpoint")
 
 
 class Instant(NamedTuple):
@@ -221,6 +221,7 @@ class MissionState:
         plan: The way that it is about to drive, as x and y in the frame `map`, metres.
         drive: What is left of the drive that is under way; None if none is.
         lacks: Why the robot cannot drive, in words; empty if it can.
+        breakpoint: Where the tree is held by a breakpoint, in words; empty if it is not.
         battery: What is left in the battery, as the robot says; None if it does not.
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
             `height` in cells, and the image `png`; empty if there is none.
@@ -247,7 +248,7 @@ class MissionState:
         self.trail: list[RobotPose] = []
         self.plan: list[tuple[float, float]] = []
         self.drive: DriveLeft | None = None
-        self.lacks = ""
+        self.lacks = self.breakpoint = ""
         self.battery: Gauge | None = None
         self.map: Mapping[str, Any] = {}
         self.warnings: list[Told] = []
@@ -306,6 +307,8 @@ class MissionState:
     def phase(self) -> MissionPhase:
         """The phase, as long as its run has not ended: what it says itself, what holds it up, or whether it drives."""
         told = self.situation.phase
+        if self.breakpoint:
+            return told._replace(name="waiting", reason=self.breakpoint)
         if told.name:
             return told
         if self.lacks:
@@ -350,7 +353,7 @@ class MissionState:
 
     def _run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
-        self.drive, self.plan, self.tick, self.lacks = None, [], 0, ""
+        self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
         self.finished = {}
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
@@ -390,6 +393,9 @@ class MissionState:
 
     def _lacks(self, text: str) -> None:
         self.lacks = str(text)
+
+    def _breakpoint(self, text: str) -> None:
+        self.breakpoint = str(text)
 
     def _battery(self, share: float) -> None:
         """A mission that has a gauge of this name says it itself."""
@@ -441,6 +447,7 @@ class MissionState:
         "plan": _plan,
         "progress": _progress,
         "lacks": _lacks,
+        "breakpoint": _breakpoint,
         "battery": _battery,
         "map": _map,
         "log": _log,

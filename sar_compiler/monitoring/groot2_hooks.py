@@ -90,8 +90,10 @@ class Groot2Hooks:
         reached: Called with each hook that a tick comes to, in the thread that ticks.
         tell: Told in words what hooks do, in the thread that ticks.
         patience_sec: Without a request for so many seconds of the steady clock, nobody is there, and no hook does anything.
+        who: Whose hooks they are, in words.
 
     Attributes:
+        held: The hook at which a tick waits; None if none does.
         wake: Has the tree ticked soon, in its own thread; called from the other one.
     """
 
@@ -101,8 +103,10 @@ class Groot2Hooks:
         reached: Callable[[Hook], object],
         tell: Callable[[str], object],
         patience_sec: float,
+        who: str = "Groot2",
     ) -> None:
-        self._tree = tree
+        self._tree, self._who = tree, who
+        self.held: Hook | None = None
         self.wake: Callable[[], object] = lambda: None
         self._reached, self._tell = reached, tell
         self._patience_sec = patience_sec
@@ -126,11 +130,15 @@ class Groot2Hooks:
         name = self._tree.nodes[uid - 1].name
         self._reached(hook)
         if hook.holds:
+            self.held = hook
             self._tell(
-                f"Groot2 holds the tree {position.name.lower()} '{name}': it is not ticked until it goes on"
+                f"{self._who} holds the tree {position.name.lower()} '{name}': it is not ticked until it goes on"
             )
-            while hook.holds and self._hooks.get((position, uid)) is hook:
-                yield
+            try:
+                while hook.holds and self._hooks.get((position, uid)) is hook:
+                    yield
+            finally:
+                self.held = None
             self._tell("the tree is ticked again")
         return self._leave(hook, name)
 
@@ -147,7 +155,7 @@ class Groot2Hooks:
             return SKIPPED
         if hook.mode is HookMode.BREAKPOINT or hook.told != hook.outcome:
             hook.told = hook.outcome
-            self._tell(f"Groot2 overrides the outcome of '{name}' with {WORDS[hook.outcome]}")
+            self._tell(f"{self._who} overrides the outcome of '{name}' with {WORDS[hook.outcome]}")
         return hook.outcome
 
     def heard(self) -> None:

@@ -27,6 +27,7 @@ _PASSED_OVER = (
     "map",
     "progress",
     "lacks",
+    "breakpoint",
     "battery",
     "log",
 )

@@ -25,13 +25,15 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sar_compiler.errors import SarError
-from sar_compiler.web.feed import Feed, ReplayFeed
+from sar_compiler.web.feed import Feed, ReplayFeed, as_json
 
 # Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
 _LONGEST_ORDER, _LONGEST_NAME = 10_000, 60
 # How long an order may take, in seconds; the page waits somewhat longer (`orders.js`).
 _ANSWER_SEC = 10.0
+
+_ONLY_LOOKS = "this page may only look: open the address that the run has printed"
 
 _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 _HEADERS = {
@@ -78,13 +80,30 @@ class Orders(Protocol):
         """
 
 
-def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
-    """Return the application: the page, its events, and the orders.
+class Tool(NamedTuple):
+    """What an engineer can ask of a run on the page.
+
+    Attributes:
+        ask: Returns the answer as JSON values, in a thread of its own; raises a `SarError` for what cannot be.
+        is_free: Whether anybody may ask it, because it changes nothing; else the token is needed.
+    """
+
+    ask: Callable[[Mapping[str, Any]], object]
+    is_free: bool = True
+
+
+Tools = Mapping[str, Tool]
+"""The tools of a page, by their names."""
+
+
+def page_app(feed: Feed, token: str, orders: Orders | None = None, tools: Tools | None = None) -> ASGIApp:
+    """Return the application: the page, its events, the orders, and the tools.
 
     Args:
         feed: What the page is told.
         token: What whoever gives orders must know.
         orders: Who carries them out; None if nobody does.
+        tools: What can be asked.
     """
     static = {path.name: path.read_bytes() for path in files(__package__).joinpath("static").iterdir()}
 
@@ -103,30 +122,60 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None) -> ASGIApp:
     async def events(_: Request) -> Response:
         return StreamingResponse(feed.stream(), media_type="text/event-stream")
 
-    async def order(request: Request) -> Response:
-        if orders is None:
-            raise HTTPException(404)
-        given = request.headers.get("authorization", "")
-        if not compare_digest(given.encode(), f"Bearer {token}".encode()):
-            return _answer(403, "this page may only look: open the address that the run has printed")
-        values = await _values(request)
-        try:
-            robot = int(request.query_params.get("robot", 0))
-        except ValueError:
-            raise HTTPException(400) from None
-        by = unquote(request.headers.get("x-operator", ""))[:_LONGEST_NAME]
-        giver = OrderGiver("".join(filter(str.isprintable, by)).strip(), robot)
-        return await _give_order(orders, request.path_params["verb"], values, giver)
-
     routes = [
         Route("/", page("operator.html")),
         Route("/tree", page("tree.html")),
         Route("/static/{name}", file),
         Route("/events", events),
         Route("/moment", partial(_moment, feed)),
-        Route("/orders/{verb}", order, methods=["POST"]),
+        Route("/orders/{verb}", partial(_order, orders, token), methods=["POST"]),
+        Route("/tools/{tool}", partial(_ask, tools or {}, token), methods=["POST"]),
     ]
     return _guard(Starlette(routes=routes, exception_handlers={HTTPException: _refuse}))
+
+
+def _knows(token: str, request: Request) -> bool:
+    """Return whether whoever requests something knows the token."""
+    given = request.headers.get("authorization", "")
+    return compare_digest(given.encode(), f"Bearer {token}".encode())
+
+
+async def _order(orders: Orders | None, token: str, request: Request) -> Response:
+    """Give an order, and return the answer to it.
+
+    Raises:
+        HTTPException: If nobody carries out orders, or it is none.
+    """
+    if orders is None:
+        raise HTTPException(404)
+    if not _knows(token, request):
+        return _answer(403, _ONLY_LOOKS)
+    values = await _values(request)
+    try:
+        robot = int(request.query_params.get("robot", 0))
+    except ValueError:
+        raise HTTPException(400) from None
+    by = unquote(request.headers.get("x-operator", ""))[:_LONGEST_NAME]
+    giver = OrderGiver("".join(filter(str.isprintable, by)).strip(), robot)
+    return await _give_order(orders, request.path_params["verb"], values, giver)
+
+
+async def _ask(tools: Tools, token: str, request: Request) -> Response:
+    """Return the answer of a tool.
+
+    Raises:
+        HTTPException: If there is none, or what it is asked is no JSON object.
+    """
+    tool = tools.get(request.path_params["tool"])
+    if tool is None:
+        raise HTTPException(404)
+    if not (tool.is_free or _knows(token, request)):
+        return PlainTextResponse(_ONLY_LOOKS, 403)
+    values = await _values(request)
+    try:
+        return Response(as_json(await asyncio.to_thread(tool.ask, values)), media_type="application/json")
+    except SarError as error:
+        return PlainTextResponse(str(error), 409)
 
 
 async def _moment(feed: Feed, request: Request) -> Response:
@@ -286,6 +335,7 @@ class PageServer:
         feed: What the page is told.
         port: The port; None for the usual one, or any that is free if that is taken; 0 for any that is free.
         orders: Who carries out the operator's orders; None if nobody does.
+        tools: What an engineer can ask.
 
     Attributes:
         port: The port that it has.
@@ -295,13 +345,19 @@ class PageServer:
         PageError: If there is no such port to have.
     """
 
-    def __init__(self, feed: Feed, port: int | None = None, orders: Orders | None = None) -> None:
+    def __init__(
+        self,
+        feed: Feed,
+        port: int | None = None,
+        orders: Orders | None = None,
+        tools: Tools | None = None,
+    ) -> None:
         self.token = secrets.token_urlsafe(16)
         self._feed = feed
         self._socket = _bind(port)
         self.port: int = self._socket.getsockname()[1]
         config = uvicorn.Config(
-            page_app(feed, self.token, orders),
+            page_app(feed, self.token, orders, tools),
             loop="asyncio",
             http=_Protocol,
             backlog=_BACKLOG,
@@ -314,14 +370,14 @@ class PageServer:
             timeout_graceful_shutdown=1,
         )
         self._server = uvicorn.Server(config)
-        self._has_orders = orders is not None
+        self._is_secret = orders is not None or not all(tool.is_free for tool in (tools or {}).values())
         self._told = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="page", daemon=True)
 
     @property
     def url(self) -> str:
         """The address to open; the browser sends what follows the # with orders only."""
-        return f"http://{_ADDRESS}:{self.port}/{f'#{self.token}' if self._has_orders else ''}"
+        return f"http://{_ADDRESS}:{self.port}/{f'#{self.token}' if self._is_secret else ''}"
 
     def start(self) -> None:
         """Begin to serve."""

@@ -382,6 +382,7 @@ class PageState:
         "plan": ("plan",),
         "progress": ("drive", "condition", "estimate"),
         "lacks": ("condition",),
+        "breakpoint": ("condition",),
         "battery": ("gauges",),
         "map": ("map",),
     }

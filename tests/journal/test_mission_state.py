@@ -116,6 +116,7 @@ def test_a_fact_is_told_in_the_words_of_its_mission():
 
 
 DRIVES = ("progress", {"target": "a", "distance": 3.2, "time_left": 8.0})
+STUCK = ("breakpoint", {"text": "held before a"})
 LOST = ("lacks", {"text": "no localisation"})
 HELD = changed(phase={"name": "held", "reason": "by the operator", "place": "a"})
 
@@ -127,6 +128,8 @@ HELD = changed(phase={"name": "held", "reason": "by the operator", "place": "a"}
         ([DRIVES], "driving", ""),
         ([DRIVES, LOST], "waiting", "no localisation"),
         ([DRIVES, LOST, HELD], "held", "by the operator"),
+        ([HELD, STUCK], "waiting", "held before a"),
+        ([STUCK, ("breakpoint", {"text": ""})], "working", ""),
         ([("run_ended", {"ending": "failed", "status": 1, "reason": "no"}), BEGAN], "working", ""),
     ],
 )

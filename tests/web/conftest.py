@@ -108,14 +108,14 @@ class Patrol:
 class Live:
     """A run that a test is: a journal that nobody keeps, and its page."""
 
-    def __init__(self, orders=None, verbs=(), port=0):
+    def __init__(self, orders=None, verbs=(), port=0, tools=None):
         self.journal = Journal()
         self.journal.attach(Patrol(), KINDS)
         self.verbs = list(verbs)
-        hello: dict[str, object] = {"verbs": [self.verbs]}
+        hello: dict[str, object] = {"verbs": [self.verbs], "tools": [*(tools or ())]}
         self.feed = LiveFeed(hello, lambda: {"verbs": [[verb["name"] for verb in self.verbs]]})
         self.journal.listen(self.feed.take)
-        self.server = PageServer(self.feed, port, orders)
+        self.server = PageServer(self.feed, port, orders, tools)
         self.server.start()
 
     def begin(self, about=ABOUT):

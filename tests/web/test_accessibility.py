@@ -16,6 +16,7 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.views.report_html import html_report
 from tests.web.conftest import ABOUT, KINDS, Patrol
 from tests.web.flown import SCENES
+from tests.web.test_page import Asked
 from tests.web.test_page_server import Operator
 
 pytestmark = pytest.mark.unmeasured
@@ -42,7 +43,7 @@ def told(live):
     """Begin a run that is at a scene; return it."""
 
     def begin(scene):
-        run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS])
+        run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS], tools=Asked().tools)
         run.journal.clock = ManualClock(100.0)
         run.journal.listen(_TellsWhy(run.feed).take)
         run.begin()
@@ -154,7 +155,7 @@ def test_everything_that_can_be_clicked_is_reached_by_tab(told, browser, page):
     while (at := tab(browser)) and len(reached) < 3 * wanted:
         reached.append(at)
     focusable = browser.js(
-        "return document.querySelectorAll('#map, #log, #tree, #details, #places[tabindex]').length"
+        "return document.querySelectorAll('#map, #log, #tree, #chosen, #places[tabindex]').length"
     )
     assert wanted <= len(reached) <= wanted + focusable, reached
 

@@ -9,12 +9,13 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.cli.run_page import _form, _TellsWhy
+from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import ReplayFeed, as_json
-from sar_compiler.web.page_server import PageServer
+from sar_compiler.web.page_server import PageServer, Tool
 from sar_compiler.web.page_state import PageState
 from sar_compiler.web.replay import Replay
 from tests.processes import free_port
@@ -308,6 +309,99 @@ def test_the_tree_is_walked_and_folded_by_keyboard(live, browser):
     assert (
         browser.js("return document.getElementById('tree').getAttribute('aria-activedescendant')") == "node2"
     )
+
+
+class Asked:
+    """The tools of a run that answer what they are told to, and remember what they were asked."""
+
+    def __init__(self):
+        self.nodes, self.held, self.seen = set(), None, []
+
+    def breakpoints(self, values):
+        if "node" in values:
+            (self.nodes.add if values["is_set"] else self.nodes.discard)(values["node"])
+        if values.get("goes_on"):
+            self.held = None
+        return {"nodes": [*self.nodes], "held": self.held}
+
+    def otherwise(self, values):
+        self.seen.append(values)
+        if values["node"] == 2:
+            message = "the tree has another shape now"
+            raise SarError(message)
+        return [
+            {
+                "instead": {"status": "FAILURE", "label": "aborted"},
+                "then": ["Search FAILURE"],
+                "root": "FAILURE",
+            }
+        ]
+
+    def entries(self, _):
+        return [
+            {"scope": "", "entries": [{"key": "goal", "value": "'east'", "type": "str", "writes": 2}]},
+            {"scope": "Reach", "entries": [{"key": "left", "value": None, "type": "", "writes": 0}]},
+        ]
+
+    @property
+    def tools(self):
+        return {
+            "entries": Tool(self.entries),
+            "breakpoints": Tool(self.breakpoints, is_free=False),
+            "otherwise": Tool(self.otherwise),
+        }
+
+
+@pytest.fixture
+def asked(live, browser):
+    """Open the engineer's page of a run that can be asked; return what is asked of it."""
+    asked = Asked()
+    run = live(orders=Operator(), tools=asked.tools).begin()
+    run.status(1, "RUNNING", tick=1)
+    run.status(1, "SUCCESS", tick=7)
+    run.status(2, "RUNNING", tick=7)
+    browser.open(tree_of(run.server))
+    return asked
+
+
+def test_a_breakpoint_is_set_at_the_chosen_node_and_the_node_that_is_held_is_chosen(asked, browser):
+    browser.click("#tree [data-id='1']")
+    browser.click("#tools button[aria-pressed]")
+    browser.wait(lambda: any("breakpoint" in row for row in browser.rows()), "a row with a breakpoint")
+    assert asked.nodes == {1}
+    asked.held = 2
+    browser.wait_for("#details", "nodeSearch")
+    browser.click("#tools button:nth-child(2)")
+    browser.wait(lambda: asked.held is None, "the order to go on")
+    browser.wait(
+        lambda: browser.js("return document.querySelector('#tools button:nth-child(2)').hidden"), "its end"
+    )
+
+
+def test_who_has_no_token_sets_no_breakpoint(asked, browser):
+    browser.open(browser.driver.current_url.partition("#")[0])
+    browser.click("#tree [data-id='1']")
+    browser.wait_for("#details", "nodeDrive")
+    assert not browser.driver.find_element("css selector", "#tools button[aria-pressed]").is_displayed()
+
+
+def test_what_another_answer_would_have_led_to_is_asked_of_a_leaf(asked, browser):
+    button = "#tools button:nth-child(3)"
+    assert not browser.driver.find_element("css selector", button).is_displayed()
+    browser.click("#tree [data-id='1']")
+    browser.click(button)
+    browser.wait_for("#otherwise", "FAILURE (aborted): Search FAILURE, the root FAILURE")
+    assert asked.seen == [{"node": 1, "tick": 7, "run": 1, "robot": 0}]
+    browser.click("#tree [data-id='2']")
+    browser.wait(lambda: browser.text("#otherwise") == "", "nothing of the leaf before")
+    browser.allow("409")
+    browser.click(button)
+    browser.wait_for("#otherwise", "That is not known: the tree has another shape now")
+
+
+def test_the_blackboard_is_shown_where_somebody_opens_it(asked, browser):
+    browser.click("#board summary")
+    browser.wait_for("#board", "goal'east'str").wait_for("#board", "Reach/leftnot written")
 
 
 def mouse(browser, kind, x, y, **said):

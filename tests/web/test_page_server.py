@@ -18,7 +18,7 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.web import feed as feed_module
 from sar_compiler.web import page_server
 from sar_compiler.web.feed import ReplayFeed
-from sar_compiler.web.page_server import PORT, PageError, PageServer
+from sar_compiler.web.page_server import PORT, PageError, PageServer, Tool
 from sar_compiler.web.replay import Replay
 from tests.waiting import SILENCE_SEC, News
 from tests.web.folding import folded
@@ -69,6 +69,25 @@ def known(found):
 def lines(found):
     """Return what the log says after events."""
     return [line[-1] for line in known(found).get("log", ())]
+
+
+def test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_not(live):
+    tools = {"look": Tool(lambda values: {"seen": values}), "set": Tool(lambda _: 1, is_free=False)}
+    run = live(tools=tools)
+    assert "#" in run.server.url
+    known = {"Authorization": f"Bearer {run.server.token}"}
+
+    def ask(name, body="{}", content="application/json", **headers):
+        status, text, _ = run.ask(f"/tools/{name}", "POST", body, Content_Type=content, **headers)
+        return status, text
+
+    assert ask("look", '{"a": 1}') == (200, '{"seen":{"a":1}}')
+    assert ask("set")[0] == 403
+    assert ask("set", **known) == (200, "1")
+    assert ask("nothing", **known)[0] == 404
+    assert ask("look", "[]")[0] == 400
+    assert ask("look", content="text/plain")[0] == 415
+    assert ask("look", Origin="http://elsewhere")[0] == 403
 
 
 def test_the_page_is_served_with_a_policy_that_lets_nothing_else_in(live):

@@ -1,4 +1,4 @@
-"""The smallest change of answers with which a run that was recorded would have succeeded.
+"""The smallest change of answers with which a run that was recorded would have succeeded, and what another answer would have led to.
 
 The run is found again among all runs of the tree, tick by tick: that leaves out when timers were up and what a leaf has meant
 by a status, which a record does not say. From the last tick backwards, it is then let go on otherwise.
@@ -21,6 +21,8 @@ _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
 # Answers other than the usual ones after the change, and ticks that are tried, times the nodes of the tree: some seconds.
 _MOST_UNUSUAL = 2
 _MOST_TICKED = 2_000_000
+# Ticks that are followed after another answer.
+_MOST_FOLLOWED = 12
 # Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
 _NEVER = 1 << 30
 
@@ -43,6 +45,22 @@ class Counterfactual(NamedTuple):
     instead: Event
     then: tuple[Event, ...]
     unusual: int
+
+
+class Consequence(NamedTuple):
+    """What would have followed from another answer of a leaf.
+
+    Attributes:
+        was: What the leaf has come to.
+        instead: What it answers instead.
+        then: What leaves answer after that, as usual where they can, those that go on running left out.
+        root: What the root comes to: RUNNING, where the tree goes on beyond what was tried.
+    """
+
+    was: Event
+    instead: Event
+    then: tuple[Event, ...]
+    root: str
 
 
 class NotReplayedError(UndecidableError):
@@ -71,9 +89,7 @@ def counterfactual(
         UndecidableError: If the tree's runs cannot be gone through, or the record is none of them.
         OtherTreeError: If the tree has nodes other than those that ran.
     """
-    runs = _Runs(simulated)
-    if runs.names != list(names):
-        raise OtherTreeError("the tree has nodes other than those that ran")
+    runs = _runs_of(simulated, names)
     # What could have been otherwise in a tick is a question of its ways: of ticks with the same ones, the latest is asked.
     moments: dict[int, _FoundTick] = {}
     for moment in reversed(_replayed(runs, record)):
@@ -89,6 +105,50 @@ def counterfactual(
                     moment.number, moment.time_sec, change.was, change.instead, ended, unusual
                 )
     return None
+
+
+class Retrospect:
+    """What a tree would have done in a run, had a leaf answered otherwise; one question after the other.
+
+    Args:
+        simulated: The tree with stub leaves; it is used up.
+        names: The names of the nodes that ran, in pre-order.
+
+    Raises:
+        UndecidableError: If the tree's runs cannot be gone through.
+        OtherTreeError: If the tree has nodes other than those that ran.
+    """
+
+    def __init__(self, simulated: SimulatedTree, names: Sequence[str]) -> None:
+        self._runs = _runs_of(simulated, names)
+
+    def consequences(self, record: Iterable[Event], leaf: int) -> list[Consequence]:
+        """Return what would have followed from each other answer of a leaf in the last tick of a record.
+
+        Args:
+            record: The run up to that tick.
+            leaf: The leaf's number.
+
+        Raises:
+            UndecidableError: If the record is none of the tree's runs.
+        """
+        self._runs.renew()
+        moments = _replayed(self._runs, record)
+        found: dict[str, _OtherAnswer] = {}
+        for change in moments[-1].changes(self._runs) if moments else ():
+            if change.was.number != leaf:
+                continue
+            known = found.setdefault(change.instead.answer, change)
+            if change.unusual < known.unusual:
+                found[change.instead.answer] = change
+        return [self._runs.followed(change) for change in found.values()]
+
+
+def _runs_of(simulated: SimulatedTree, names: Sequence[str]) -> "_Runs":
+    runs = _Runs(simulated)
+    if runs.names != list(names):
+        raise OtherTreeError("the tree has nodes other than those that ran")
+    return runs
 
 
 def _ticks(record: Iterable[Event]) -> Iterator[list[Event]]:
@@ -196,6 +256,10 @@ class _Runs:
         self.leaves = {leaf.number for leaf in simulated.leaves}
         self._known: dict[bytes, list[_Way]] = {}
         self._hopeless: dict[bytes, int] = {}
+        self.renew()
+
+    def renew(self) -> None:
+        """Have as many ticks tried anew as may be."""
         self._left = _MOST_TICKED // len(self.names)
 
     @property
@@ -225,6 +289,18 @@ class _Runs:
                 break
         known = self._known[state] = list(found)
         return known
+
+    def followed(self, change: _OtherAnswer) -> Consequence:
+        """Return what follows from another answer: some ticks as usual, at most until the tree has ended."""
+        way, answers = change.way, list(change.way.answers[change.place + 1 :])
+        for _ in range(_MOST_FOLLOWED):
+            ways = self.ways(way.state) if way.root == _RUNNING else []
+            if not ways:
+                break
+            way = min(ways, key=lambda each: sum(each.unusual))
+            answers += way.answers
+        then = tuple(answer for answer in answers if answer.status != _RUNNING)
+        return Consequence(change.was, change.instead, then, way.root)
 
     def way_to_success(self, way: _Way, most: int) -> list[_Way] | None:
         """Return the ticks after one up to a success of the root, the fewest; None if there are none.

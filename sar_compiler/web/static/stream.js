@@ -20,6 +20,8 @@ export class Stream {
     // The verbs of each robot, and those of them that are heeded just now.
     this.verbs = [];
     this.available = [];
+    // The names of the tools of an engineer.
+    this.tools = [];
     // How long a replay is, in seconds; null for live runs.
     this.end = null;
     // Whether there is something to show.
@@ -81,13 +83,14 @@ export class Stream {
     });
   }
 
-  hello({ mode, robots, verbs, end }) {
+  hello({ mode, robots, verbs, tools, end }) {
     // Whatever was known is told again: by the same run, or by another one that has taken its place.
     const name = this.names[this.chosen];
     this.names = robots ?? ["run"];
     this.runs = this.names.map(() => new Run());
     this.chosen = Math.max(0, this.names.indexOf(name));
     this.verbs = verbs ?? [];
+    this.tools = tools ?? [];
     this.available = [];
     this.moment = 0;
     // One that a server that is gone has left open.

@@ -10,6 +10,7 @@ import { PlacesView } from "./places_view.js";
 import { ReplayBar } from "./replay_bar.js";
 import { badge, duration, html, say, svg } from "./shapes.js";
 import { Stream, drawer } from "./stream.js";
+import { Tools } from "./tools.js";
 import { TreeView } from "./tree_view.js";
 import { WhyView } from "./why_view.js";
 
@@ -18,7 +19,10 @@ const SHOWN = 6;
 const at = (id) => document.getElementById(id);
 
 const stream = new Stream({ begin, change: drawer(show) });
-const tree = new TreeView(at("tree"), () => showDetails(at("details"), stream.run, tree.chosen));
+const tree = new TreeView(at("tree"), () => {
+  showDetails(at("details"), stream.run, tree.chosen);
+  tools.show();
+});
 const map = new MapView(at("map"));
 const places = new PlacesView(at("places"));
 const log = new LogView(at("log"));
@@ -28,6 +32,7 @@ const why = new WhyView(at("why"), (id) => {
   look("tree");
   tree.select(id);
 });
+const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise") }, stream, tree);
 const orders = new Orders(at("orders"), stream, (answer) => {
   look("map");
   map.pick(answer);
@@ -35,6 +40,7 @@ const orders = new Orders(at("orders"), stream, (answer) => {
 
 function begin() {
   orders.again();
+  tools.again();
   replay.begin();
   at("other").href = `./${location.hash}`;
 }
@@ -59,6 +65,7 @@ function show() {
   log.show(run);
   why.show(run);
   showDetails(at("details"), run, tree.chosen);
+  tools.show();
   if (stream.isReplay) replay.show();
   document.body.classList.add("ready");
 }
@@ -137,7 +144,7 @@ at("search").addEventListener("keydown", (event) => {
 });
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape" && map.picking) map.picked(null);
-  if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea, a") || orders.isOpen) return;
+  if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea, summary, a") || orders.isOpen) return;
   if (event.key === "/") {
     look("tree");
     at("search").focus();

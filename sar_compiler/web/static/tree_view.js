@@ -19,6 +19,8 @@ export class TreeView {
     this.chosen = 0;
     this.follows = true;
     this.wanted = "";
+    // The nodes with breakpoints.
+    this.breaks = new Set();
     this.drawn = new Map();
     this.canvas = svg("svg", { role: "presentation" });
     place.append(this.canvas);
@@ -145,7 +147,7 @@ export class TreeView {
     const isFolded = this.folded.has(id) && !this.wanted;
     const message = former ? "" : state.message;
     const age = state.status && !former ? duration(this.run.time - state.since) : "";
-    const key = [row, width, this.indent, isFolded, former, state.status, message, age, id === this.chosen, node.name].join("\n");
+    const key = [row, width, this.indent, isFolded, former, state.status, message, age, id === this.chosen, this.breaks.has(id), node.name].join("\n");
     const known = this.drawn.get(id);
     if (known?.key === key) return known;
     const group = known?.element ?? svg("g", { id: `node${id}`, role: "treeitem", "data-id": id }, svg("rect", { class: "ground hit", height: ROW }));
@@ -159,7 +161,7 @@ export class TreeView {
       "aria-level": node.depth + 1, "aria-posinset": node.place + 1,
       "aria-setsize": this.nodes[node.parent]?.children.length ?? 1, "aria-selected": String(id === this.chosen),
       "aria-expanded": node.children.length ? String(!isFolded) : undefined,
-      "aria-label": `${node.name}, ${node.cls}, ${former && state.status ? `earlier ${state.status}` : state.status || "not ticked"}${message ? `, ${message}` : ""}`,
+      "aria-label": `${node.name}, ${node.cls}, ${former && state.status ? `earlier ${state.status}` : state.status || "not ticked"}${this.breaks.has(id) ? ", breakpoint" : ""}${message ? `, ${message}` : ""}`,
     });
     group.append(this.lines(node, x));
     if (node.children.length) group.append(svg("path", { class: "twist", d: isFolded ? "M0 -4 L5 0 L0 4 Z" : "M-1 -2.5 H7 L3 3 Z", transform: `translate(${x} ${ROW / 2})` }));
@@ -169,6 +171,7 @@ export class TreeView {
     if (message) name.append(svg("tspan", { class: "message", dx: 10 }, message));
     if (isFolded) name.append(svg("tspan", { class: "message", dx: 8 }, `+${node.count - 1}`));
     group.append(sign, name);
+    if (this.breaks.has(id)) group.append(svg("circle", { class: "break", cx: 6, cy: ROW / 2, r: 5 }));
     if (age) {
       const wide = 8 + 6.6 * age.length;
       group.append(svg("rect", { class: "ground age", x: width - wide, width: wide, height: ROW }));

@@ -7,6 +7,7 @@ import pytest
 from sar_compiler.checks.verify.counterfactual import (
     NotReplayedError,
     OtherTreeError,
+    Retrospect,
     counterfactual,
 )
 from sar_compiler.errors import UndecidableError
@@ -14,6 +15,7 @@ from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import ANSWERED, Event, with_end
+from sar_compiler.runtime.walking import pre_order
 from tests.chance import rounds
 from tests.trees import document
 from tests.views.flown import REGISTRY, Said, flown, injected, simulated
@@ -124,6 +126,34 @@ def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
     record = [event for number in range(1, 9) for event in tick(number, 0.0, "RUNNING", {0: "RUNNING"})]
     with pytest.raises(UndecidableError, match="too many runs"):
         counterfactual(simulated(path), [*record, *tick(9, 0.0, "FAILURE", {0: "FAILURE"})], ["one"])
+
+
+def led_to(path, body, record, leaf, registry=REGISTRY):
+    """Return what other answers of a leaf would have led to in the last tick of a record, with the names of nodes."""
+    path.write_text(document(body), encoding="utf-8")
+    tree = simulated(path, registry)
+    names = [each.name for each in pre_order(tree.root)]
+    retrospect = Retrospect(tree, names)
+    found = retrospect.consequences(record, leaf)
+    # Each question is one of its own.
+    assert retrospect.consequences(record, leaf) == found
+    return {
+        each.instead.label or each.instead.status: (
+            [f"{names[answer.number]} {answer.status}" for answer in each.then],
+            each.root,
+        )
+        for each in found
+    }
+
+
+def test_what_another_answer_would_have_led_to_is_told_of_each(path):
+    body = '<Fallback name="any"><A name="one"/><A name="two"/></Fallback>'
+    record = [*tick(1, 0.0, "RUNNING", {1: "RUNNING"}), *tick(2, 0.1, "SUCCESS", {1: "SUCCESS"})]
+    assert led_to(path, body, record, 1) == {
+        "RUNNING": (["one SUCCESS"], "SUCCESS"),
+        "FAILURE": (["two SUCCESS"], "SUCCESS"),
+    }
+    assert led_to(path, body, record, 2) == {}
 
 
 RUNS = rounds(25)

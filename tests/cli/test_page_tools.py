@@ -1,0 +1,139 @@
+"""What engineers can ask of a run on its page, beside what they are told."""
+
+from typing import Any
+
+import pytest
+
+from sar_compiler.cli.page_tools import LiveTools, ToolError, journal_tools
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.runtime.hooked_tick import hooked_tick
+from sar_compiler.runtime.kernel.live import LiveTree
+from sar_compiler.testing import compiled
+from tests.trees import document
+from tests.views.flown import Said, flown, simulated
+
+BODY = '<Sequence name="all"><Script name="write" code="goal := 3"/><AlwaysSuccess name="end"/></Sequence>'
+
+
+class Engine:
+    """What ticks a tree, and can be held."""
+
+    def __init__(self, root):
+        self._live = LiveTree(root)
+        self._hooks: Any = None
+        self.woken = 0
+
+    def hook(self, hooks):
+        self._hooks = hooks
+
+    def wake(self):
+        self.woken += 1
+
+    def tick(self):
+        """Return a tick, which yields where it is held."""
+        return hooked_tick(self._live, self._hooks, [])
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Return the tools of a run with what ticks its tree, and what breakpoints have said."""
+    path = tmp_path / "tree.xml"
+    path.write_text(document(BODY), encoding="utf-8")
+    tree = compiled(path)
+    said = []
+    tools = LiveTools(lambda *each: said.append(each), may_hold=True)
+    engine: Any = Engine(tree.root)
+    tools.begin(tree, engine)
+    return tools, engine, said
+
+
+def ask(tools, tool, **values):
+    return tools.tools[tool].ask(values)
+
+
+def test_a_breakpoint_holds_the_tree_before_its_node_until_somebody_goes_on(run):
+    tools, engine, said = run
+    assert ask(tools, "breakpoints", node=2, is_set=True) == {"nodes": [2], "held": None}
+    tick = engine.tick()
+    next(tick)
+    assert ask(tools, "breakpoints") == {"nodes": [2], "held": 2}
+    assert said[-1][1] == "The tree is held at a breakpoint before 'end'."
+    assert ask(tools, "breakpoints", goes_on=True) == {"nodes": [2], "held": None}
+    assert [*tick] == []
+    assert said[-1][1] == ""
+    assert engine.woken == 2
+
+
+def test_a_breakpoint_that_is_taken_away_holds_nothing(run):
+    tools, engine, _ = run
+    ask(tools, "breakpoints", node=1, is_set=True)
+    tick = engine.tick()
+    next(tick)
+    assert ask(tools, "breakpoints", node=1, is_set=False) == {"nodes": [], "held": 1}
+    assert [*tick] == []
+
+
+def test_nobody_is_held_once_nobody_looks(run):
+    tools, engine, _ = run
+    tools._hooks._patience_sec = -1.0
+    ask(tools, "breakpoints", node=1, is_set=True)
+    tick = engine.tick()
+    next(tick)
+    tools.look()
+    assert [*tick] == []
+
+
+@pytest.mark.parametrize("node", [3, -1, "1", None])
+def test_what_is_no_node_is_not_held(run, node):
+    with pytest.raises(ToolError, match="no node"):
+        ask(run[0], "breakpoints", node=node, is_set=True)
+
+
+def test_a_tree_that_others_hold_is_not_held_by_the_page(run):
+    tools, _, _ = run
+    tools._may_hold = False
+    with pytest.raises(ToolError, match="not held here"):
+        ask(tools, "breakpoints", node=1, is_set=True)
+
+
+def test_the_blackboard_has_each_scope_with_its_entries(run):
+    tools, engine, _ = run
+    engine.hook(tools._hooks)
+    assert [*engine.tick()] == []
+    assert ask(tools, "entries") == [
+        {"scope": "", "entries": [{"key": "goal", "value": "3", "type": "int", "writes": 1}]}
+    ]
+
+
+def test_before_there_is_a_tree_nothing_can_be_asked():
+    tools = LiveTools(lambda *_: None, may_hold=True)
+    for tool in ("entries", "breakpoints"):
+        with pytest.raises(ToolError, match="not made yet"):
+            ask(tools, tool)
+
+
+def test_a_journal_is_asked_what_another_answer_would_have_led_to(tmp_path):
+    path, place = tmp_path / "tree.xml", tmp_path / "a.journal"
+    path.write_text(
+        document('<Sequence name="all"><ZonesRemaining/><NavigateToBase/></Sequence>'), encoding="utf-8"
+    )
+    journal = open_journal(place)
+    tree = simulated(path, default_registry())
+    flown(tree, Said(NavigateToBase=["aborted"]), journal, tree_file=str(path), tree_id="Main")
+    journal.close()
+    tool = journal_tools([place])["otherwise"]
+    found: Any = tool.ask({"robot": 0, "run": 1, "node": 2, "tick": 1})
+    assert {"instead": {"status": "SUCCESS", "label": "arrived"}, "then": [], "root": "SUCCESS"} in found
+
+
+@pytest.mark.parametrize("wrong", [{"robot": 1}, {"robot": -1}, {"run": 2}, {"node": 3}])
+def test_what_is_not_in_a_journal_cannot_be_asked(tmp_path, wrong):
+    place = tmp_path / "a.journal"
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<ZonesRemaining/>"), encoding="utf-8")
+    journal = open_journal(place)
+    flown(simulated(path, default_registry()), Said(), journal, tree_file=str(path), tree_id="Main")
+    journal.close()
+    with pytest.raises(ToolError, match="there is no such"):
+        journal_tools([place])["otherwise"].ask({"robot": 0, "run": 1, "node": 0, "tick": 1, **wrong})
