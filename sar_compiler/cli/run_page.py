@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.cli.page_tools import LiveTools, journal_tools
+from sar_compiler.cli.team_orders import TeamOrders, ordering
 from sar_compiler.commands import print_error
-from sar_compiler.journal.journal_entries import ORDERED, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import ORDERED, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
-from sar_compiler.web.page_server import OrderGiver, PageServer, Tools
+from sar_compiler.web.page_server import OrderGiver, Orders, PageServer, Tools
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -130,31 +131,74 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
 
 
 def watch_journals(paths: Sequence[Path], port: int | None) -> None:
-    """Serve a page of missions in other processes, by what they write to their journals, until Ctrl-C.
+    """Serve a page of missions in other processes, by what they write to their journals, until Ctrl-C; orders go to their nodes.
 
     Raises:
         JournalError: If a file is no journal, or cannot be read.
         PageError: If the port cannot be had.
     """
-    from sar_compiler.journal.database import is_locked
-    from sar_compiler.journal.following import JournalFollower
-
-    followers = [JournalFollower(path) for path in paths]
-    tools = journal_tools(paths)
+    team, tools = _Team(paths), journal_tools(paths)
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
-    feed = LiveFeed(hello, dict, len(paths))
-    heard = [time.monotonic() for _ in paths]
-    with _serve(feed, port, tools) as server:
+    team.feed = feed = LiveFeed(hello, team.beat, len(paths))
+    with ordering(team.happen, print_error) as orders, _serve(feed, port, tools, orders) as server:
+        team.orders = orders
         while not server.wait(_LOOK_SEC):
-            for robot, follower in enumerate(followers):
-                # Between two looks, in this thread: it takes away the locks of whoever reads the file in this process.
-                is_gone = not is_locked(follower.path)
-                for entry in follower.news():
-                    heard[robot] = time.monotonic()
-                    feed.take(entry, robot)
-                    if entry.kind == RUN_ENDED and (why := _why_of(_explain(follower.path))) is not None:
-                        feed.tell_why(why, robot)
-                feed.know(RunProcess(is_gone, time.monotonic() - heard[robot]), robot)
+            team.look()
+
+
+class _Team:
+    """What a page is told of missions in other processes.
+
+    Args:
+        paths: Their journals.
+
+    Attributes:
+        feed: What the page is told.
+        orders: What carries out orders; None where there is no ROS.
+    """
+
+    feed: LiveFeed
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        from sar_compiler.journal.following import JournalFollower
+
+        self.orders: TeamOrders | None = None
+        self._followers = [JournalFollower(path) for path in paths]
+        self._heard = [time.monotonic() for _ in paths]
+        self._last: dict[int, JournalEntry] = {}
+
+    def look(self) -> None:
+        """Tell what is new.
+
+        Raises:
+            JournalError: If a file is no journal, or cannot be read.
+        """
+        from sar_compiler.journal.database import is_locked
+
+        for robot, follower in enumerate(self._followers):
+            # Between two looks, in this thread: it takes away the locks of whoever reads the file in this process.
+            is_gone = not is_locked(follower.path)
+            for entry in follower.news():
+                self._heard[robot], self._last[robot] = time.monotonic(), entry
+                self.feed.take(entry, robot)
+                self._think_of(robot, entry, follower.path)
+            self.feed.know(RunProcess(is_gone, time.monotonic() - self._heard[robot]), robot)
+
+    def _think_of(self, robot: int, entry: JournalEntry, path: Path) -> None:
+        if entry.kind == RUN_BEGAN and self.orders is not None:
+            self.feed.offer([_form(verb) for verb in self.orders.know(robot, entry)], robot)
+        if entry.kind == RUN_ENDED and (why := _why_of(_explain(path))) is not None:
+            self.feed.tell_why(why, robot)
+
+    def beat(self) -> dict[str, object]:
+        """Return what a page is told every second."""
+        if self.orders is None:
+            return {}
+        return {"verbs": [self.orders.available(robot) for robot, _ in enumerate(self._followers)]}
+
+    def happen(self, robot: int, kind: str, data: Mapping[str, object]) -> None:
+        """Tell what the journal of a robot does not."""
+        self.feed.take(self._last[robot]._replace(kind=kind, data=data), robot)
 
 
 def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
@@ -189,8 +233,10 @@ class _TellsWhy:
 
 
 @contextmanager
-def _serve(feed: "LiveFeed | ReplayFeed", port: int | None, tools: Tools) -> Iterator[PageServer]:
-    with closing(PageServer(feed, port, tools=tools)) as server:
+def _serve(
+    feed: "LiveFeed | ReplayFeed", port: int | None, tools: Tools, orders: Orders | None = None
+) -> Iterator[PageServer]:
+    with closing(PageServer(feed, port, orders, tools)) as server:
         server.start()
         print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)
         yield server

@@ -304,6 +304,12 @@ class MissionState:
         return str(self.about.get("mission") or (self.nodes[0].name if self.nodes else "mission"))
 
     @property
+    def robot(self) -> str:
+        """What the robot is called in a team: the namespace of its node, `robot1`; empty if it has none."""
+        node = str(self.runs[-1].about.get("node") or "") if self.runs else ""
+        return node.rpartition("/")[0].strip("/")
+
+    @property
     def phase(self) -> MissionPhase:
         """The phase, as long as its run has not ended: what it says itself, what holds it up, or whether it drives."""
         told = self.situation.phase

@@ -8,7 +8,7 @@ from sar_compiler.missions.choosing import load_missions
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.ros.parameter_reader import ParameterReader
 
-_WATCHED = (*OF_ROBOT, "status", "progress", "lacks", GOAL_ENDED, CHANGED)
+_WATCHED = (*OF_ROBOT, "status", "progress", "lacks", "breakpoint", GOAL_ENDED, CHANGED)
 
 
 def add_displays(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
@@ -26,7 +26,7 @@ def add_displays(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
         is_first = entry.kind == RUN_BEGAN
         if is_first:
             says_itself = following is not None and following.kind == CHANGED
-            run = None if says_itself else run or _begin(entry)
+            run = None if says_itself else run or run_of(entry)
         if run is None or entry.kind in _WATCHED:
             continue
         try:
@@ -45,8 +45,8 @@ def add_displays(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
             yield entry._replace(kind=CHANGED, data=changed)
 
 
-def _begin(entry: JournalEntry) -> MissionRun | None:
-    """Return a run of the mission that a journal is of, just begun; None if there is none."""
+def run_of(entry: JournalEntry) -> MissionRun | None:
+    """Return a run of the mission whose journal begins with an entry, just begun; None if no such mission is installed."""
     try:
         mission = load_missions()[entry.data["mission"]]
         return mission.begin(ParameterReader(entry.data["run"]["parameters"]))

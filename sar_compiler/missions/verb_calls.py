@@ -16,19 +16,24 @@ class VerbCalls:
     """Calls the services of a mission's verbs: ordered from any thread, called in that of the node's executor.
 
     Args:
-        node: The mission's node, which has the services as well.
+        node: The node that calls; by default it is the mission's, which has the services as well.
         verbs: What can be ordered.
         on_send: Is called with a verb and whoever has ordered it, in the executor's thread, right before its service is.
+        of: The name of the mission's node.
     """
 
     def __init__(
-        self, node: "Node", verbs: Sequence[Verb], on_send: Callable[[Verb, str], object] = lambda *_: None
+        self,
+        node: "Node",
+        verbs: Sequence[Verb],
+        on_send: Callable[[Verb, str], object] = lambda *_: None,
+        of: str = "~",
     ) -> None:
         self._on_send = on_send
         self._verbs = {verb.name: verb for verb in verbs}
         self._clients = {
             verb.name: node.create_client(
-                find_interface("Verb", "srv", verb.name, verb.service_type), f"~/{verb.name}"
+                find_interface("Verb", "srv", verb.name, verb.service_type), f"{of}/{verb.name}"
             )
             for verb in verbs
         }

@@ -1,9 +1,10 @@
-"""A server as a command: a node that is spun until it is stopped."""
+"""A server as a command: a node that is spun until it is stopped; and a node that is spun beside something else."""
 
 import faulthandler
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from sar_compiler.commands import OK, CommandParser, add_version, run
@@ -77,3 +78,22 @@ def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]
     finally:
         faulthandler.cancel_dump_traceback_later()
     return OK
+
+
+@contextmanager
+def spinning_node(name: str) -> "Iterator[Node]":
+    """Yield a node that is spun in a thread of its own."""
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    with ros_up([]) as context, SingleThreadedExecutor(context=context) as executor:
+        node = Node(name, context=context, start_parameter_services=False)
+        executor.add_node(node)
+        thread = Thread(target=executor.spin, name=name, daemon=True)
+        thread.start()
+        try:
+            yield node
+        finally:
+            executor.shutdown()
+            thread.join()
+            node.destroy_node()

@@ -54,7 +54,7 @@ def geojson_report(state: MissionState) -> str:
     features = [
         geojson.Feature(
             geometry=area(each["corners"]) if "corners" in each else point(each["position"]),
-            properties={"kind": kind.name, **simulated, **_flat(each)},
+            properties={"kind": kind.name, **simulated, **_flat(each), "name": _name(state, each["name"])},
         )
         for kind in state.situation.kinds.values()
         for each in data["landmarks"][kind.plural]
@@ -137,7 +137,7 @@ def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
             urgency=Urgency.IMMEDIATE,
             severity=Severity.SEVERE,
             certainty=Certainty.OBSERVED if find.is_certain else Certainty.LIKELY,
-            headline=_text(f"{find.name}: {find.state}"),
+            headline=_text(f"{_name(state, find.name)}: {find.state}"),
             description=_text(_remarks(find)),
             areas=[
                 Area(
@@ -169,12 +169,17 @@ def _event(state: MissionState, find: Landmark, number: int, reference: Georefer
     etree.SubElement(event, "point", where)
     detail = etree.SubElement(event, "detail")
     simulated = bool(state.about.get("simulated"))
-    callsign = f"{'SIM ' if simulated else ''}{find.name}"
+    callsign = f"{'SIM ' if simulated else ''}{_name(state, find.name)}"
     etree.SubElement(detail, "contact", callsign=_text(callsign))
     etree.SubElement(detail, "color", argb=colour)
     etree.SubElement(detail, "usericon", iconsetpath=f"COT_MAPPING_SPOTMAP/{_SPOT}/{colour}")
     etree.SubElement(detail, "remarks").text = _text(f"{'SIMULATED. ' if simulated else ''}{_remarks(find)}")
     return event
+
+
+def _name(state: MissionState, name: str) -> str:
+    """Return the name of a landmark, which is the only one where several robots are on one map: `robot1/find_1`."""
+    return f"{state.robot}/{name}" if state.robot else name
 
 
 def _remarks(find: Landmark) -> str:

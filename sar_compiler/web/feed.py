@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -107,7 +107,7 @@ class LiveFeed:
     """Live events of the runs; a late client first receives the current state.
 
     Args:
-        hello: What the page is told first, as JSON values; `robots` are the names of the robots.
+        hello: What the page is told first, as JSON values; `robots` are the names of the robots, `verbs` what can be ordered of each.
         beat: Returns what a page is told every second, as JSON values; called in the server's thread.
         robots: How many robots there are.
     """
@@ -116,6 +116,7 @@ class LiveFeed:
         self, hello: dict[str, object], beat: Callable[[], dict[str, object]], robots: int = 1
     ) -> None:
         self._hello, self._beat = {**hello, "mode": "live"}, beat
+        self._verbs: Any = hello.get("verbs") or [[] for _ in range(robots)]
         self._news: deque[Callable[[], None]] = deque()
         self._states = [PageState(robot) for robot in range(robots)]
         self._listeners: set[_Browser] = set()
@@ -133,6 +134,15 @@ class LiveFeed:
         """Queue what is known of a robot's process; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].know(process))
 
+    def offer(self, verbs: Sequence[Mapping[str, Any]], robot: int = 0) -> None:
+        """Queue what can be ordered of a robot, as JSON values; from any thread, without blocking."""
+        self._news.append(lambda: self._tell_verbs([*verbs], robot))
+
+    def _tell_verbs(self, verbs: list[Mapping[str, Any]], robot: int) -> None:
+        if self._verbs[robot] != verbs:
+            self._verbs[robot] = verbs
+            self._tell(message("verbs", self._verbs))
+
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""
         listener = _Browser()
@@ -140,7 +150,7 @@ class LiveFeed:
         self._listeners.add(listener)
         state = message("changes", [state.whole() for state in self._states])
         try:
-            yield message("hello", self._hello)
+            yield message("hello", {**self._hello, "verbs": self._verbs})
             yield state
             while not (self._has_told_all and listener.is_up_to_date):
                 yield await listener.get()

@@ -129,7 +129,7 @@ def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
             {"survivor": "survivor_1", "x": 1.0, "y": 2.0},
             "named survivor_1 at (1.00, 2.00)",
         ),
-        ("operator_ordered", {"order": "hold"}, "the operator: hold"),
+        ("operator_ordered", {"order": "hold"}, "the operator: pause"),
         ("base_reached", {}, "reached the base station"),
     ],
 )

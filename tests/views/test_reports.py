@@ -245,7 +245,7 @@ class TestCursorOnTarget:
         event = as_tak_reads(line)
         assert (event.type, event.how) == ("b-m-p-s-m", "m-g")
         assert (event.lat, event.lon) == pytest.approx((48.2, 16.3713452), abs=1e-6)
-        assert event.detail.contact.callsign == "survivor_1"
+        assert event.detail.contact.callsign == "robot1/survivor_1"
         assert ET.fromstring(line).get("version") == "2.0"  # noqa: S314 - our own
 
     def test_an_event_is_made_now_lasts_a_day_and_is_of_when_somebody_was_found(self):
@@ -275,13 +275,13 @@ class TestCursorOnTarget:
 
     def test_of_a_simulation_it_is_said_to_be_one(self):
         text = report_text(mission(simulated=True), "r.cot")
-        assert as_tak_reads(text).detail.contact.callsign == "SIM survivor_1"
+        assert as_tak_reads(text).detail.contact.callsign == "SIM robot1/survivor_1"
         assert "SIMULATED" in text
 
     def test_what_a_stranger_has_written_is_a_text(self):
         told = shown(name=NASTY, state="a\nb\ud800\uffff", level=1)
         line = report_text(mission(told), "r.cot").splitlines()[1]
-        assert as_tak_reads(line).detail.contact.callsign == NASTY.replace("\x1b", r"\x1b")
+        assert as_tak_reads(line).detail.contact.callsign == "robot1/" + NASTY.replace("\x1b", r"\x1b")
         assert r">a\nb\ud800\ufffd; found" in line.replace("\ufffd", r"\ufffd")
 
 
@@ -294,7 +294,7 @@ class TestCommonAlertingProtocol:
         assert (alert.status, alert.scope) == (Status.ACTUAL, Scope.RESTRICTED)
         assert alert.note == "FAILED: zone_b was abandoned."
         (info,) = alert.infos
-        assert info.headline == "survivor_1: candidate"
+        assert info.headline == "robot1/survivor_1: candidate"
         assert (info.language, info.categories, info.response_types) == (
             "en-US",
             [Category.RESCUE],
@@ -452,7 +452,7 @@ class TestThePage:
             ("operator_ordered", {"order": "recall"}),
         ]
         read = texts(html_report(mission(*told)))
-        for words in ("Goal aborted", "the battery is at 12 %", "recall"):
+        for words in ("Goal aborted", "the battery is at 12 %", "go home"):
             assert words in read
 
     def test_what_has_happened_is_told_in_words(self):

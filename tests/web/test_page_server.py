@@ -384,3 +384,17 @@ def test_beside_the_usual_port_another_one_is_taken():
     ):
         assert first.port != second.port
         assert second.port != PORT
+
+
+def test_what_can_be_ordered_of_a_robot_is_told_once_it_is_known(live):
+    run = live().begin()
+    verb = {"name": "pause", "label": "Pause"}
+    run.feed.offer([verb])
+
+    def is_told(found):
+        return bool(found) and (found[-1][0] == "verbs" or found[0][1]["verbs"] == [[verb]])
+
+    told = events(run, is_told)
+    assert told[-1][1] == [[verb]] or told[0][1]["verbs"] == [[verb]]
+    ((name, late),) = events(run, lambda found: len(found) == 1)
+    assert (name, late["verbs"]) == ("hello", [[verb]])

@@ -285,6 +285,8 @@ def _judged(survivor: str, standing: str, same_as: str | None) -> str:
     return f"the operator: {survivor} is {standing}{f' with {same_as}' if same_as else ''}"
 
 
+# As people read them on the buttons.
+_ORDERS = {"hold": "pause", "release": "resume", "recall": "go home"}
 _SENTENCES: Mapping[str, Callable[..., str]] = {
     "zone_added": lambda id, x, y, yaw: f"the operator: {id} was added at {_at(x, y)}",  # noqa: A006, ARG005
     "zone_started": lambda zone: f"set out for {zone}",
@@ -298,7 +300,7 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     "report_sent": lambda survivor: f"reported {survivor}",
     "report_kept": lambda survivor, **_place: f"the report of {survivor} is kept",
     "report_acknowledged": lambda survivor: f"base has acknowledged {survivor}",
-    "operator_ordered": lambda order: f"the operator: {order}",
+    "operator_ordered": lambda order: f"the operator: {_ORDERS.get(order, order)}",
     "alarmed": lambda reason: f"alarm: {reason}",
     "base_reached": lambda: "reached the base station",
 }

@@ -41,7 +41,7 @@ function show() {
   orders.show();
   if (!stream.isTold) return;
   const { mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
-  say(at("mission"), `${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
+  say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   at("mission").title = node;
   document.title = `${condition.word}: ${mission}`;
   say(at("drive"), driveLeft(run));

@@ -73,6 +73,10 @@ export class Stream {
     });
     on("hello", (data) => this.hello(data));
     on("changes", (data) => this.take(data));
+    on("verbs", (data) => {
+      this.verbs = data;
+      this.page.change();
+    });
     on("beat", (data) => this.beat(data));
     on("bye", () => this.leave());
     this.source.addEventListener("error", () => {

@@ -52,7 +52,7 @@ function show() {
   orders.show();
   if (!stream.isTold) return;
   const { number, mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
-  say(at("mission"), `${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
+  say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   at("mission").title = node;
   document.title = `${stream.isReplay ? "replay: " : ""}${mission}`;
   say(at("clock"), number ? `${duration(run.time)}${number > 1 ? `, run ${number}` : ""}` : "");

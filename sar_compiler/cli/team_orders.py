@@ -1,0 +1,81 @@
+"""Orders to missions in other processes, by the services of their nodes."""
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.journal.journal_entries import ORDERED, JournalEntry
+from sar_compiler.missions.displaying import run_of
+from sar_compiler.missions.mission import Verb, VerbError
+from sar_compiler.web.page_server import OrderGiver
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.missions.verb_calls import VerbCalls
+
+Tell = Callable[[int, str, Mapping[str, object]], object]
+"""Is called with a robot, and with the kind and the data of what has happened to it, right before an order is sent."""
+
+
+class TeamOrders:
+    """Carries out orders to several robots.
+
+    Args:
+        node: The node that calls.
+        tell: Told of each order.
+    """
+
+    def __init__(self, node: "Node", tell: Tell) -> None:
+        self._node, self._tell = node, tell
+        self._calls: dict[int, tuple[str, VerbCalls]] = {}
+
+    def know(self, robot: int, began: JournalEntry) -> list[Verb]:
+        """Take the beginning of a robot's run; return what can be ordered of its mission, nothing where that is not installed."""
+        from sar_compiler.missions.verb_calls import VerbCalls
+
+        mission, name = run_of(began), str(began.data["run"].get("node") or "")
+        verbs = [*mission.verbs()] if mission is not None and name else []
+        # A node that comes again has the same services.
+        if verbs and self._calls.get(robot, ("",))[0] != name:
+
+            def sent(verb: Verb, by: str) -> None:
+                self._tell(robot, ORDERED, {"verb": verb.name, "label": verb.label, "by": by})
+
+            self._calls[robot] = name, VerbCalls(self._node, verbs, sent, name)
+        return verbs
+
+    def available(self, robot: int) -> list[str]:
+        """Return the verbs that a robot heeds just now."""
+        return self._calls[robot][1].available() if robot in self._calls else []
+
+    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
+        """Give an order; see `VerbCalls.give`.
+
+        Raises:
+            VerbError: If it is none, or its robot is not known.
+        """
+        if giver.robot not in self._calls:
+            raise VerbError("nothing can be ordered of this robot: its mission is not known here")
+        return self._calls[giver.robot][1].give(verb, values, giver.name)
+
+
+@contextmanager
+def ordering(tell: Tell, complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
+    """Yield what carries out orders; None where there is no ROS, about which is complained if it is broken."""
+    from sar_compiler.ros.middleware import MiddlewareError, require_middleware
+    from sar_compiler.ros.serving import spinning_node
+
+    try:
+        require_middleware()
+    except MiddlewareError as error:
+        complain(f"There are no orders on this page: {error}")
+        yield None
+        return
+    if find_spec("rclpy") is None:
+        yield None
+        return
+    with spinning_node("sar_journal_watch") as node:
+        yield TeamOrders(node, tell)

@@ -1,0 +1,79 @@
+"""Orders to missions in other processes, by the services of their nodes."""
+
+import pytest
+
+from sar_compiler.cli.team_orders import TeamOrders, ordering
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.missions.mission import VerbError
+from sar_compiler.web.page_server import OrderGiver
+from tests.ros.conftest import make_ros, ros
+
+__all__ = ["make_ros", "ros"]
+
+pytestmark = pytest.mark.ros
+
+
+def began(node="/robot2/mission", mission="search_and_rescue"):
+    """Return the beginning of a run."""
+    parameters = {"zone_order": ["a"], "zones": {"a": {"x": 1.0, "y": 1.0, "yaw": 0.0}}}
+    base = {"base_station": {"x": 0.0, "y": 0.0, "yaw": 0.0}}
+    run = {"node": node, "parameters": {**parameters, **base}}
+    return JournalEntry(1, 1, 0.0, 0.0, "run_began", {"mission": mission, "run": run})
+
+
+@pytest.fixture
+def team(ros):
+    """Return the orders to two robots, what was told of them, and what robot2 was asked."""
+    from std_srvs.srv import Trigger
+
+    told, asked = [], []
+
+    def pause(_, response):
+        asked.append("pause")
+        response.success, response.message = True, "it stands"
+        return response
+
+    robot = ros.node("mission", namespace="/robot2")
+    robot.create_service(Trigger, "~/pause", pause)
+    return TeamOrders(ros.node("watch"), lambda *each: told.append(each)), told, asked
+
+
+def test_an_order_goes_to_the_robot_that_it_is_for_and_is_told(ros, team):
+    orders, told, asked = team
+    assert [verb.name for verb in orders.know(1, began())][:2] == ["pause", "resume"]
+    orders.know(0, began("/robot1/mission"))
+    ros.spin_until(lambda: orders.available(1) == ["pause"], "the service of robot2")
+    assert orders.available(0) == []
+    answer = orders.give("pause", {}, OrderGiver("Ada", 1))
+    ros.spin_until(answer.done, "the answer")
+    assert (answer.result(), asked) == ((True, "it stands"), ["pause"])
+    assert told == [(1, "ordered", {"verb": "pause", "label": "Pause", "by": "Ada"})]
+
+
+@pytest.mark.parametrize("beginning", [began(mission="of somebody else"), began(node="")])
+def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginning):
+    orders, _, _ = team
+    assert orders.know(0, beginning) == []
+    assert orders.available(0) == []
+    with pytest.raises(VerbError, match="not known here"):
+        orders.give("pause", {}, OrderGiver("", 0))
+
+
+def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_of_nobody")
+    said: list[str] = []
+    with ordering(lambda *_: None, said.append) as orders:
+        assert orders is None
+    assert "rmw_of_nobody" in said[0]
+
+
+def test_without_ros_there_are_no_orders(monkeypatch):
+    monkeypatch.setattr("sar_compiler.cli.team_orders.find_spec", lambda _: None)
+    with ordering(lambda *_: None, pytest.fail) as orders:
+        assert orders is None
+
+
+def test_orders_are_carried_out_while_somebody_watches():
+    with ordering(lambda *_: None, pytest.fail) as orders:
+        assert orders is not None
+        assert [verb.name for verb in orders.know(0, began())][:1] == ["pause"]
