@@ -4,6 +4,7 @@
 SIMULATED = frozenset(
     {
         "amcl_pose",
+        "battery_state",
         "initialpose",
         "navigate_to_pose/_action/feedback",
         "navigate_to_pose/_action/status",
