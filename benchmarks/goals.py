@@ -158,7 +158,7 @@ GOALS = (
         "the slowest of the files below",
     ),
     Goal(
-        "`sar-run --view web`, while a browser looks",
+        "`sar-run --view web`, while five browsers look",
         "there was no page",
         "page",
         paging.CORE,
@@ -167,7 +167,7 @@ GOALS = (
         "core",
     ),
     Goal(
-        "a tick while a browser looks",
+        "a tick while five browsers look",
         "there was no page",
         "page",
         paging.TICK,

@@ -1,7 +1,7 @@
-"""What a mission's page costs while a browser looks: of a core, and of each tick, which shares Python's lock with it.
+"""What a mission's page costs while five browsers look: of a core, and of each tick, which shares Python's lock with it.
 
 A tree of thirty leaves is ticked ten times a second, as fast as a mission on a robot that has good news all the time; three leaves say
-something else in each tick. The browser is a process of its own, which reads what it is told and does not count.
+something else in each tick. The browsers are processes of their own, which read what they are told and do not count.
 """
 
 import statistics
@@ -21,10 +21,10 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.ros.runner import TreeRunner
 
-CORE = "a mission's page, while a browser looks"
+CORE = "a mission's page, while five browsers look"
 TICK = "a tick of thirty leaves, time that passes"
 NONE = "the same without a page"
-_LEAVES, _TALKING = 27, 3
+_LEAVES, _TALKING, _BROWSERS = 27, 3, 5
 _PERIOD_SEC = 0.1
 _READ = "import sys, urllib.request\nfor line in urllib.request.urlopen(sys.argv[1]): pass"
 
@@ -58,11 +58,12 @@ def _flown(seconds: float, *, page: bool) -> tuple[float, float]:
             journal.listen(feed.take)
             server = stack.enter_context(closing(PageServer(feed, 0)))
             server.start()
-            browser = subprocess.Popen(
-                [sys.executable, "-c", _READ, f"http://127.0.0.1:{server.port}/events"]
-            )
-            stack.callback(browser.wait)
-            stack.callback(browser.kill)
+            for _ in range(_BROWSERS):
+                browser = subprocess.Popen(
+                    [sys.executable, "-c", _READ, f"http://127.0.0.1:{server.port}/events"]
+                )
+                stack.callback(browser.wait)
+                stack.callback(browser.kill)
         else:
             journal.listen(lambda _: None)
         journal.begin({}, {})

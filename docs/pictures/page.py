@@ -1,7 +1,7 @@
-"""Take the picture of a mission's page: `python docs/pictures/page.py` in the project's folder, where ROS 2, selenium and chromium with its driver are.
+"""Take the pictures of a mission's pages: `python docs/pictures/page.py` in the project's folder, where ROS 2, selenium and chromium with its driver are.
 
-A mission runs in the simulator with its page; when the robot is near the last zone, `page.png` and `page_narrow.png` beside this file are what
-a browser shows of it, in a wide window and on a telephone.
+A mission runs in the simulator; when the robot is near the last zone, the files of `PICTURES` beside this one are what a browser
+shows of it, in a wide window and on a telephone.
 """
 
 import os
@@ -19,9 +19,10 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.support.ui import WebDriverWait
 
-COMMAND = ("trees/search_and_rescue.xml", "--sim", "--speed", "5", "--view", "web", "--web-port", "0")
-SIZES = {"page": (1280, 800), "page_narrow": (400, 860)}
-NEAR_M = 3.0
+COMMAND = ("search_and_rescue_guarded", "--sim", "--speed", "5", "--view", "web", "--web-port", "0")
+PICTURES = {"page": ("", 1500, 880), "page_narrow": ("", 400, 860), "page_tree": ("tree", 1280, 800)}
+"""By the name of the file: which page, and how wide and high its window is."""
+NEAR_M = 6.0
 """To the zone that the robot drives to, when the pictures are taken."""
 PATIENCE_SEC = 120.0
 """For the start of the mission, and for most of it: 80 simulated seconds, five times as fast."""
@@ -66,12 +67,23 @@ def browser() -> Iterator[webdriver.Chrome]:
 
 def _is_far_on(page: webdriver.Chrome) -> bool:
     """Return whether the robot is near the last zone."""
-    left = re.search(r"([\d.]+) m left", page.find_element("id", "now").text)
+    left = re.match(r"([\d.]+) m", page.find_element("id", "drive").text)
     return (
-        "zones visited 3 of 4" in page.find_element("id", "progress").text
-        and bool(left)
-        and float(left[1]) < NEAR_M
+        "3 of 4" in page.find_element("id", "figures").text and left is not None and float(left[1]) < NEAR_M
     )
+
+
+def _take(page: webdriver.Chrome, address: str, name: str) -> None:
+    view, width, height = PICTURES[name]
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    start, _, token = address.partition("#")
+    page.get(f"{start}{view}#{token}")
+    is_ready = "return document.body.classList.contains('ready') && !document.querySelector('.stop').disabled"
+    WebDriverWait(page, PATIENCE_SEC, poll_frequency=0.1).until(
+        lambda _: page.execute_script(is_ready), f"the page of {name} was not ready"
+    )
+    page.save_screenshot(str(Path(__file__).with_name(f"{name}.png")))
 
 
 def main() -> None:
@@ -81,10 +93,10 @@ def main() -> None:
         WebDriverWait(page, PATIENCE_SEC, poll_frequency=0.2).until(
             _is_far_on, "no drive to the last zone was seen"
         )
-        for name, (width, height) in SIZES.items():
-            size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-            page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-            page.save_screenshot(str(Path(__file__).with_name(f"{name}.png")))
+        for name in PICTURES:
+            # What differs behind the # alone is the same page to a browser.
+            page.get("about:blank")
+            _take(page, address, name)
 
 
 if __name__ == "__main__":

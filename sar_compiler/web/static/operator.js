@@ -71,7 +71,7 @@ document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea, summary, a") || orders.isOpen) return;
   if (replay.key(event)) event.preventDefault();
 });
-at("legend").open = matchMedia("(min-width: 1200px)").matches;
+at("legend").open = matchMedia("(min-width: 1500px)").matches;
 at("legend").addEventListener("toggle", () => map.again());
 document.addEventListener("visibilitychange", () => stream.listen());
 // The address of another run on the same port: with another token.

@@ -19,10 +19,7 @@ const SHOWN = 6;
 const at = (id) => document.getElementById(id);
 
 const stream = new Stream({ begin, change: drawer(show) });
-const tree = new TreeView(at("tree"), () => {
-  showDetails(at("details"), stream.run, tree.chosen);
-  tools.show();
-});
+const tree = new TreeView(at("tree"), showChosen);
 const map = new MapView(at("map"));
 const places = new PlacesView(at("places"));
 const log = new LogView(at("log"));
@@ -64,10 +61,16 @@ function show() {
   cards.show(stream);
   log.show(run);
   why.show(run);
-  showDetails(at("details"), run, tree.chosen);
-  tools.show();
+  showChosen();
   if (stream.isReplay) replay.show();
   document.body.classList.add("ready");
+}
+
+/** All that is known of the node that somebody has chosen. */
+function showChosen() {
+  at("chosen").hidden = !tree.isAsked;
+  showDetails(at("details"), stream.run, tree.isAsked ? tree.chosen : -1);
+  tools.show();
 }
 
 function progress(run) {

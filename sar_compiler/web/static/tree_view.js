@@ -17,6 +17,8 @@ export class TreeView {
     this.rows = [];
     this.rowOf = new Map();
     this.chosen = 0;
+    // Whether somebody has chosen it.
+    this.isAsked = false;
     this.follows = true;
     this.wanted = "";
     // The nodes with breakpoints.
@@ -28,7 +30,12 @@ export class TreeView {
     place.addEventListener("keydown", (event) => this.key(event));
     place.addEventListener("click", (event) => this.click(event));
     place.addEventListener("dblclick", (event) => this.isTwist(event) || this.toggle(idOf(event)));
-    new ResizeObserver(() => this.draw()).observe(place);
+    new ResizeObserver(() => {
+      // Where there is less room, what somebody looks at stays in sight.
+      const at = this.isAsked ? this.chosen : this.follows && this.run?.running()[0];
+      if (this.rowOf.has(at)) this.reveal(at);
+      this.draw();
+    }).observe(place);
   }
 
   /** Show a run; its state may have changed since the last call. */
@@ -41,6 +48,7 @@ export class TreeView {
       this.deepest = run.nodes.reduce((deepest, node) => Math.max(deepest, node.depth), 1);
       this.drawn = new Map();
       this.chosen = 0;
+      this.isAsked = false;
       this.folded.clear();
       this.led = "";
       if (run.nodes.length > MANY) this.fold();
@@ -201,6 +209,7 @@ export class TreeView {
   select(id) {
     if (!(id in this.nodes)) return;
     this.chosen = id;
+    this.isAsked = true;
     if (!this.rowOf.has(id)) {
       this.unfoldTo(id);
       this.arrange();
