@@ -160,29 +160,6 @@ class ServiceFaults:
         return CallFate(delay_sec=self._delay_sec, refuse=refuse)
 
 
-@dataclass(frozen=True)
-class GoalFate:
-    """The faults applied to one accepted navigation goal.
-
-    Attributes:
-        code: The error code with which it is aborted; None if it is not.
-        after_sec: How long it is driven before that, simulated seconds.
-        drives_sec: How long the robot drives on after that, simulated seconds.
-        dies: Who disappears on the way there, `navigate_to_pose` or `amcl`; "" if nobody does.
-        back_sec: The time until it returns, in simulated seconds; None for never.
-    """
-
-    code: int | None = None
-    after_sec: float = 0.0
-    drives_sec: float = 0.0
-    dies: str = ""
-    back_sec: float | None = None
-
-
-# Nav2's code of a goal to which no path leads.
-_OUT_OF_REACH = 208
-
-
 class NavigationFaults:
     """The faults of navigation. Every goal for an aborted place is aborted; a server dies, and a robot drives on, once per fault."""
 
@@ -210,22 +187,18 @@ class NavigationFaults:
         self._rejections -= reject
         return reject
 
-    def accepted(self, place: str | None) -> GoalFate:
-        """Return the fate of a goal that has just been accepted.
+    def accepted(self, place: str | None) -> Fault | None:
+        """Return the fault of a goal that has just been accepted; None if it has none.
 
         Args:
             place: The place that contains it, or None.
         """
-        for fault in self._lasting:
+        for fault in (*self._lasting, *self._single):
             if fault.place in {place, ""}:
-                return GoalFate(code=fault.code or _OUT_OF_REACH, after_sec=fault.seconds)
-        for fault in self._single:
-            if fault.place in {place, ""}:
-                self._single.remove(fault)
-                if fault.kind == "die":
-                    return GoalFate(dies=fault.target, back_sec=fault.back)
-                return GoalFate(code=0, drives_sec=fault.seconds)
-        return GoalFate()
+                if fault in self._single:
+                    self._single.remove(fault)
+                return fault
+        return None
 
 
 def _is_lasting(fault: Fault) -> bool:

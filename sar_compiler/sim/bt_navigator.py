@@ -15,7 +15,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
-from sar_compiler.ros.faults import LOCALISATION, FaultPlan, GoalFate
+from sar_compiler.ros.faults import LOCALISATION, Fault, FaultPlan
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 from sar_compiler.sim.messages import from_pose, tell_state, to_duration, to_path, to_pose, to_stamp
 from sar_compiler.sim.navigator import QUICK, Drive, DriveEnd, DriveOutcome, DriveProgress, Manner, Recovery
@@ -123,9 +123,9 @@ class AcceptedGoal:
 class _Goal(AcceptedGoal):
     """A goal that is driven to."""
 
-    def __init__(self, handle: ServerGoalHandle, fate: GoalFate, began: float, manner: Manner) -> None:
+    def __init__(self, handle: ServerGoalHandle, fault: Fault | None, began: float, manner: Manner) -> None:
         super().__init__(handle, began)
-        self.fate = fate
+        self.fault = fault
         self.drive: Drive | None = None
         self.progress: DriveProgress | None = None
         self.recovery: tuple[Recovery, float] | None = None
@@ -271,8 +271,7 @@ class BtNavigator(NavigationServer):
         if target is not None:
             place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
             self._node.get_logger().debug(f"Goal accepted: {place}.")
-        fate = self._faults.accepted(self._place_of(target))
-        goal = _Goal(handle, fate, self._now, self._manner)
+        goal = _Goal(handle, self._faults.accepted(self._place_of(target)), self._now, self._manner)
         handle.execute(goal.run)
         under_way = self._goal
         if under_way is not None and handle.request.behavior_tree != under_way.handle.request.behavior_tree:
@@ -293,31 +292,34 @@ class BtNavigator(NavigationServer):
         )
         if feedback_due and goal.progress is not None:
             goal.handle.publish_feedback(self._feedback(goal, goal.progress))
-        if goal.fate.dies and goal.drive is not None and self._now - goal.began >= _DIES_AFTER_SEC:
-            self._kill(goal)
+        fault, is_under_way = goal.fault, goal.drive is not None and self._now - goal.began >= _DIES_AFTER_SEC
+        if fault is not None and fault.kind == "die" and is_under_way:
+            goal.fault = None
+            self._kill(fault)
         elif outcome is not None:
             self._end(outcome)
 
-    def _kill(self, goal: _Goal) -> None:
-        """Let the one disappear that the goal's fate names."""
-        fate = goal.fate
-        goal.fate = GoalFate()
-        if fate.dies == LOCALISATION:
-            self._lose_localisation(None if fate.back_sec is None else self._now + fate.back_sec)
+    def _kill(self, fault: Fault) -> None:
+        """Let the one disappear that a fault names."""
+        if fault.target == LOCALISATION:
+            self._lose_localisation(None if fault.back is None else self._now + fault.back)
         else:
-            self._die(fate.back_sec)
+            self._die(fault.back)
 
     def _end_by_fault(self, goal: _Goal) -> DriveOutcome | None:
         """Return the end that a fault has for a goal, if it is due."""
-        fate = goal.fate
-        if fate.code is None or self._now - goal.began < fate.after_sec:
+        fault = goal.fault
+        if fault is None or fault.kind == "die":
             return None
-        if not fate.drives_sec:
-            return DriveOutcome(DriveEnd.ABORTED, fate.code, "fault: the goal is aborted")
-        outcome = self._set_out(goal)
-        if goal.drive is not None:
-            self._loose = goal.drive, self._now + fate.drives_sec
-        return outcome or DriveOutcome(DriveEnd.ABORTED, text="fault: a server has acknowledged too late")
+        if fault.kind == "abort" and fault.seconds:
+            outcome = self._set_out(goal)
+            if goal.drive is not None:
+                self._loose = goal.drive, self._now + fault.seconds
+            return outcome or DriveOutcome(DriveEnd.ABORTED, text="fault: a server has acknowledged too late")
+        if self._now - goal.began < fault.seconds:
+            return None
+        code = fault.code or NavCode.NO_VALID_PATH
+        return DriveOutcome(DriveEnd.ABORTED, code, "fault: the goal is aborted")
 
     def _go(self, goal: _Goal) -> DriveOutcome | None:
         """Drive for a step; return the end, unless it can be recovered from."""

@@ -11,7 +11,6 @@ from sar_compiler.ros.faults import (
     Fault,
     FaultError,
     FaultPlan,
-    GoalFate,
     ServiceFaults,
     parse_fault,
 )
@@ -105,37 +104,40 @@ def test_goals_are_rejected_as_often_as_said() -> None:
 
 
 def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
-    navigation = plan("navigate_to_pose:abort=zone_b").for_navigation()
+    faults = plan("navigate_to_pose:abort=zone_b")
+    navigation, [aborts] = faults.for_navigation(), faults.faults
     assert [navigation.accepted(zone) for zone in ("zone_b", "zone_a", None, "zone_b")] == [
-        GoalFate(code=208),
-        GoalFate(),
-        GoalFate(),
-        GoalFate(code=208),
+        aborts,
+        None,
+        None,
+        aborts,
     ]
 
 
-def test_a_code_comes_after_its_time_and_without_a_zone_to_every_goal() -> None:
-    navigation = plan("navigate_to_pose:code=208,after=14s").for_navigation()
-    assert [navigation.accepted(zone) for zone in ("zone_a", None)] == [
-        GoalFate(code=208, after_sec=14.0)
-    ] * 2
-    navigation = plan("navigate_to_pose:code=107@zone_c").for_navigation()
-    assert [navigation.accepted(zone) for zone in ("zone_c", "zone_a")] == [GoalFate(code=107), GoalFate()]
+def test_a_code_comes_without_a_zone_to_every_goal() -> None:
+    faults = plan("navigate_to_pose:code=208,after=14s")
+    navigation = faults.for_navigation()
+    assert [navigation.accepted(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
+    faults = plan("navigate_to_pose:code=107@zone_c")
+    navigation = faults.for_navigation()
+    assert [navigation.accepted(zone) for zone in ("zone_c", "zone_a")] == [*faults.faults, None]
 
 
-def test_a_robot_drives_on_after_one_abort_without_a_code() -> None:
-    navigation = plan("navigate_to_pose:abort@zone_b,drives=3s").for_navigation()
-    assert [navigation.accepted("zone_b") for _ in range(2)] == [GoalFate(code=0, drives_sec=3.0), GoalFate()]
+def test_a_robot_drives_on_after_one_abort() -> None:
+    faults = plan("navigate_to_pose:abort@zone_b,drives=3s")
+    navigation = faults.for_navigation()
+    assert [navigation.accepted("zone_b") for _ in range(2)] == [*faults.faults, None]
 
 
 def test_the_localisation_dies_on_the_way_to_anywhere() -> None:
-    assert plan("amcl:die").for_navigation().accepted(None) == GoalFate(dies="amcl")
+    faults = plan("amcl:die")
+    assert faults.for_navigation().accepted(None) == faults.faults[0]
 
 
 def test_a_server_dies_once_per_fault() -> None:
-    navigation = plan("navigate_to_pose:die@zone_c,back=5").for_navigation()
-    assert navigation.accepted("zone_c") == GoalFate(dies="navigate_to_pose", back_sec=5.0)
-    assert navigation.accepted("zone_c") == GoalFate()
+    faults = plan("navigate_to_pose:die@zone_c,back=5")
+    navigation = faults.for_navigation()
+    assert [navigation.accepted("zone_c") for _ in range(2)] == [*faults.faults, None]
 
 
 def test_a_place_that_is_not_there_is_named() -> None:
