@@ -1,6 +1,7 @@
 """One run of the mission: what its facts make of the plan, the record, the reports and the orders, and what is shown of that."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +46,7 @@ BASE = "base station"
 """The base station's name."""
 
 
+@dataclass(eq=False, repr=False)
 class Search(MissionRun):
     """A search: its parts share one journal, and each fact changes all that it concerns.
 
@@ -55,24 +57,18 @@ class Search(MissionRun):
         fence: The geofence.
     """
 
+    zones: ZoneManager
+    record: MissionRecord = field(default_factory=MissionRecord)
+    orders: OperatorOrders = field(default_factory=OperatorOrders)
+    _: KW_ONLY
+    fence: Fence = field(default_factory=Fence)
+
     kinds = KINDS
 
-    def __init__(
-        self,
-        zones: ZoneManager,
-        record: MissionRecord | None = None,
-        orders: OperatorOrders | None = None,
-        *,
-        fence: Fence | None = None,
-    ) -> None:
-        self.zones = zones
-        self.record = record or MissionRecord()
+    def __post_init__(self) -> None:
         self.kept = KeptReports()
-        self.orders = orders or OperatorOrders()
-        self._fence = fence or Fence()
-        self.context = {
-            type(part): part for part in (zones, self.record, self.kept, self.orders, self._fence)
-        }
+        zones = self.zones
+        self.context = {type(part): part for part in (zones, self.record, self.kept, self.orders, self.fence)}
         self._identity: dict[str, object] = {
             "zones": zones.remaining_zones(),
             "base_station": zones.base_pose(),
@@ -174,7 +170,7 @@ class Search(MissionRun):
         )
 
     def _area(self) -> list[Landmark]:
-        corners = self._fence.corners
+        corners = self.fence.corners
         return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
 
     def sentence(self, fact: JournalEntry) -> str:
@@ -202,7 +198,7 @@ class Search(MissionRun):
 
     def allows(self, x: float, y: float) -> bool:
         """Return whether a position is inside the geofence."""
-        return self._fence.contains(x, y)
+        return self.fence.contains(x, y)
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
         """Create the two servers."""
