@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from sar_compiler.ros.leaves.leaf import LeafDefinitionError as LeafDefinitionError
     from sar_compiler.ros.leaves.leaf import RosLeaf as RosLeaf
     from sar_compiler.ros.leaves.leaf import alive as alive
+    from sar_compiler.ros.leaves.leaf import of_node as of_node
     from sar_compiler.ros.leaves.service_leaf import ServiceLeaf as ServiceLeaf
-    from sar_compiler.ros.leaves.standstill import Standstill as Standstill
     from sar_compiler.ros.leaves.topic_leaf import TopicLeaf as TopicLeaf
-    from sar_compiler.ros.nav2_log import nav2_log as nav2_log
-    from sar_compiler.ros.of_node import of_node as of_node
+    from sar_compiler.ros.lifecycle import nav2_log as nav2_log
     from sar_compiler.ros.poses import turn_by as turn_by
     from sar_compiler.ros.poses import yaw_of as yaw_of
     from sar_compiler.ros.robot_estimate import RobotEstimate as RobotEstimate
+    from sar_compiler.ros.robot_estimate import Standstill as Standstill
     from sar_compiler.ros.robot_estimate import robot_estimate as robot_estimate
     from sar_compiler.runtime.answers import Answer as Answer
     from sar_compiler.runtime.clock import Clock as Clock

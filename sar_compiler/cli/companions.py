@@ -11,8 +11,8 @@ from sar_compiler.ros.companion import Companion
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler.cli.output import RunOutput
     from sar_compiler.cli.run_journal import RunJournal
+    from sar_compiler.cli.terminal import RunOutput
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun

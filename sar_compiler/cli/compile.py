@@ -111,6 +111,20 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_show)
 
 
+def _add_diff(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `diff`."""
+    parser.add_argument("old", type=TREE_INPUT, metavar="A", help=f"{INPUT_HELP}, before the change")
+    parser.add_argument("new", type=TREE_INPUT, metavar="B", help=f"{INPUT_HELP}, after it")
+    parser.set_defaults(run=_diff)
+
+
+def _add_explain(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `explain`."""
+    text = "the code of a finding, shown in brackets after its severity"
+    parser.add_argument("code", type=ArgumentKind("code"), metavar="CODE", help=text)
+    parser.set_defaults(run=_explain)
+
+
 def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "describe this node with its attributes (default: list all)"
@@ -152,6 +166,40 @@ def _show(arguments: argparse.Namespace) -> int:
         from sar_compiler.views.outline import ascii_tree, unicode_tree, with_tags
 
         print_text(with_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree), end="")
+    return OK
+
+
+def _diff(arguments: argparse.Namespace) -> int:
+    """Compare two files and return the exit status: 0 for equal ones, 1 for different ones.
+
+    Raises:
+        TreeError: If a file is malformed.
+        UnreadableFileError: If a file does not exist or cannot be read.
+    """
+    from sar_compiler.tree.difference import difference, difference_as_text
+    from sar_compiler.tree.gathering import find_tree, read_tree_file
+
+    old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
+    differences = difference(old, new)
+    print_text(difference_as_text(differences), end="")
+    return FINDINGS if differences else OK
+
+
+def _explain(arguments: argparse.Namespace) -> int:
+    """Print the page about a kind of finding, and return the exit status.
+
+    Raises:
+        SarError: If there is no such kind.
+        ResourceError: If the pages are not installed.
+    """
+    from sar_compiler.tree.guessing import did_you_mean, nearest
+    from sar_compiler.tree.kinds import KINDS
+    from sar_compiler.views.findings import page_of
+
+    if arguments.code not in KINDS:
+        advice = did_you_mean(nearest(arguments.code, KINDS))
+        raise SarError(f"no finding is called '{arguments.code}'{advice}")
+    print(page_of(arguments.code), end="")
     return OK
 
 
@@ -233,7 +281,13 @@ def _registry(arguments: argparse.Namespace) -> "Registry":
     return registry
 
 
-_ADDED_HERE = {"show": _add_show, "nodes": _add_nodes, "schema": _add_schema}
+_ADDED_HERE = {
+    "show": _add_show,
+    "diff": _add_diff,
+    "explain": _add_explain,
+    "nodes": _add_nodes,
+    "schema": _add_schema,
+}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -13,11 +13,11 @@ from rclpy.parameter import Parameter
 
 from sar_compiler.cli.companions import Companions, RunSetup, companions_asked_for
 from sar_compiler.cli.loading import additions, tell_note
-from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal
 from sar_compiler.cli.run_mission_check import RouteCheck
 from sar_compiler.cli.run_mission_tree import TreeRun, end_condition
 from sar_compiler.cli.supervision import NOT_READY, PERIOD_SEC
+from sar_compiler.cli.terminal import RunOutput
 from sar_compiler.commands import print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.journal.journal import Journal

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.ros.of_node import of_node
+from sar_compiler.ros.leaves.leaf import of_node
 from sar_compiler.runtime.clock import WallClock
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from sar_compiler.ros.leaves.goals import (
     goal_statuses_of,
     goals_under_way,
 )
-from sar_compiler.ros.of_node import of_node
+from sar_compiler.ros.leaves.leaf import of_node
 from sar_compiler.ros.readiness import Requirement
 
 # A cancel that is not answered, or not followed, is repeated after so many seconds of the steady clock.

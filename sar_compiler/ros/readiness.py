@@ -17,8 +17,14 @@ from std_srvs.srv import Trigger
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
-from sar_compiler.ros.lifecycle import NAV2_NODES, PolledService, with_full_name
-from sar_compiler.ros.nav2_log import BEFORE_NAVIGATOR, MANAGER, nav2_log
+from sar_compiler.ros.lifecycle import (
+    BEFORE_NAVIGATOR,
+    MANAGER,
+    NAV2_NODES,
+    PolledService,
+    nav2_log,
+    with_full_name,
+)
 from sar_compiler.ros.poses import estimated_pose, turn_by
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.tree.showing import in_one_line

@@ -10,7 +10,7 @@ from py_trees.behaviours import Running
 from py_trees.common import Status
 
 from sar_compiler.cli.companions import Companions, RunSetup
-from sar_compiler.cli.output import RunOutput
+from sar_compiler.cli.terminal import RunOutput
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.missions.mission import MissionRun

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from sar_compiler.cli.output import RunOutput
+from sar_compiler.cli.terminal import RunOutput
 from sar_compiler.commands import print_error
 
 

@@ -564,7 +564,7 @@ class TestStandstill:
     def test_a_robot_that_does_not_come_to_rest_is_told_of_once_at_whatever_speeds(
         self, robot: Robot, leaf: AwaitStandstill, said: Said
     ) -> None:
-        from sar_compiler.ros.leaves.standstill import Standstill
+        from sar_compiler.ros.robot_estimate import Standstill
 
         robot.speed, robot.estimate.settle_timeout_sec = 0.25, 0.2
         robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")

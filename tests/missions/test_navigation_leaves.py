@@ -514,7 +514,7 @@ class TestNav2sReason:
         from rcl_interfaces.msg import Log
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        from sar_compiler.ros.nav2_log import nav2_log
+        from sar_compiler.ros.lifecycle import nav2_log
 
         server, leaf = stage.nav_server(), drive(stage)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -623,7 +623,7 @@ class TestNav2:
         assert nav2.poses == []
 
     def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
-        from sar_compiler.ros.nav2_log import nav2_log
+        from sar_compiler.ros.lifecycle import nav2_log
 
         FakeNav2(ros.node("nav2"))
         node = ros.node()

@@ -10,9 +10,8 @@ from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, describe_status
 from sar_compiler.ros.leaves.goals import SUCCEEDED
-from sar_compiler.ros.leaves.standstill import Standstill
 from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
-from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
+from sar_compiler.ros.robot_estimate import RobotEstimate, Standstill, robot_estimate
 
 _NAV2 = "nav2_msgs."
 # The longest pause between two attempts, in multiples of the first.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakMethod
 
 from sar_compiler.ros.leaves.interfaces import qos_profile
-from sar_compiler.ros.of_node import of_node
+from sar_compiler.ros.leaves.leaf import of_node
 
 if TYPE_CHECKING:
     from rclpy.client import Client

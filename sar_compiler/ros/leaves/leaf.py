@@ -1,6 +1,7 @@
-"""The common base of leaves that use ROS 2."""
+"""The common base of leaves that use ROS 2, and what those of one node share."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -12,6 +13,8 @@ from sar_compiler.tree.showing import short_line
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+T = TypeVar("T")
+
 
 def alive(node: "Node") -> bool:
     """Return whether a node was not destroyed and its context not shut down."""
@@ -22,6 +25,25 @@ def alive(node: "Node") -> bool:
             return bool(node.context.ok())
     except InvalidHandle:
         return False
+
+
+_ATTRIBUTE = "_sar_compiler_of_node"
+
+
+def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
+    """Return the node's object of a key, the same in every call; it exists as long as the node.
+
+    The node itself has it, so that it may refer to the node.
+
+    Args:
+        node: The node.
+        key: Says what it is.
+        make: Makes it, in the first call.
+    """
+    held: dict[Hashable, Any] = vars(node).setdefault(_ATTRIBUTE, {})
+    if key not in held:
+        held[key] = make()
+    return cast("T", held[key])
 
 
 class MissingNodeError(SarError, KeyError):
