@@ -28,15 +28,15 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.values import at_least as at_least
     from sar_compiler.ros.clock import Deadline as Deadline
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf as ActionLeaf
-    from sar_compiler.ros.leaves.goal import describe_status as describe_status
+    from sar_compiler.ros.leaves.client_leaf import ServiceLeaf as ServiceLeaf
     from sar_compiler.ros.leaves.goals import SUCCEEDED as SUCCEEDED
-    from sar_compiler.ros.leaves.interfaces import find_interface as find_interface
-    from sar_compiler.ros.leaves.interfaces import qos_profile as qos_profile
+    from sar_compiler.ros.leaves.goals import describe_status as describe_status
     from sar_compiler.ros.leaves.leaf import LeafDefinitionError as LeafDefinitionError
     from sar_compiler.ros.leaves.leaf import RosLeaf as RosLeaf
     from sar_compiler.ros.leaves.leaf import alive as alive
+    from sar_compiler.ros.leaves.leaf import find_interface as find_interface
     from sar_compiler.ros.leaves.leaf import of_node as of_node
-    from sar_compiler.ros.leaves.service_leaf import ServiceLeaf as ServiceLeaf
+    from sar_compiler.ros.leaves.leaf import qos_profile as qos_profile
     from sar_compiler.ros.leaves.topic_leaf import TopicLeaf as TopicLeaf
     from sar_compiler.ros.lifecycle import nav2_log as nav2_log
     from sar_compiler.ros.poses import turn_by as turn_by

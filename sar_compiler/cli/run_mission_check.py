@@ -11,7 +11,7 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
 from sar_compiler.missions.mission import MissionRun
-from sar_compiler.ros.leaves.interfaces import qos_profile
+from sar_compiler.ros.leaves.leaf import qos_profile
 from sar_compiler.ros.parameter_reader import RunParameters
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from sar_compiler.ros.arguments import readable_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, send_cancels, tell
 from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.leaves.interfaces import declared_types
+from sar_compiler.ros.leaves.leaf import declared_types
 from sar_compiler.ros.left_goals import LeftGoals
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate

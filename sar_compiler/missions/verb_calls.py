@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.missions.mission import Verb, VerbError
-from sar_compiler.ros.leaves.interfaces import find_interface
+from sar_compiler.ros.leaves.leaf import find_interface
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -20,8 +20,7 @@ from py_trees.visitors import VisitorBase
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, Hook, RequestError
-from sar_compiler.monitoring.numbered_tree import IDLE, NumberedTree, StatusChange, StatusChanges
-from sar_compiler.monitoring.tree_xml import tree_xml
+from sar_compiler.monitoring.numbered_tree import IDLE, NumberedTree, StatusChange, StatusChanges, tree_xml
 from sar_compiler.runtime.blackboard import MissingEntryError
 
 DEFAULT_PORT = 1667

@@ -20,8 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.situation import CHANGED, Landmark, Situation
-from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges
-from sar_compiler.monitoring.tree_xml import tree_xml
+from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges, tree_xml
 from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS

@@ -34,12 +34,11 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.json_values import json_text
-from sar_compiler.monitoring.numbered_tree import NumberedTree
-from sar_compiler.monitoring.tree_xml import tree_xml
+from sar_compiler.monitoring.numbered_tree import NumberedTree, tree_xml
 from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
-from sar_compiler.ros.leaves.interfaces import interface_name
+from sar_compiler.ros.leaves.leaf import interface_name
 from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
 
 # What a class calls a type, where a definition has another word.

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, deadline_clock
 from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.leaves.interfaces import qos_profile
-from sar_compiler.ros.leaves.leaf import RosLeaf, of_node
+from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
 from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.poses import yaw_of

@@ -283,7 +283,7 @@ def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monk
 def test_the_definition_of_every_message_that_is_recorded_is_understood():
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    from sar_compiler.ros.leaves.interfaces import interface_name
+    from sar_compiler.ros.leaves.leaf import interface_name
     from sar_compiler.ros.mission_recording import RECORDED, message_text
 
     jazzy = get_typestore(Stores.ROS2_JAZZY)

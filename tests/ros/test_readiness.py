@@ -297,7 +297,7 @@ class TestTypes:
     def test_the_leaves_of_the_mission_say_their_types(self) -> None:
         from sar_compiler import load
         from sar_compiler.compiler import preview_tree
-        from sar_compiler.ros.leaves.interfaces import declared_types
+        from sar_compiler.ros.leaves.leaf import declared_types
 
         tree = preview_tree(load("search_and_rescue").binding())
         assert declared_types(tree.root) == {

@@ -8,8 +8,7 @@ from py_trees.common import Status
 from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
-from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, describe_status
-from sar_compiler.ros.leaves.goals import SUCCEEDED
+from sar_compiler.ros.leaves.goals import SUCCEEDED, ActionGoal, ActionPort, describe_status
 from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
 from sar_compiler.ros.robot_estimate import RobotEstimate, Standstill, robot_estimate
 

@@ -1,15 +1,29 @@
-"""The goals of a node that may be active, and the statuses that servers publish: another source for how a goal has ended."""
+"""The goals of a node: each from its request to its end, those that may be active, and the statuses that servers publish.
 
+The latter are another source for how a goal has ended.
+"""
+
+import math
+import time
+import uuid
 from collections.abc import Callable, Collection
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakMethod
 
-from sar_compiler.ros.leaves.interfaces import qos_profile
-from sar_compiler.ros.leaves.leaf import of_node
+from sar_compiler.ros.clock import AWAKE, Deadline
+from sar_compiler.ros.leaves.client_leaf import Exchange
+from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
+from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
+    from rclpy.action.client import ClientGoalHandle
     from rclpy.client import Client
     from rclpy.node import Node
+    from rclpy.task import Future
+
+    from sar_compiler.ros.leaves.action_leaf import ActionLeaf
+    from sar_compiler.runtime.clock import Clock
 
 ABORTED, CANCELED, SUCCEEDED, UNKNOWN = 6, 5, 4, 0
 """Constants of `action_msgs/msg/GoalStatus`."""
@@ -196,3 +210,433 @@ class GoalsUnderWay:
 def goals_under_way(node: "Node") -> GoalsUnderWay:
     """Return the goals of a node, the same object in every call."""
     return of_node(node, GoalsUnderWay, GoalsUnderWay)
+
+
+_FAILURES = {
+    UNKNOWN: "unknown to the server (was it restarted?)",
+    CANCELED: "canceled by somebody else",
+    ABORTED: "aborted",
+}
+# How long the result may take once the status topic has said that the goal is over, seconds.
+_RESULT_SEC = 2.0
+# So many goals in a row without an answer are no accident.
+_UNANSWERED = 2
+# In how many times its limit an acceptance may still come.
+_LATEST = 4.0
+# A navigator that answers nothing for so long is dead if it sends no feedback either, seconds in which this process ran.
+_QUIET_SEC = 2.0
+# How often a server is asked whether it lives, seconds.
+_PULSE_SEC = 1.0
+# How often a goal that was given up is asked after, seconds.
+_CHASE_SEC = 1.0
+
+
+def describe_status(status: int) -> str:
+    """Return a goal's final status other than success, in words and as a number."""
+    return f"{_FAILURES.get(status, 'not finished')} (status {status})"
+
+
+class ActionPort:
+    """A node's access to one action.
+
+    Args:
+        node: The rclpy node.
+        action_type: The action's Python type.
+        name: The action's (relative) name.
+
+    Attributes:
+        unanswered: How many goals in a row were neither taken nor refused in time.
+    """
+
+    def __init__(self, node: "Node", action_type: Any, name: str) -> None:
+        self.name = name
+        self.action_type = action_type
+        self.unanswered = 0
+        self._node = node
+        self.goals = goals_under_way(node)
+        self.statuses = goal_statuses_of(node, name)
+        self._connect()
+
+    def _connect(self) -> None:
+        from rclpy.action import ActionClient
+
+        node, name = self._node, self.name
+        self.client = ActionClient(node, self.action_type, name)
+        # rclpy's action client cancels only goals whose acceptance it has seen.
+        self.canceller = cancel_client(node, name)
+        self.prober = node.create_client(self.action_type.Impl.GetResultService, f"{name}/_action/get_result")
+
+    @property
+    def server_is_ready(self) -> bool:
+        """Whether a server is available; False while ROS is shut down."""
+        return self.usable and self.client.server_is_ready()
+
+    @property
+    def full_name(self) -> str:
+        """The action's full name."""
+        return canceled_action(self.canceller.service_name)
+
+    @property
+    def usable(self) -> bool:
+        """Whether messages can be sent at all: the node is alive and ROS is not shut down."""
+        return alive(self._node)
+
+    def warn(self, text: str) -> None:
+        """Write a warning to the node's log."""
+        self._node.get_logger().warning(in_one_line(text))
+
+    def count_unanswered(self) -> None:
+        """Note that a goal was neither taken nor refused in time; after the second in a row, make the clients anew."""
+        self.unanswered += 1
+        if self.unanswered < _UNANSWERED or not self.usable:
+            return
+        # A server that has not found a client's reader drops every answer to it; it may find another one's.
+        self.unanswered = 0
+        self.warn(
+            f"The server of '{self.name}' is there and has answered {_UNANSWERED} goals in a row with nothing: "
+            "from now on with new clients."
+        )
+        self.release()
+        self._connect()
+
+    def release(self) -> None:
+        """Destroy the clients; does nothing if the node, which owned them, is gone."""
+        if alive(self._node):
+            self.client.destroy()
+            self._node.destroy_client(self.canceller)
+            self._node.destroy_client(self.prober)
+
+
+class Pulse:
+    """Heartbeat: requests the result of an unknown goal, which a live server refuses at once.
+
+    A server that works in the only thread that it has answers nothing meanwhile. So it counts as dead only after it
+    has answered once.
+
+    Args:
+        prober: A client of the action's result service.
+        limit_sec: How long an answer may take, seconds.
+        clock: The clock of the limits.
+    """
+
+    def __init__(self, prober: "Client", limit_sec: float, clock: "Clock") -> None:
+        self._prober, self._limit_sec, self._clock = prober, limit_sec, clock
+        self._question: Future | None = None
+        self._has_answered = False
+        self._due = Deadline(0.0, clock)
+        self._limit = Deadline(limit_sec, clock)
+
+    def has_stopped(self) -> bool:
+        """Ask if it is due; return whether the server, which has answered before, has not for too long."""
+        if self._question is None:
+            if self._due.passed:
+                self._ask()
+        elif self._question.done():
+            self._has_answered = True
+            self.rest()
+        elif self._limit.passed:
+            self._drop()
+            return self._has_answered
+        return False
+
+    def rest(self) -> None:
+        """Ask no more for a while: the server has been heard."""
+        self._drop()
+        self._due = Deadline(_PULSE_SEC, self._clock)
+
+    def _ask(self) -> None:
+        request: Any = self._prober.srv_type.Request()
+        request.goal_id.uuid = list(uuid.uuid4().bytes)
+        self._limit = Deadline(self._limit_sec, self._clock)
+        self._question = self._prober.call_async(request)
+
+    def _drop(self) -> None:
+        question, self._question = self._question, None
+        if question is not None:
+            # Without this the client would wait for the answer for good.
+            self._prober.remove_pending_request(question)
+
+
+class ActionGoal(Exchange):
+    """One goal, from the request to its end, sent at most once and without blocking.
+
+    The leaf calls `advance` in every tick and reads `answer` and `trouble`. The server's messages arrive in callbacks, each bound to its own
+    goal: the answer to an old goal cannot affect a new one.
+
+    Args:
+        leaf: The leaf that sends it; hears when the goal is accepted and when it has succeeded.
+        port: The action.
+        message: The goal to send.
+
+    Attributes:
+        sent, trouble: As in every `Exchange`.
+        answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
+            `result`; None until then.
+        rejected: Whether the server refused the goal.
+        ended_at: When its end was seen, steady seconds; infinite until then.
+    """
+
+    _server_kind = "action"
+    _reply = "no answer to the goal"
+
+    _leaf: "ActionLeaf"
+
+    def __init__(self, leaf: "ActionLeaf", port: ActionPort, message: Any) -> None:
+        super().__init__(leaf, port.name, leaf.acceptance_timeout_sec)
+        self.rejected = False
+        self.ended_at = math.inf
+        self._port, self._message = port, message
+        # Its own id, so that it can be cancelled before the server has said anything.
+        self._id = uuid.uuid4().hex
+        self._handle: ClientGoalHandle | None = None
+        self._feedback: Any = None
+        self._final: int | None = None
+        self._result_due: Deadline | None = None
+        self._heard_at = math.inf
+        self._silence: Deadline | None = None
+        self._doubt: Deadline | None = None
+        self._absence: Deadline | None = None
+        self._pulse: Pulse | None = None
+        self._cancel: Future | None = None
+        self._question: Future | None = None
+        self._granted = False
+        self._chased: Deadline | None = None
+        self._refused = False
+        self._sent_at = math.inf
+        self._servers: frozenset[bytes] = frozenset()
+
+    @property
+    def in_flight(self) -> bool:
+        """Whether the server has or may have the goal, and it has not been given up."""
+        return self.sent and not self.over and not self._abandoned
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether the server has said that it has the goal."""
+        return self._handle is not None
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the goal is active nowhere: it was not sent, or a final status was seen, or it was never taken."""
+        return not self.sent or self._final is not None
+
+    @property
+    def _is_too_late(self) -> bool:
+        """Whether no server that was there when the goal was sent can still accept it."""
+        if self.age_sec <= self._reply_sec:
+            return False
+        # One that was killed stays in the graph for a while: who answers is the one that came since.
+        return self.age_sec > _LATEST * self._reply_sec or bool(self._port.statuses.servers() - self._servers)
+
+    @property
+    def age_sec(self) -> float:
+        """The seconds since it was sent."""
+        return self._leaf._clock.now() - self._sent_at
+
+    @property
+    def _silence_sec(self) -> float:
+        """How long a server that sends no feedback may leave questions unanswered."""
+        limit_sec = self._leaf.feedback_timeout_sec
+        return self._leaf.server_timeout_sec if limit_sec is None else limit_sec
+
+    @property
+    def server_is_gone(self) -> bool:
+        """Whether there is no server any more that could have the goal."""
+        return not self._port.server_is_ready
+
+    def lose_if_quiet(self, navigator: str) -> None:
+        """Give it up if its server sent feedback, and now sends none: the robot may not stop by itself.
+
+        Args:
+            navigator: The lifecycle node of the server, which answers nothing.
+        """
+        if self.in_flight and self._final is None and AWAKE.now() - self._heard_at > _QUIET_SEC:
+            self._lose(
+                f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} answers nothing"
+            )
+
+    def take_feedback(self) -> Any:
+        """Return the latest feedback message, once; None if there is no new one."""
+        feedback, self._feedback = self._feedback, None
+        return feedback
+
+    def _server_is_ready(self) -> bool:
+        return self._port.server_is_ready
+
+    def chase(self) -> None:
+        """Ask again, now and then, for the status of a goal that was given up; where no cancel was granted, cancel it."""
+        if self.has_ended:
+            self._drop_questions()
+        if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):
+            return
+        if self._granted:
+            self._ask_after()
+        else:
+            self._withdraw()
+
+    def _ask_after(self) -> None:
+        """Ask for the result once more: a server that does not know the goal, or not any more, answers at once."""
+        self._chased = self._limit(_CHASE_SEC)
+        prober = self._port.prober
+        if not self._port.usable or not prober.service_is_ready():
+            return
+        self._drop_questions()
+        request = prober.srv_type.Request()
+        request.goal_id = uuid_message(self._id)
+        self._question = prober.call_async(request)
+        self._question.add_done_callback(self._on_result)
+
+    def _drop_questions(self) -> None:
+        pending = ((self._port.prober, self._question), (self._port.canceller, self._cancel))
+        self._question = self._cancel = None
+        for client, question in pending:
+            if question is not None and self._port.usable:
+                # Without this the client would wait for the answer, and keep the goal, for good.
+                client.remove_pending_request(question)
+
+    def _send(self) -> None:
+        self._servers = self._port.statuses.servers()
+        self._port.goals.sending(self._id, self._port.full_name)
+        self._sent_at = self._leaf._clock.now()
+        self._port.statuses.follow(self._id, self._on_end)
+        own_id = uuid_message(self._id)
+        answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), own_id)
+        answer.add_done_callback(self._on_answer)
+
+    def _withdraw(self) -> None:
+        if not self._port.usable or not self._port.canceller.service_is_ready():
+            return
+        # By its own id, which works before the acceptance has come, if the server has the goal already; if not, it
+        # answers that it does not know it, and the goal is cancelled when its acceptance arrives.
+        self._chased = self._limit(_CHASE_SEC)
+        self._drop_questions()
+        self._cancel = self._port.canceller.call_async(cancel_request(self._id))
+        self._cancel.add_done_callback(self._on_cancel_answer)
+
+    def _watch(self) -> None:
+        if self._final is not None:
+            self._await_result(self._final)
+        elif self._handle is None:
+            super()._watch()
+            if self.trouble:
+                self._port.count_unanswered()
+        elif self._silence is not None and self._silence.passed:
+            self._lose(f"the server has sent no feedback for {self._silence_sec:g} s")
+        elif not self._port.server_is_ready:
+            self._miss_server()
+        else:
+            self._question_server()
+
+    def _await_result(self, status: int) -> None:
+        """Go by the status topic if the result does not come."""
+        if self._result_due is None:
+            self._result_due = self._limit(_RESULT_SEC)
+        elif self._result_due.passed:
+            self._port.warn(
+                f"The result of the goal of '{self._port.name}' is lost; the status topic has its end: {status}."
+            )
+            self.answer = SimpleNamespace(status=status, result=self._port.action_type.Result())
+
+    def _miss_server(self) -> None:
+        # Whoever appears instead of it does not know the goal.
+        if self._absence is None:
+            self._absence = self._limit(self._leaf.absence_timeout_sec)
+        elif self._absence.passed:
+            self._lose(f"the server has been gone for {self._leaf.absence_timeout_sec:g} s")
+
+    def _question_server(self) -> None:
+        """Find out whether the server lives, and knows the goal: the graph shows a killed one for some 20 s."""
+        if self._absence is not None or (
+            self._silence is None and self._doubt is not None and self._doubt.passed
+        ):
+            # Perhaps another server than before: one that does not know the goal answers at once.
+            self._absence = None
+            self._doubt = self._limit(self._silence_sec)
+            self._request_result()
+        if self._pulse is not None and self._pulse.has_stopped():
+            self._lose(f"the server has answered nothing for {self._silence_sec:g} s")
+
+    def _lose(self, trouble: str) -> None:
+        self._port.goals.lost(self._id)
+        self._give_up(f"{trouble}; the robot may still be moving")
+
+    def _on_answer(self, answer: "Future") -> None:
+        self._port.unanswered = 0
+        handle: ClientGoalHandle = answer.result()
+        if not handle.accepted:
+            self.rejected = True
+            self._on_end(UNKNOWN)
+            if not self._abandoned:
+                self.trouble = "the server rejected the goal; is it active (its lifecycle state)?"
+            return
+        self._handle = handle
+        if self._final == UNKNOWN:  # it was taken for lost
+            self._final = None
+            self._port.goals.sending(self._id, self._port.full_name)
+        self._doubt = self._limit(self._silence_sec)
+        self._pulse = Pulse(self._port.prober, self._silence_sec, self._leaf._clock)
+        self._request_result()
+        if self._abandoned:
+            self._withdraw()
+        else:
+            self._leaf._hear()
+
+    def _request_result(self) -> None:
+        # At once, since a server forgets results; and of every goal, since rclpy keeps what it knows of a goal
+        # until the result has come.
+        if self._handle is not None:
+            self._handle.get_result_async().add_done_callback(self._on_result)
+
+    def _weak_on_feedback(self) -> Callable[[Any], None]:
+        # rclpy never lets go of the callback of a goal that is rejected; the goal need not stay with it.
+        method = WeakMethod(self._on_feedback)
+
+        def on_feedback(message: Any) -> None:
+            listener = method()
+            if listener is not None:
+                listener(message)
+
+        return on_feedback
+
+    def _on_feedback(self, message: Any) -> None:
+        self._feedback, self._heard_at = message.feedback, AWAKE.now()
+        if self._pulse is not None:
+            self._pulse.rest()
+        if self._leaf.feedback_timeout_sec is not None:
+            self._silence = self._limit(self._leaf.feedback_timeout_sec)
+
+    def _on_end(self, status: int) -> None:
+        self._final = status
+        self.ended_at = min(self.ended_at, time.monotonic())
+        self._port.goals.ended(self._id, status)
+
+    def _on_result(self, answer: "Future") -> None:
+        result = answer.result()
+        self._on_end(result.status)
+        if self.over or self._abandoned:
+            return
+        self.answer = result
+        if result.status == SUCCEEDED:
+            self._leaf._hear()
+
+    def _on_cancel_answer(self, answer: "Future") -> None:
+        response = answer.result()
+        if response.goals_canceling:
+            self._granted = True
+        if self._granted or self.has_ended:
+            return
+        if response.return_code == response.ERROR_GOAL_TERMINATED:
+            # Over, or cancelled by somebody else: that is no end yet.
+            self._granted = True
+            self._ask_after()
+        elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
+            # Known once and no more: another server. Never known, and long after it was sent: it did not arrive.
+            if self._handle is not None or self._is_too_late:
+                self._on_end(UNKNOWN)
+        elif not self._refused:
+            # A server that refuses says so by an empty list; its return code may still be "no error".
+            self._refused = True
+            self._port.warn(
+                f"The server of '{self._port.name}' did not cancel the goal (return code "
+                f"{response.return_code}): the robot may still be moving."
+            )

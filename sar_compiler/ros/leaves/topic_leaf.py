@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.common import ClearingPolicy, Status
 
-from sar_compiler.ros.leaves.interfaces import find_interface, qos_profile
-from sar_compiler.ros.leaves.leaf import RosLeaf, alive
+from sar_compiler.ros.leaves.leaf import RosLeaf, alive, find_interface, qos_profile
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
