@@ -26,11 +26,8 @@ class ArgumentKind:
         self.name, self.read = name, read
 
     def __call__(self, text: str) -> Any:
-        """Return the value of a word, or say what is wrong with it."""
-        try:
-            return self.read(text)
-        except SarError as error:
-            raise argparse.ArgumentTypeError(str(error)) from error
+        """Return the value of a word."""
+        return self.read(text)
 
 
 def _tree_input(name: str) -> str:
@@ -74,6 +71,18 @@ def reader(
             if fits(value):
                 return value
         raise argparse.ArgumentTypeError(f"'{text}' is not {what}")
+
+    return parse
+
+
+def telling(read: Callable[[str], T]) -> Callable[[str], T]:
+    """Return a function whose errors are told as those of an argument."""
+
+    def parse(text: str) -> T:
+        try:
+            return read(text)
+        except SarError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
 
     return parse
 

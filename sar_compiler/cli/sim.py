@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, WORLD, ArgumentKind, Parser, seed, speed
+from sar_compiler.cli.arguments import FILE, WORLD, Parser, seed, speed, telling
 from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import OK, add_version, interruptible, print_error, print_text, run
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 # How often to look whether the simulation is still alive, seconds.
 _LOOK_SEC = 0.5
-_ROBOT = ArgumentKind("", parse_placement)
-_FAULT = ArgumentKind("", partial(parse_fault, targets=NAVIGATION_FAULTS))
+_ROBOT = telling(parse_placement)
+_FAULT = telling(partial(parse_fault, targets=NAVIGATION_FAULTS))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
