@@ -13,7 +13,7 @@ STARTED, ANSWERED, HALTED, TICKED = "started", "answered", "halted", "ticked"
 """What an event is: a leaf starts, answers, is stopped while it runs; a tick of the tree is over."""
 
 RESET = "reset"
-"""A leaf that had ended is at rest again; recorded runs alone tell that, because they leave out answers that are as the last one."""
+"""A leaf that had ended is at rest again; recorded runs alone tell that, because they leave out answers as in the tick before."""
 
 
 FactChanges = tuple[tuple[str, object], ...]

@@ -217,7 +217,8 @@ def test_facts_of_journals_that_do_not_say_whose_they_are_are_left_out():
 @pytest.mark.parametrize(
     "odd",
     [
-        ("status", {"node": 9, "tick": 1, "status": "FAILURE"}),
+        ("status", {"node": 1, "tick": 1, "status": "FAILURE"}),
+        ("status", {"node": -1, "tick": 1, "status": "FAILURE"}),
         ("status", {"node": 0, "status": "FAILURE"}),
         ("status", {"node": 0, "tick": 1, "status": {}}),
         ("status", {"node": "one", "tick": 1, "status": "FAILURE"}),

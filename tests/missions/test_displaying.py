@@ -76,6 +76,18 @@ def test_what_facts_alone_have_changed_the_mission_says(place: Path, count: int)
     assert shown(MissionState.of(add_displays(alone))) == shown(MissionState.of(whole))
 
 
+def test_whose_a_fact_is_changes_nothing_of_what_facts_alone_show(place: Path) -> None:
+    alone = facts_alone(written(place))
+    with_leaves = [
+        each
+        for entry in alone
+        for each in (entry, entry._replace(kind=CHANGED, data={"leaf": 3, "tick": 1}))
+        if each.kind != CHANGED or entry.kind in dict(FACTS)
+    ]
+    assert len(with_leaves) == len(alone) + len(FACTS)
+    assert shown(MissionState.of(add_displays(with_leaves))) == shown(MissionState.of(add_displays(alone)))
+
+
 @pytest.mark.parametrize("mission", ["of_nobody", None])
 def test_facts_of_a_mission_that_is_not_installed_are_yielded_as_they_are(
     place: Path, mission: str | None
