@@ -19,13 +19,13 @@ from sar_compiler.journal.journal_entries import (
     Row,
 )
 from sar_compiler.journal.json_values import json_text
+from sar_compiler.journal.reserve import Kept, Reserve, RunEnd, lost
 from sar_compiler.journal.situation import CHANGED, Display, LandmarkKind, beginning, changes_by
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
 
 if TYPE_CHECKING:
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.journal.reserve import Kept, Reserve, RunEnd
 
 Listener = Callable[[JournalEntry], object]
 
@@ -247,7 +247,6 @@ class Journal:
         from sqlite3 import Error
 
         from sar_compiler.journal.database import JournalFile
-        from sar_compiler.journal.reserve import Kept
 
         if self.aside is not None:
             file.move(self.aside)
@@ -340,8 +339,6 @@ class Journal:
         if changed := self._changed(entry):
             self.watch(CHANGED, **changed)
         if self._is_written:
-            from sar_compiler.journal.reserve import RunEnd
-
             self._end = RunEnd(self._run, time.time(), ending, status, reason)
             self._write()
         self._tell(entry)
@@ -396,8 +393,6 @@ class Journal:
 
     def _wait(self, error: Exception) -> None:
         # A full disk is no reason to leave people unsearched.
-        from sar_compiler.journal.reserve import Kept, lost
-
         self._pending_since = time.monotonic()
         if len(self._pending) > _MOST_FACTS:
             self._pending[_MOST_FACTS - 1 :] = [lost(self._pending[_MOST_FACTS - 1 :], self._numbers)]
@@ -416,7 +411,7 @@ class Journal:
             f"second, and {beside}."
         )
 
-    def _keep(self, kept: "Kept") -> None:
+    def _keep(self, kept: Kept) -> None:
         """Put facts into the reserve; give that up if it cannot be done, either."""
         if self._reserve is not None:
             try:
@@ -428,8 +423,6 @@ class Journal:
     def _recover(self) -> None:
         if not self._is_failing:
             return
-        from sar_compiler.journal.reserve import Kept
-
         self._is_failing = False
         self._keep(Kept(self._began))
         without = f", without {self._left_out} entries of what was watched" if self._left_out else ""
