@@ -1,5 +1,7 @@
 """One run of `sar-run`, from the tree file to the exit status."""
 
+import os
+import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -17,7 +19,7 @@ from sar_compiler.cli.run_journal import RunJournal
 from sar_compiler.cli.run_mission_check import RouteCheck
 from sar_compiler.cli.run_mission_tree import TreeRun, end_condition
 from sar_compiler.cli.supervision import NOT_READY, PERIOD_SEC
-from sar_compiler.cli.terminal import RunOutput
+from sar_compiler.cli.terminal import RunOutput, draws_in_place
 from sar_compiler.commands import print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.journal.journal import Journal
@@ -136,6 +138,8 @@ def _ros(options: Namespace, signals: StopSignals, mission: Mission | None) -> I
         from sar_compiler.sim.isolation import stay_on_this_machine
 
         stay_on_this_machine()
+        if draws_in_place(sys.stderr):  # the wall's time tells nothing of a simulation
+            os.environ.setdefault("RCUTILS_CONSOLE_OUTPUT_FORMAT", "[{severity}] [{name}]: {message}")
     with ros_up(arguments) as context:
         if options.sim is not None:
             look_around(signals, context=context)

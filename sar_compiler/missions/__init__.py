@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.parameters import DataNode as DataNode
     from sar_compiler.ros.parameters import flat_parameters as flat_parameters
     from sar_compiler.ros.serving import serve as serve
+    from sar_compiler.runtime.clock import clock_text as clock_text
     from sar_compiler.runtime.context import mission_context as mission_context
     from sar_compiler.tree.showing import short_line as short_line
 

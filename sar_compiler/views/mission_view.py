@@ -2,7 +2,7 @@
 
 import bisect
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from sar_compiler.journal.condition import DRIVING, GOOD, QUIET, MissionCondition, condition
@@ -14,6 +14,8 @@ from sar_compiler.tree.showing import in_one_line, shortened
 
 # So many facts, and landmarks of a kind, have room in a line.
 _MOST_TOLD = 10
+# So many names of a chain of only children have room in a line.
+_MOST_NAMES = 4
 _SIGNS = {RUNNING: "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]"}
 
 # Entries that say nothing to people in a line.
@@ -95,19 +97,18 @@ def screen(state: MissionState, now: float, height: int) -> list[Line]:
         now: Seconds of the mission's clock since the run's beginning.
         height: The number of lines at most; 3 or more.
     """
-    head = [_headline(state, now), *_gauges(state, now), *_found(state)]
+    head = [_headline(state, now), *_figures(state, now), *_found(state)]
     return [*head, *_tree(state, now, height - len(head))]
 
 
 def full_height(state: MissionState) -> int:
     """Return the number of lines of a screen on which nothing is folded."""
     found = sum(kind.is_found for kind in state.situation.kinds.values())
-    return 1 + len([*_gauges(state, 0.0)]) + max(1, found) + len(state.nodes)
+    return 1 + len([*_figures(state, 0.0)]) + max(1, found) + len(state.nodes)
 
 
 def _headline(state: MissionState, now: float) -> Line:
     words = [state.title, clock_text(now), condition(state).text(now), _drive_left(state)]
-    words += [figure.text for figure in state.situation.figures.values()]
     return [Piece("  ".join(map(in_one_line, filter(None, words))), "title")]
 
 
@@ -119,12 +120,13 @@ def _drive_left(state: MissionState) -> str:
     return f"{drive.distance:.1f} m{left}"
 
 
-def _gauges(state: MissionState, now: float) -> Iterator[Line]:
-    """Yield a line with what runs out and what a person must know, if there is anything."""
+def _figures(state: MissionState, now: float) -> Iterator[Line]:
+    """Yield a line with what runs out, what a person must know, and how far the mission is, if there is anything."""
     situation = state.situation
-    words = [gauge.text for gauge in situation.gauges.values()]
+    words = [gauge.text for gauge in state.gauges]
     raised = [alarm for alarm in situation.alarms.values() if not alarm.is_over]
     words += [f"ALARM ({clock_text(now - state.since[each.text].time)}): {each.text}" for each in raised]
+    words += [figure.text for figure in situation.figures.values()]
     if words:
         yield [Piece("  ".join(map(in_one_line, words)), "alarm" if raised else "")]
 
@@ -148,9 +150,25 @@ def _find(find: Landmark) -> str:
     return f"{find.name} ({find.x:.1f}, {find.y:.1f}) {', '.join(filter(None, words))}"
 
 
+class _TreeRow(NamedTuple):
+    """A row of the tree.
+
+    Attributes:
+        nodes: A node, and where there is not room for all of them those below it of which each is its parent's only child.
+        depth: How far the row is indented.
+    """
+
+    nodes: list[NodeState]
+    depth: int
+
+    @property
+    def is_running(self) -> bool:
+        return any(node.status == RUNNING for node in self.nodes)
+
+
 def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
     """Yield the tree as far as it fits: the way to what is running and its siblings, the rest folded."""
-    rows = state.nodes if len(state.nodes) <= height else _unfolded(state)
+    rows = _rows(state, height)
     shown = _nearest(rows, height) if len(rows) > height else list(range(len(rows)))
     at = 0
     for index in shown:
@@ -162,23 +180,43 @@ def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
         yield _more(len(rows) - at, rows[at])
 
 
-def _unfolded(state: MissionState) -> list[NodeState]:
-    """Return the nodes of which each ancestor is running; of a tree that has ended, those of which each had a part."""
+def _rows(state: MissionState, height: int) -> list[_TreeRow]:
+    """Return a row for each node if that fits; else for each chain of only children; else for those of which each ancestor is running.
+
+    Of a tree that has ended, those of which each had a part.
+    """
+    if len(state.nodes) <= height:
+        return [_TreeRow([node], node.depth) for node in state.nodes]
+    rows = _unfolded(state, {node.number for node in state.nodes})
+    if len(rows) <= height:
+        return rows
     running = {node.number for node in state.nodes if node.status == RUNNING}
-    open_nodes = running or {node.number for node in state.nodes if node.has_part}
-    rows: list[NodeState] = []
-    waiting = [0] if state.nodes else []
+    return _unfolded(state, running or {node.number for node in state.nodes if node.has_part})
+
+
+def _unfolded(state: MissionState, open_nodes: Collection[int]) -> list[_TreeRow]:
+    """Return the rows of chains, and below them those of nodes that are open."""
+    rows: list[_TreeRow] = []
+    waiting = [(0, 0)] if state.nodes else []
     while waiting:
-        node = state.nodes[waiting.pop()]
-        rows.append(node)
-        if node.number in open_nodes:
-            waiting += reversed(node.children)
+        number, depth = waiting.pop()
+        row = _TreeRow([*_chain(state, number)], depth)
+        rows.append(row)
+        if row.nodes[-1].number in open_nodes:
+            waiting += [(child, depth + 1) for child in reversed(row.nodes[-1].children)]
     return rows
 
 
-def _nearest(rows: Sequence[NodeState], height: int) -> list[int]:
+def _chain(state: MissionState, number: int) -> Iterator[NodeState]:
+    """Yield a node, its only child, the only child of that, and so on."""
+    yield (node := state.nodes[number])
+    while len(node.children) == 1:
+        yield (node := state.nodes[node.children[0]])
+
+
+def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
     """Return the rows to show where not all have room: what runs, deep ones first, then what is near to it."""
-    running = [index for index, node in enumerate(rows) if node.status == RUNNING] or [0]
+    running = [index for index, row in enumerate(rows) if row.is_running] or [0]
     distance = [_distance(running, index) for index in range(len(rows))]
     order = sorted(
         range(len(rows)),
@@ -208,24 +246,38 @@ def _gaps(chosen: Sequence[int], count: int) -> int:
     return sum(after - before > 1 for before, after in itertools.pairwise(edges))
 
 
-def _is_folded(rows: Sequence[NodeState], index: int) -> bool:
-    following = rows[index + 1] if index + 1 < len(rows) else None
-    return bool(rows[index].children) and (following is None or following.parent != rows[index].number)
+def _is_folded(rows: Sequence[_TreeRow], index: int) -> bool:
+    following, last = rows[index + 1] if index + 1 < len(rows) else None, rows[index].nodes[-1]
+    return bool(last.children) and (following is None or following.nodes[0].parent != last.number)
 
 
-def _row(state: MissionState, node: NodeState, now: float, *, is_folded: bool) -> Line:
-    pieces = [
-        Piece(_indent(node.depth)),
-        Piece(sign(node.status), node.status),
-        Piece(f" {in_one_line(node.name)}"),
-    ]
+def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> Line:
+    pieces = [Piece(_indent(row.depth)), *_names(row.nodes)]
     if is_folded:
-        pieces.append(Piece(f" +{_below(state, node)}", "quiet"))
-    if node.has_part and node.since is not None:
-        pieces.append(Piece(f"  {clock_text(now - node.since.time)}", "quiet"))
-    if words := node.message or (node.label if node.has_part else ""):
-        pieces.append(Piece(f"  {in_one_line(words)}", "quiet" if node.status != "FAILURE" else ""))
+        pieces.append(Piece(f" +{_below(state, row.nodes[-1])}", "quiet"))
+    parts = [node for node in row.nodes if node.has_part and node.since is not None]
+    if parts and (since := parts[-1].since) is not None:
+        pieces.append(Piece(f"  {clock_text(now - since.time)}", "quiet"))
+    for node in reversed(row.nodes):
+        if words := node.message or (node.label if node.has_part else ""):
+            return [*pieces, Piece(f"  {in_one_line(words)}", "quiet" if node.status != "FAILURE" else "")]
     return pieces
+
+
+def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
+    """Yield the names of a chain, each with its sign unless that is its parent's; of a long one the first and the last ones."""
+    # A subtree often has the name of its root.
+    nodes = [next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, sign(node.status)))]
+    left_out = max(0, len(nodes) - _MOST_NAMES)
+    shown = ""
+    for number, node in enumerate([nodes[0], *nodes[1 + left_out :]]):
+        if number:
+            yield Piece(" > … > " if number == 1 and left_out else " > ", "quiet")
+        if sign(node.status) != shown:
+            shown = sign(node.status)
+            yield Piece(shown, node.status)
+            yield Piece(" ")
+        yield Piece(in_one_line(node.name))
 
 
 def _below(state: MissionState, node: NodeState) -> int:
@@ -236,7 +288,7 @@ def _below(state: MissionState, node: NodeState) -> int:
     return last.number - node.number
 
 
-def _more(count: int, first: NodeState) -> Line:
+def _more(count: int, first: _TreeRow) -> Line:
     return [Piece(f"{_indent(first.depth)}… {count} more", "quiet")]
 
 

@@ -99,7 +99,7 @@ def test_a_large_tree_at_80_by_24_shows_what_runs_and_folds_the_rest(on_terminal
     )
     shown = tree_of(terminal.rows)
     assert shown[0] == "[*] Main"
-    assert shown[-2:] == ["[✓] Part 49 +1", "[*] Wait"]
+    assert shown[-2:] == ["[✓] Part 49 > AlwaysSuccess", "[*] Wait"]
 
 
 def test_at_the_end_the_view_stays_and_the_terminal_is_as_before(on_terminal):
@@ -139,6 +139,11 @@ def test_a_terminal_that_obeys_nothing_gets_a_line_for_each_change(tmp_path):
     assert terminal.end() == 0
     assert any(row.endswith(":00  Done SUCCESS, success") for row in terminal.rows), terminal.rows
     terminal.kill()
+
+
+def test_of_a_simulation_the_log_does_not_have_the_time_of_the_wall(on_terminal):
+    terminal = on_terminal("<AlwaysFailure/>", "--sim", "empty", "--until", "success", columns=120)
+    terminal.wait_for(lambda rows: any(row.startswith("[INFO] [sar_run]: Root FAILURE") for row in rows))
 
 
 def test_a_terminal_that_has_no_such_signs_gets_others(on_terminal):

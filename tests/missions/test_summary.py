@@ -18,7 +18,7 @@ def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
         "  zones visited:   1 of 2 (a)\n"
         "  survivors found: survivor_1 in a at (1.00, 2.00), NOT acknowledged\n"
         "  back at base:    no\n"
-        "  duration:        12.3 s, 7 ticks\n"
+        "  duration:        0:12, 7 ticks\n"
         "  missing:         b was not visited.\n"
         "  missing:         The base station did not acknowledge survivor_1 in a at (1.00, 2.00).\n"
         "  missing:         The robot did not return to the base station."

@@ -77,15 +77,16 @@ def find(number, **more):
     }
 
 
-def test_the_headline_has_the_place_what_is_left_of_the_drive_and_the_figures():
+def test_the_first_lines_have_the_place_what_is_left_of_the_drive_and_the_figures():
     drive = ("progress", {"target": "zone_b", "distance": 3.21, "time_left": 8.0})
     told = [
         changed(phase={"place": "zone_b"}, figures=[{"name": "zones visited", "value": 1, "of": 2}]),
         drive,
     ]
-    assert lines(mission(node("Main"), more=told))[0] == (
-        "patrol  0:10  driving: to zone_b  3.2 m, 0:08 left  zones visited 1 of 2"
-    )
+    assert lines(mission(node("Main"), more=told))[:2] == [
+        "patrol  0:10  driving: to zone_b  3.2 m, 0:08 left",
+        "zones visited 1 of 2",
+    ]
 
 
 def test_of_a_robot_that_cannot_drive_the_headline_says_why_and_not_what_is_left_of_the_drive():
@@ -161,20 +162,56 @@ def test_of_a_large_tree_the_way_to_what_runs_and_its_siblings_are_shown():
         mission(wide(), (0, "RUNNING", ""), (101, "RUNNING", ""), (102, "RUNNING", "here")), height=10
     )
     assert len(shown) == 10
-    assert "  [*] child 50  0:08" in shown
-    assert "    [*] below  0:07  here" in shown
-    assert "  [-] child 49 +1" in shown
-    assert "  [-] child 51 +1" in shown
-    assert [line for line in shown if "more" in line] == ["  … 47 more", "  … 48 more"]
+    assert "  [*] child 50 > below  0:07  here" in shown
+    assert "  [-] child 49 > below" in shown
+    assert "  [-] child 51 > below" in shown
+    assert [line for line in shown if "more" in line] == ["  … 46 more", "  … 48 more"]
 
 
 def test_a_tree_that_is_deeper_than_the_screen_shows_its_deepest_running_nodes():
     tree = node("leaf")
     for depth in reversed(range(60)):
-        tree = node(f"level {depth}", tree)
+        tree = node(f"level {depth}", tree, node(f"beside {depth}"))
     shown = lines(mission(tree, *((number, "RUNNING", "") for number in range(61))), height=12)
     assert len(shown) == 12
-    assert shown[-1].strip().startswith("[*] leaf")
+    assert any("[*] leaf" in line for line in shown)
+
+
+def test_of_a_long_chain_the_first_and_the_last_are_named():
+    tree = node("leaf")
+    for depth in reversed(range(60)):
+        tree = node(f"level {depth}", tree)
+    shown = lines(mission(tree, *((number, "RUNNING", "") for number in range(61))), height=12)
+    assert shown[1:] == ["[*] level 0 > … > level 58 > level 59 > leaf  0:00"]
+
+
+def chains(count):
+    """Return a tree with chains of only children: a root, and below it turned checks."""
+    return node("Main", *(node(f"Not {each}", node(f"Check {each}")) for each in range(count)))
+
+
+def test_only_children_stand_in_a_row_with_their_parents_once_there_is_not_room_for_all():
+    state = mission(
+        chains(4), (2, "FAILURE", "no"), (1, "SUCCESS", ""), (4, "SUCCESS", ""), (3, "SUCCESS", "")
+    )
+    assert lines(state, height=10)[1:4] == ["[-] Main", "  [✓] Not 0  0:08", "    [✕] Check 0  0:09  no"]
+    assert lines(state, height=9)[1:4] == [
+        "[-] Main",
+        "  [✓] Not 0 > [✕] Check 0  0:09  no",
+        "  [✓] Not 1 > Check 1  0:07",
+    ]
+
+
+def test_a_chain_says_how_long_its_last_node_has_had_a_part():
+    state = mission(chains(4), (1, "RUNNING", "here"), (0, "RUNNING", ""))
+    assert "  [*] Not 0 > [-] Check 0  0:09  here" in lines(state, height=9)
+
+
+def test_a_subtree_and_its_root_of_the_same_name_are_named_once():
+    tree = node(
+        "Main", node("Part", node("Part", node("a"), node("b"))), *(node(f"c{each}") for each in range(4))
+    )
+    assert lines(mission(tree), height=9)[2:5] == ["  [-] Part", "    [-] a", "    [-] b"]
 
 
 @pytest.mark.parametrize("height", range(3, 40))
@@ -189,7 +226,7 @@ def test_a_mission_that_has_ended_shows_how_it_came_to_that():
         mission(tree, (1, "SUCCESS", ""), (4, "FAILURE", "no way"), (3, "FAILURE", ""), (0, "FAILURE", "")),
         10,
     )
-    assert "    [✕] b  0:08  no way" in shown
+    assert "  [✕] B > b  0:08  no way" in shown
 
 
 def test_what_is_told_of_strangers_cannot_move_the_cursor():

@@ -17,6 +17,7 @@ from sar_compiler.missions import (
     MissionPhase,
     MissionRun,
     Verb,
+    clock_text,
 )
 from sar_compiler.missions.search_and_rescue.orders import VERBS, OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import (
@@ -228,7 +229,7 @@ class Search(MissionRun):
                 f"  zones visited:   {len(visited)} of {self.zones.total_zones()}{names}",
                 *_survivor_lines(record),
                 f"  back at base:    {'yes' if record.home else 'no'}",
-                f"  duration:        {elapsed_sec:.1f} s, {ticks} ticks",
+                f"  duration:        {clock_text(elapsed_sec)}, {ticks} ticks",
                 *(f"  missing:         {line}" for line in shortfalls),
             )
         )
