@@ -106,7 +106,7 @@ def _with_ros(effort: Effort) -> Iterator[Result]:
         taken = in_turns(
             {
                 BARE_NODE: lambda: _to_a_line(bare),
-                "": lambda: _to_a_line([*run, "--no-journal"], _FIRST_TICK_SAYS),
+                "": lambda: _to_a_line([*run, "--journal", "none"], _FIRST_TICK_SAYS),
                 WITH_JOURNAL: lambda: _to_a_line([*run, *journal], _FIRST_TICK_SAYS),
             },
             effort.rounds,

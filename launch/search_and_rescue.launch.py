@@ -34,7 +34,7 @@ TRANSFORMS = [("/tf", "tf"), ("/tf_static", "tf_static")]
 PASSED_ON = {"TERM": "dumb"}
 
 # What `journal` can be, as options of sar-run.
-JOURNAL = {"keep": [], "resume": ["--resume"], "new": ["--new"], "none": ["--no-journal"]}
+JOURNAL = {"keep": [], "resume": ["--resume"], "new": ["--new"], "none": ["--journal", "none"]}
 
 # What tells of a mission afterwards. The first are of the robot's namespace, the others of nobody's.
 RECORDED = (

@@ -104,10 +104,13 @@ probability = reader(float, "a number between 0 and 1", lambda value: 0 <= value
 confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < value < 1)
 
 
-def add_web_port(parser: argparse.ArgumentParser, when: str = "") -> None:
-    """Add `--web-port`; *when* it counts."""
+def add_page_options(
+    parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = ""
+) -> argparse.Action:
+    """Add `--open`, and `--web-port`, which is returned; *when* they count."""
+    parser.add_argument("--open", action="store_true", help=f"{when}open it in a browser")
     text = f"{when}the page's port (default 8043; 0 for any)"
-    parser.add_argument("--web-port", type=port, metavar="N", help=text)
+    return parser.add_argument("--web-port", type=port, metavar="N", help=text)
 
 
 def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:

@@ -33,6 +33,7 @@ class RunSetup(NamedTuple):
         parameters: The parameters that any run has.
         fixed_parameters: The names of those that are not set while it runs.
         output: Standard output.
+        staying: What is to be called when the run has ended and ROS is taken down: who stays has its say there.
     """
 
     options: Namespace
@@ -43,6 +44,7 @@ class RunSetup(NamedTuple):
     parameters: "RunParameters"
     fixed_parameters: Collection[str]
     output: "RunOutput"
+    staying: list[Callable[[], object]]
 
 
 Make = Callable[[RunSetup], Companion | None]
@@ -57,8 +59,7 @@ def companions_asked_for(options: Namespace) -> Iterator[Make]:
     if options.view == "web":
         from sar_compiler.cli.run_page import RunPage
 
-        may_hold = not options.groot2_hooks
-        yield lambda run: RunPage(options.web_port, run.journal, run.node, run.mission, may_hold=may_hold)
+        yield RunPage
     if options.view == "text":
         from sar_compiler.cli.run_view import run_view
 
@@ -141,6 +142,11 @@ class Companions:
         """
         for companion in self._companions:
             companion.begin(tree, engine)
+
+    @property
+    def how_to_see_it_again(self) -> str:
+        """The line that shows a simulation again; empty for other runs, and where no journal is kept."""
+        return self._journal.how_to_see_it_again
 
     def first_to_look_at(self) -> str:
         """Return the likeliest cause of a failure in a line; empty where none is known, or no journal is kept."""

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing, suppress
 
-from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_web_port
+from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_page_options
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
@@ -60,7 +60,7 @@ def _parser() -> Parser:
         text = f"{serving} {how}"
         page = commands.add_parser(name, help=text, description=text)
         page.add_argument("journals", type=FILE, nargs="+", metavar="FILE", help="a journal for each robot")
-        add_web_port(page)
+        add_page_options(page)
         page.set_defaults(run=_serve)
     return parser
 
@@ -77,7 +77,7 @@ def _serve(options: argparse.Namespace) -> None:
     interruptible()
     serve = replay_journals if options.command == "replay" else watch_journals
     with suppress(KeyboardInterrupt):  # which is how it ends
-        serve(options.journals, options.web_port)
+        serve(options.journals, options.web_port, opens=options.open)
 
 
 def _show(options: argparse.Namespace) -> None:

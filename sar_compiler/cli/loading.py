@@ -20,17 +20,20 @@ PROJECT_OPTIONS = "options that add to the project's configuration"
 """The title of these options in `--help`; the page of the commands says them once."""
 
 
-def add_project_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that extend a project's configuration."""
-    options = add_vocabulary_options(parser)
+def add_project_options(parser: argparse.ArgumentParser) -> tuple[argparse.Action, argparse.Action]:
+    """Add the options that extend a project's configuration; return those that few need."""
+    options, trust = add_vocabulary_options(parser)
     text = "a further folder that tree files may be included from (besides the file's own); may be repeated"
-    options.add_argument(
+    folder = options.add_argument(
         "--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text
     )
+    return trust, folder
 
 
-def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._ArgumentGroup":
-    """Add those of these options that decide which nodes there are; return their group."""
+def add_vocabulary_options(
+    parser: argparse.ArgumentParser,
+) -> "tuple[argparse._ArgumentGroup, argparse.Action]":
+    """Add those of these options that decide which nodes there are; return their group, and `--trust`."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
     add = options.add_argument
     text = "load a module of leaves (installed, or in the current folder); may be repeated"
@@ -51,11 +54,10 @@ def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._Argume
         "run the modules of leaves that the project's own configuration names and brings along, now and until "
         "one of them changes"
     )
-    add("--trust", action="store_true", help=text)
-    return options
+    return options, add("--trust", action="store_true", help=text)
 
 
-def add_mission(parser: argparse.ArgumentParser) -> None:
+def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
     """Add `--mission`."""
     text = "the mission, where the leaves of the tree do not say which one it is"
     parser.add_argument("--mission", type=ArgumentKind("mission"), metavar="NAME", help=text)

@@ -2,9 +2,10 @@
 
 import sys
 from argparse import BooleanOptionalAction, Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from typing import NoReturn
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
 
 from sar_compiler.cli.arguments import (
     FILE,
@@ -13,7 +14,7 @@ from sar_compiler.cli.arguments import (
     WORLD,
     YAML_FILE,
     Parser,
-    add_web_port,
+    add_page_options,
     count,
     pair_of_ports,
     seed,
@@ -25,10 +26,13 @@ from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
-from sar_compiler.ros.middleware import leave, require_middleware
+from sar_compiler.ros.middleware import leave, require_middleware, shut_down
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
 from sar_compiler.tree.gc_pause import gc_paused
+
+if TYPE_CHECKING:
+    from argparse import _ArgumentGroup
 
 PROG = "sar-run"
 
@@ -36,6 +40,7 @@ ENGINES = ("own", "py_trees_ros")
 _DEFAULT_TREE = "search_and_rescue"
 _DEFAULT_WORLD = "disaster_zone"
 _RESUMED = 3
+_NO_JOURNAL = Path("none")
 
 
 def command() -> NoReturn:
@@ -73,12 +78,18 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
         from sar_compiler.tree.diagnostic import TreeError
 
     options.tree = options.tree or _default_tree(options.mission)
+    staying: list[Callable[[], object]] = []
     try:
-        return run_mission(options, signals, ros)
+        status = run_mission(options, signals, ros, staying)
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print_error(f"{PROG}: {options.tree} cannot be run like this; nothing has moved")
         return USAGE
+    if staying:  # without ROS: others may have the robot meanwhile
+        shut_down(status, ros.close)
+    for stay in staying:
+        stay()
+    return status
 
 
 def _supervise(options: Namespace, supervision: Supervision) -> None:
@@ -98,6 +109,8 @@ def _options(argv: Sequence[str]) -> Namespace:
     given: Namespace = parser.parse_args(split.own)
     if given.tree == "":
         parser.error("the name of the tree file is empty")
+    given.no_journal = given.journal == _NO_JOURNAL
+    given.journal = None if given.no_journal else given.journal
     for message in (*_slips(given), *_slips_of_companions(given)):
         parser.error(message)
     given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
@@ -115,15 +128,16 @@ def _slips(given: Namespace) -> Iterator[str]:
         yield f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim"
     if given.check and (given.resume or given.new or given.report):
         yield "--check begins nothing: --resume, --new and --report are for the run itself"
-    if given.no_journal and (given.journal or given.resume or given.new):
-        yield "--no-journal does not go with --journal, --resume or --new"
+    if given.no_journal and (given.resume or given.new):
+        yield "--journal none does not go with --resume or --new"
     if given.supervise is not None and (given.no_journal or given.check):
-        yield "--supervise resumes a mission from its journal: leave --no-journal and --check out"
+        yield "--supervise resumes a mission from its journal: leave --journal none and --check out"
 
 
 def _slips_of_companions(given: Namespace) -> Iterator[str]:
-    if given.web_port is not None and given.view != "web":
-        yield "--web-port is for the page: add --view web"
+    for option, is_given in (("--web-port", given.web_port is not None), ("--open", given.open)):
+        if is_given and given.view != "web":
+            yield f"{option} is for the page: add --view web"
     if given.check and given.view == "web":
         yield "--check begins nothing that a page could show: leave --view web out"
     if given.check and (given.groot2 is not None or given.publish or given.record is not None):
@@ -176,31 +190,45 @@ _EPILOG = (
 def _parser() -> Parser:
     text = "Run a mission: check the tree, wait for what it needs, tick it."
     parser = Parser(PROG, text, epilog=_EPILOG)
-    _add_what_is_run(parser)
-    _add_companions(parser)
-    _add_how_it_is_run(parser)
+    parser.rename("--summary", "--format")
+    parser.rename("--no-journal", "--journal=none")
+    _add_what_is_flown(parser, parser.add_argument_group("what to fly"))
+    _add_simulation(parser, parser.add_argument_group("simulate"))
+    _add_companions(parser, parser.add_argument_group("see and record"))
+    _add_safety(parser, parser.add_argument_group("safety"))
+    _add_for_experts(parser, parser.add_argument_group("expert"))
     add_version(parser)
-    add_project_options(parser)
+    parser.hide(*add_project_options(parser))
     return parser
 
 
-def _add_what_is_run(parser: Parser) -> None:
+def _add_what_is_flown(parser: Parser, group: "_ArgumentGroup") -> None:
     # py_trees, which comes with it, cannot be imported where standard output is closed.
     from sar_compiler.missions.ending import Until
 
-    add = parser.add_argument
+    add = group.add_argument
     text = f"{FILE_HELP} (default: the one that --mission brings, else {_DEFAULT_TREE})"
-    add("tree", nargs="?", type=TREE, metavar="TREE", help=text)
+    parser.add_argument("tree", nargs="?", type=TREE, metavar="TREE", help=text)
     text = "the tree to run (default: the one the file executes)"
     add("--tree", dest="tree_id", metavar="ID", help=text)
+    add_mission(group)
     text = "a ROS 2 parameter file (default: the mission's own)"
     add("--params", type=YAML_FILE, metavar="FILE", help=text)
+    text = (
+        "when to end: once the root succeeds or fails (end; default for trees and missions without an end of their "
+        "own); once the mission is complete, or can no longer become so (complete; default with --sim); once the root succeeds, or "
+        "fails, each round that ends otherwise being logged (success, failure); or never (forever; default otherwise)"
+    )
+    add("--until", choices=[until.value for until in Until], help=text)
+
+
+def _add_simulation(parser: Parser, group: "_ArgumentGroup") -> None:
+    add = group.add_argument
     text = (
         "simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers in this process; "
         "without it, they must run already"
     )
     add("--sim", nargs="?", const=_DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
-    add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)")
     text = "with --sim: simulated seconds per second, at most; time slows rather than skipping a step (default 1)"
     add("--speed", type=speed, metavar="N", help=text)
     text = (
@@ -208,56 +236,44 @@ def _add_what_is_run(parser: Parser) -> None:
         "parameters (nav2)"
     )
     add("--like", choices=MANNER_NAMES, help=text)
-    text = (
-        "when to end: once the root succeeds or fails (end; default for trees and missions without an end of their "
-        "own); once the mission is complete, or can no longer become so (complete; default with --sim); once the root succeeds, or "
-        "fails, each round that ends otherwise being logged (success, failure); or never (forever; default otherwise)"
-    )
-    add("--until", choices=[until.value for until in Until], help=text)
-    add_mission(parser)
+    text = "with --sim: let something go wrong, for instance navigate_to_pose:reject=1; may be repeated"
+    add("--fault", action="append", default=[], metavar="SPEC", help=text)
+    parser.hide(add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)"))
 
 
-def _add_companions(parser: Parser) -> None:
+def _add_companions(parser: Parser, group: "_ArgumentGroup") -> None:
     """Add the options that say who goes along with the run."""
-    add = parser.add_argument
+    add = group.add_argument
     text = (
         "show the mission while it runs: in place on a terminal, else a line for each change (text); on a page for a browser on "
-        "this machine (web); or not (default none)"
+        "this machine, which a terminal keeps after the end until Ctrl-C (web); or not (default none)"
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
-    add_web_port(parser, "with --view web: ")
-    text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2 asks for 1667)"
-    add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
-    text = "let Groot2 hold the tree at breakpoints, and override outcomes"
-    add("--groot2-hooks", action="store_true", help=text)
-    text = "publish the tree's log (behavior_tree_log), /diagnostics, and, latched, the tree, its state and markers for RViz"
-    add("--publish", action="store_true", help=text)
+    web_port = add_page_options(group, "with --view web: ")
+    text = f"write a report when the run has ended, {REPORT_FORMS}; may be repeated"
+    add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
     text = "record the mission in a new MCAP file: its topics, the tree's log, the mission's log"
     add("--record", type=FILE, metavar="FILE.mcap", help=text)
-
-
-def _add_how_it_is_run(parser: Parser) -> None:
-    add = parser.add_argument
+    text = "publish the tree's log (behavior_tree_log), /diagnostics, and, latched, the tree, its state and markers for RViz"
+    add("--publish", action="store_true", help=text)
+    text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2 asks for 1667)"
+    add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
     text = "sum up for people (default text), or for scripts in one line: status, reason, duration in seconds, figures"
-    add("--summary", choices=("text", "json"), default="text", help=text)
+    add("--format", choices=("text", "json"), default="text", help=text)
+    text = "let Groot2 hold the tree at breakpoints, and override outcomes"
+    parser.hide(web_port, add("--groot2-hooks", action="store_true", help=text))
+
+
+def _add_safety(parser: Parser, group: "_ArgumentGroup") -> None:
+    add = group.add_argument
     text = "wait until everything that the mission needs is there, plan its way on the map, then end; nothing moves"
     add("--check", action="store_true", help=text)
     text = (
-        "have a small process of its own cancel the goals of a run that is killed or crashes (default with a journal, "
-        "without --sim)"
-    )
-    add("--guardian", action=BooleanOptionalAction, help=text)
-    text = "what ticks the tree: the project's runner (default own), or py_trees_ros where that is installed"
-    add("--engine", choices=ENGINES, default=ENGINES[0], help=text)
-    text = (
-        "write the mission's journal to this file (default without --sim, for a mission that can be resumed: a file of the "
-        "node's name in ~/.local/state/sar_compiler)"
+        "write the mission's journal to this file, or none (default for a mission that can be resumed: a file of the node's name "
+        "in ~/.local/state/sar_compiler; with --sim: a new one in the folder simulated there, which keeps the last ten)"
     )
     add("--journal", type=FILE, metavar="FILE", help=text)
-    text = f"write a report when the run has ended, {REPORT_FORMS}; may be repeated"
-    add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
-    add("--no-journal", action="store_true", help="write no journal")
-    begun = parser.add_mutually_exclusive_group()
+    begun = group.add_mutually_exclusive_group()
     text = "go on with the mission in the journal; goals still under way are cancelled first"
     begun.add_argument("--resume", action="store_true", help=text)
     text = "begin anew, and keep an unfinished journal under another name"
@@ -267,10 +283,18 @@ def _add_how_it_is_run(parser: Parser) -> None:
         f"(default {_RESUMED})"
     )
     add("--supervise", nargs="?", const=_RESUMED, type=count, metavar="N", help=text)
-    text = "with --sim: let something go wrong, for instance navigate_to_pose:reject=1; may be repeated"
-    add("--fault", action="append", default=[], metavar="SPEC", help=text)
+    text = (
+        "have a small process of its own cancel the goals of a run that is killed or crashes (default with a journal, "
+        "without --sim)"
+    )
+    parser.hide(add("--guardian", action=BooleanOptionalAction, help=text))
+
+
+def _add_for_experts(parser: Parser, group: "_ArgumentGroup") -> None:
+    text = "what ticks the tree: the project's runner (default own), or py_trees_ros where that is installed"
+    engine = group.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help=text)
     text = "show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)"
-    add("--traceback", action="store_true", help=text)
+    parser.hide(engine, group.add_argument("--traceback", action="store_true", help=text))
 
 
 if __name__ == "__main__":

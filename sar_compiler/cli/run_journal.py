@@ -1,5 +1,6 @@
 """The journal of a run of `sar-run`; what it takes is imported only where somebody has a use for it."""
 
+import shlex
 from argparse import Namespace
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -29,6 +30,7 @@ class RunJournal(Companion):
         path: The tree file.
 
     Attributes:
+        how_to_see_it_again: Of a simulation, the line that shows it again; else empty.
         journal: The journal. Who listens to it begins at once: what the run does only for those is decided as it goes on.
 
     Raises:
@@ -41,6 +43,10 @@ class RunJournal(Companion):
         self.journal = _open(options, mission, node)
         self._about: dict[str, object] = {"mission": mission.name if mission is not None else None}
         self._about["simulated"] = options.sim is not None
+        # What was simulated is over with its process, but for this.
+        is_simulation_kept = options.sim is not None and self.journal.is_kept
+        replay = f"sar-journal replay {shlex.quote(str(self.journal.place))}"
+        self.how_to_see_it_again = f"To see it again: {replay}" if is_simulation_kept else ""
         self._run_about: dict[str, object] = {
             "version": version("sar_compiler"),
             "node": node.get_fully_qualified_name(),
@@ -146,13 +152,13 @@ class RunJournal(Companion):
 
 def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
     asked = options.journal is not None or options.resume or options.new or options.supervise is not None
-    by_itself = mission is not None and mission.is_resumable and options.sim is None
+    by_itself = options.sim is not None or (mission is not None and mission.is_resumable)
     if options.no_journal or options.check or not (asked or by_itself):
         return Journal()
     from sar_compiler.journal.errors import JournalPlaceError
-    from sar_compiler.journal.opening import default_place, open_journal
+    from sar_compiler.journal.opening import open_journal
 
-    place = options.journal or default_place(node.get_fully_qualified_name())
+    place = options.journal or _usual_place(options, node.get_fully_qualified_name())
     is_named = options.journal is not None
     try:
         return open_journal(place, resume=options.resume, anew=options.new, is_named=is_named)
@@ -161,3 +167,13 @@ def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
             raise
         node.get_logger().warning(f"No journal is kept, so this mission cannot be resumed: {error}")
         return Journal()
+
+
+def _usual_place(options: Namespace, name: str) -> Path:
+    from sar_compiler.journal.opening import default_place, forget_simulated, simulated_place
+
+    if options.sim is None:
+        return default_place(name)
+    place = simulated_place(name, resume=options.resume)
+    forget_simulated(place)
+    return place

@@ -3,7 +3,7 @@
 import os
 import sys
 from argparse import Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,13 +44,16 @@ if TYPE_CHECKING:
     from sar_compiler.sim.world import World
 
 
-def run_mission(options: Namespace, signals: StopSignals, ros: ExitStack) -> int:
+def run_mission(
+    options: Namespace, signals: StopSignals, ros: ExitStack, staying: list[Callable[[], object]]
+) -> int:
     """Check the tree, wait for its requirements, tick it to the end, and return the exit status.
 
     Args:
         options: The options of the command line.
         signals: The requests to stop.
         ros: Takes down what is native, in the end, when all that the run has to write is written.
+        staying: Takes what is to be called after that.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
@@ -76,7 +79,7 @@ def run_mission(options: Namespace, signals: StopSignals, ros: ExitStack) -> int
         run_journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
         options.supervision.tell_journal(journal.place)
-        setup = RunSetup(options, signals, node, journal, run, parameters, fixed, RunOutput())
+        setup = RunSetup(options, signals, node, journal, run, parameters, fixed, RunOutput(), staying)
         companions = Companions(setup, run_journal, asked_for, stack)
         run_journal.keep_facts(run, reader.parameters)
         end = end_condition(setup)

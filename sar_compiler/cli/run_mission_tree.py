@@ -109,7 +109,7 @@ class TreeRun:
             NotReadyError: If a requirement of the tree is not fulfilled in time.
         """
         status = self._run(route)
-        if status and self._options.summary == "text" and (first := self.companions.first_to_look_at()):
+        if status and self._options.format == "text" and (first := self.companions.first_to_look_at()):
             self._output.say(f"  {first}")
         for words in self._last_words:
             print_error(f"sar-run: {words}")
@@ -287,7 +287,9 @@ class TreeRun:
     def _conclude(self, elapsed_sec: float) -> int:
         """Print the summary; returns the exit status."""
         mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
-        as_json = self._options.summary == "json"
+        as_json = self._options.format == "json"
+        if hint := self.companions.how_to_see_it_again:
+            print_error(hint)
         if not as_json:
             for text in filter(None, (mission.summary(elapsed_sec, ticks), supervision.in_words())):
                 self._output.say(text)

@@ -1,16 +1,21 @@
 """The page of a run of `sar-run`, and of journals; what it takes is imported only where somebody wants one."""
 
+import sys
 import time
+import webbrowser
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import closing, contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.cli.page_tools import LiveTools, journal_tools
 from sar_compiler.cli.team_orders import TeamOrders, ordering
+from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.commands import print_error
+from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import ORDERED, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.ros.companion import Companion
@@ -19,11 +24,9 @@ from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import OrderGiver, Orders, PageServer, Tools
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
-
+    from sar_compiler.cli.companions import RunSetup
     from sar_compiler.compiler import CompiledTree
-    from sar_compiler.journal.journal import Journal
-    from sar_compiler.missions.mission import MissionRun, Verb
+    from sar_compiler.missions.mission import Verb
     from sar_compiler.missions.verb_calls import VerbCalls
     from sar_compiler.project import Workspace
     from sar_compiler.ros.engine import Engine
@@ -36,23 +39,18 @@ class RunPage(Companion):
     """The page of a run.
 
     Args:
-        port: The port; None for the usual one.
-        journal: The run's journal.
-        node: The run's node.
-        mission: The mission, which says what the operator can order.
-        may_hold: Whether the page may hold the tree at breakpoints.
+        run: The run.
 
     Raises:
         PageError: If the port cannot be had.
     """
 
-    def __init__(
-        self, port: int | None, journal: "Journal", node: "Node", mission: "MissionRun", *, may_hold: bool
-    ) -> None:
+    def __init__(self, run: "RunSetup") -> None:
         from sar_compiler.missions.verb_calls import VerbCalls
         from sar_compiler.ros.clock import NodeTime
 
-        verbs = mission.verbs()
+        self._run, self._has_ended = run, False
+        journal, node, verbs = run.journal, run.node, run.mission.verbs()
         calls = VerbCalls(
             node, verbs, lambda verb, by: journal.watch(ORDERED, verb=verb.name, label=verb.label, by=by)
         )
@@ -63,9 +61,11 @@ class RunPage(Companion):
             node.get_logger().warning(text)
             journal.watch("breakpoint", text=held)
 
-        self._tools = LiveTools(tell, may_hold=may_hold)
+        self._tools = LiveTools(tell, may_hold=not run.options.groot2_hooks)
 
         def beat() -> dict[str, object]:
+            if self._has_ended:
+                return {}
             self._tools.look()
             try:
                 return {"time": clock.now(), "verbs": [calls.available()]}
@@ -80,18 +80,46 @@ class RunPage(Companion):
         # Apart: a page on which nobody says why goes on.
         for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
             journal.listen(listener)
-        self._server = PageServer(feed, port, _OwnOrders(calls), tools)
+        self._orders = _OwnOrders(calls)
+        self._server = PageServer(feed, run.options.web_port, self._orders, tools)
         self._server.start()
         print_error(f"The page of this run: {self._server.url}")
+        if run.options.open:
+            open_page(self._server.url)
 
     def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
         """Let the tree be asked."""
         self._tools.begin(tree, engine)
 
-    def end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is served from before that on
-        """Serve it no more."""
+    def end(self, *, has_begun: bool) -> None:
+        """Serve it no more; on a terminal that is Ctrl-C's to say, unless that is how the run has ended."""
+        self._has_ended = self._orders.has_ended = True
         self._tools.end()
+        if has_begun and self._is_looked_at and not self._run.signals.came:
+            self._run.staying.append(self._stay)
+        else:
+            self._server.close()
+
+    @property
+    def _is_looked_at(self) -> bool:
+        is_terminal = draws_in_place(sys.stdout) and draws_in_place(sys.stderr)
+        return is_terminal and not self._run.options.supervision.is_there
+
+    def _stay(self) -> None:
+        print_error(f"The run has ended, and its page stays until Ctrl-C: {self._server.url}")
+        while not self._run.signals.wait(_LOOK_SEC) and not self._server.wait(0.0):
+            pass
         self._server.close()
+
+
+def open_page(url: str) -> None:
+    """Open a page in a browser, as the system has it; nothing waits for that."""
+
+    def show() -> None:
+        if not webbrowser.open(url):
+            print_error(f"There is no browser to open {url} in.")
+
+    Thread(target=show, name="browser", daemon=True).start()
 
 
 class _OwnOrders:
@@ -103,6 +131,7 @@ class _OwnOrders:
 
     def __init__(self, calls: "VerbCalls") -> None:
         self._calls = calls
+        self.has_ended = False
 
     def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
         """Give an order; see `VerbCalls.give`.
@@ -110,10 +139,13 @@ class _OwnOrders:
         Raises:
             VerbError: If it is none.
         """
+        if self.has_ended:
+            message = "the run has ended"
+            raise SarError(message)
         return self._calls.give(verb, values, giver.name)
 
 
-def replay_journals(paths: Sequence[Path], port: int | None) -> None:
+def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
     """Serve a page that shows journals again, one for each robot, until Ctrl-C.
 
     Raises:
@@ -126,11 +158,12 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
 
     replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())), add_displays)
     tools = journal_tools(paths)
-    with _serve(ReplayFeed(replay, {"robots": _names(paths), "tools": [*tools]}), port, tools) as server:
+    feed = ReplayFeed(replay, {"robots": _names(paths), "tools": [*tools]})
+    with _serve(feed, port, tools, opens=opens) as server:
         server.wait()
 
 
-def watch_journals(paths: Sequence[Path], port: int | None) -> None:
+def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
     """Serve a page of missions in other processes, by what they write to their journals, until Ctrl-C; orders go to their nodes.
 
     Raises:
@@ -140,7 +173,10 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
     team, tools = _Team(paths), journal_tools(paths)
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
     team.feed = feed = LiveFeed(hello, team.beat, len(paths))
-    with ordering(team.happen, print_error) as orders, _serve(feed, port, tools, orders) as server:
+    with (
+        ordering(team.happen, print_error) as orders,
+        _serve(feed, port, tools, orders, opens=opens) as server,
+    ):
         team.orders = orders
         while not server.wait(_LOOK_SEC):
             team.look()
@@ -234,11 +270,18 @@ class _TellsWhy:
 
 @contextmanager
 def _serve(
-    feed: "LiveFeed | ReplayFeed", port: int | None, tools: Tools, orders: Orders | None = None
+    feed: "LiveFeed | ReplayFeed",
+    port: int | None,
+    tools: Tools,
+    orders: Orders | None = None,
+    *,
+    opens: bool,
 ) -> Iterator[PageServer]:
     with closing(PageServer(feed, port, orders, tools)) as server:
         server.start()
         print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)
+        if opens:
+            open_page(server.url)
         yield server
 
 

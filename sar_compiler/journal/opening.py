@@ -1,16 +1,21 @@
 """Opening the journal of a run: which file, and whether a mission begins in it or goes on."""
 
+import glob
 import os
+import re
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
-from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.database import JournalFile, is_locked
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalRun, day_and_time
 from sar_compiler.resources import state_folder
 
-_SUFFIX = ".journal"
+_SUFFIX, _SIMULATED = ".journal", "simulated"
+_KEPT_SIMULATED = 10
 
 
 def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Path:
@@ -23,6 +28,43 @@ def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Pat
     domain = environment.get("ROS_DOMAIN_ID") or "0"
     ending = f".domain_{domain}" if domain != "0" else ""
     return state_folder(environment) / f"{node.strip('/').replace('/', '.')}{ending}{_SUFFIX}"
+
+
+def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] = os.environ) -> Path:
+    """Return where the journal of a simulated run of a node is kept, apart from those of robots.
+
+    Args:
+        node: The node's full name.
+        resume: Whether it is that of the last run, to go on with it; else a new one.
+        environment: The environment, as of `default_place`.
+    """
+    usual = default_place(node, environment)
+    place = usual.with_name(_SIMULATED) / usual.name
+    own = re.compile(rf"{re.escape(place.stem)}\.\d{{8}}-\d{{6}}(-\d+)?{_SUFFIX}")
+    earlier = [path for path in _by_age(place.parent) if own.fullmatch(path.name)]
+    if resume:
+        return earlier[-1] if earlier else place
+    return _aside(place, time.time())
+
+
+def forget_simulated(place: Path) -> None:
+    """Delete journals of simulated runs beside one that is about to begin, so that the last ten are kept; never one that is written to."""
+    others = [path for path in _by_age(place.parent) if path != place]
+    for path in others[: 1 - _KEPT_SIMULATED]:
+        if not is_locked(path):
+            for each in place.parent.glob(
+                f"{glob.escape(path.name)}*"
+            ):  # with what SQLite and its reserve put beside it
+                each.unlink(missing_ok=True)
+
+
+def _by_age(folder: Path) -> list[Path]:
+    """Return the journals in a folder, the one that was written to last at the end."""
+    found = []
+    for path in folder.glob(f"*{_SUFFIX}"):
+        with suppress(OSError):  # another process has just deleted it
+            found.append((path.stat().st_mtime, path))
+    return [path for _, path in sorted(found)]
 
 
 def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_named: bool = True) -> Journal:

@@ -149,6 +149,12 @@ def leave(status: int, take_down: Callable[[], object]) -> NoReturn:
     # What the end of the interpreter does, which there is none of.
     threading._shutdown()  # type: ignore[attr-defined]  # noqa: SLF001 - others' threads may have work to finish
     atexit._run_exitfuncs()  # noqa: SLF001
+    shut_down(status, take_down)
+    os._exit(status)
+
+
+def shut_down(status: int, take_down: Callable[[], object]) -> None:
+    """Take ROS down; a crash or a hang in it ends the process with its status."""
     libc = ctypes.CDLL(None)
     _flush(libc)
     # Python's own handlers would run after what crashed has returned; this one does in the thread that did.
@@ -159,7 +165,9 @@ def leave(status: int, take_down: Callable[[], object]) -> NoReturn:
     with suppress(Exception):
         take_down()
     _flush(libc)
-    os._exit(status)
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    for number in (*_CRASHES, signal.SIGALRM):
+        libc.signal(number, None)
 
 
 def _flush(libc: ctypes.CDLL) -> None:

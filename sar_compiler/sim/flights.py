@@ -69,7 +69,7 @@ class Flights:
     def _outcome(self, seed: int) -> Played:
         problem = ""
         for _ in range(_MOST_ATTEMPTS):
-            status, output, problem = _fly(["--summary", "json", *self.command(seed)])
+            status, output, problem = _fly(["--format", "json", "--journal", "none", *self.command(seed)])
             if _over.is_set() or status == INTERRUPTED:
                 raise CancelledError
             if status in (OK, FINDINGS):

@@ -1,6 +1,9 @@
 """`--view text` on a terminal: what is on the screen while a mission runs, after a change of size, and at the end."""
 
+import re
 import signal
+import sys
+import urllib.request
 
 import pytest
 
@@ -144,6 +147,29 @@ def test_a_terminal_that_obeys_nothing_gets_a_line_for_each_change(tmp_path):
 def test_of_a_simulation_the_log_does_not_have_the_time_of_the_wall(on_terminal):
     terminal = on_terminal("<AlwaysFailure/>", "--sim", "empty", "--until", "success", columns=120)
     terminal.wait_for(lambda rows: any(row.startswith("[INFO] [sar_run]: Root FAILURE") for row in rows))
+
+
+def address(rows):
+    """Return the address of the page in what is on a screen."""
+    return next((found[0] for row in rows if (found := re.search(r"http://\S+", row))), "")
+
+
+def test_on_a_terminal_the_page_of_an_ended_run_stays_until_ctrl_c_and_the_status_is_the_mission_s(
+    begin, tmp_path
+):
+    path, seen = tmp_path / "tree.xml", tmp_path / "opened"
+    path.write_text(document('<AlwaysFailure name="No"/>'), encoding="utf-8")
+    browser = f'{sys.executable} -c \'import sys; open("{seen}", "w").write(sys.argv[1])\' %s'
+    options = ("--sim", "empty", "--view", "web", "--web-port", 0, "--open")
+    terminal = begin("sar-run", path, *options, columns=200, env={"BROWSER": browser})
+    terminal.wait_for("The run has ended, and its page stays until Ctrl-C: http://")
+    url = address(terminal.rows)
+    with urllib.request.urlopen(url.partition("#")[0]) as page:  # noqa: S310 - the one that was printed
+        assert page.status == 200
+    assert seen.read_text(encoding="utf-8") == url
+    assert any("To see it again: sar-journal replay " in row for row in terminal.rows)
+    terminal.send(signal.SIGINT)
+    assert terminal.end() == 1
 
 
 def test_a_terminal_that_has_no_such_signs_gets_others(on_terminal):

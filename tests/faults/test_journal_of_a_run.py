@@ -59,7 +59,7 @@ def test_a_mission_on_a_robot_has_a_journal_by_the_name_of_its_node(begin, tmp_p
 
 
 def test_without_a_journal_nothing_is_left(begin, tmp_path):
-    begin("--no-journal").stop()
+    begin("--journal", "none").stop()
     assert journals(tmp_path) == []
 
 
@@ -151,7 +151,7 @@ def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
     [
         (["--resume", "--new"], "not allowed with"),
         (["--check", "--resume"], "--check begins nothing"),
-        (["--no-journal", "--resume"], "--no-journal does not go with"),
+        (["--journal", "none", "--resume"], "--journal none does not go with"),
         (["--resume"], "so nothing to resume: leave --resume out"),
     ],
 )

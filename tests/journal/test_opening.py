@@ -1,5 +1,6 @@
 """Which journal a run writes to, and what it does to one that is there."""
 
+import os
 import re
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending, JournalEntry
-from sar_compiler.journal.opening import default_place, open_journal
+from sar_compiler.journal.opening import default_place, forget_simulated, open_journal, simulated_place
 from sar_compiler.runtime.clock import ManualClock
 
 
@@ -244,3 +245,54 @@ def test_the_default_place_is_in_the_home_of_the_user(monkeypatch, tmp_path):
     for environment in ({}, {"XDG_STATE_HOME": "relative"}):
         found = default_place("/patrol", environment)
         assert found == tmp_path / ".local/state/sar_compiler/patrol.journal"
+
+
+@pytest.fixture
+def simulated(tmp_path):
+    """Say where the journal of a simulated run of a node is kept."""
+
+    def place(node="/search_and_rescue", *, resume=False, domain="0"):
+        environment = {"XDG_STATE_HOME": str(tmp_path), "ROS_DOMAIN_ID": domain}
+        return simulated_place(node, resume=resume, environment=environment)
+
+    return place
+
+
+def test_simulated_runs_have_a_folder_of_their_own_and_a_file_each(simulated, tmp_path):
+    folder = tmp_path / "sar_compiler" / "simulated"
+    first = simulated()
+    leave(first)
+    assert first.parent == simulated().parent == folder
+    assert re.fullmatch(r"search_and_rescue\.\d{8}-\d{6}\.journal", first.name)
+    assert simulated() != first
+
+
+def test_a_simulated_run_is_resumed_in_the_last_journal_of_its_node_and_domain(simulated):
+    leave(last := simulated())
+    for other in (simulated("/robot1"), simulated("/search_and_rescue/more"), simulated(domain="7")):
+        leave(other)
+    assert simulated(resume=True) == last
+    with pytest.raises(JournalError, match="nothing to resume"):
+        open_journal(simulated("/robot2", resume=True), resume=True)
+
+
+def test_the_last_ten_simulated_runs_are_kept_with_the_one_that_begins(simulated):
+    places = [simulated(f"/robot{number}") for number in range(12)]
+    for number, place in enumerate(places):
+        leave(place)
+        place.with_name(f"{place.name}-reserve").touch()
+        os.utime(place, (number, number))
+    forget_simulated(simulated())
+    left = sorted(path.name for path in places[0].parent.iterdir())
+    assert left == sorted(name for place in places[3:] for name in (place.name, f"{place.name}-reserve"))
+
+
+def test_a_simulated_run_that_still_writes_keeps_its_journal(simulated):
+    writing = open_journal(oldest := simulated("/robot0"))
+    writing.begin({}, {})
+    for number in range(1, 12):
+        leave(simulated(f"/robot{number}"))
+    os.utime(oldest, (0, 0))
+    forget_simulated(simulated())
+    assert oldest.exists()
+    writing.close()

@@ -53,7 +53,7 @@ def summary(run):
 @pytest.mark.parametrize("tree", TREES)
 def test_a_tree_is_flown_and_nothing_moves_without_a_goal(tree, nav2, fly, seen):
     began = time.time()
-    run = fly(tree, "--summary", "json")
+    run = fly(tree, "--format", "json")
     status, ended = end(run, nav2), time.time()
     figures, loose = summary(run), nav2.robot.drives_without_goal(began)
     still = nav2.robot.still_after(ended)
@@ -77,7 +77,7 @@ def test_a_zone_in_a_wall_is_given_up_and_the_robot_comes_home(nav2, fly, seen, 
     file = tmp_path / "params.yaml"
     file.write_text(yaml.safe_dump(params), encoding="utf-8")
     began = time.time()
-    run = fly(RESILIENT, "--summary", "json", "--params", file)
+    run = fly(RESILIENT, "--format", "json", "--params", file)
     status = end(run, nav2)
     aborted = nav2.robot.ends_since(began).count(ABORTED)
     seen(
@@ -135,7 +135,7 @@ def test_a_mission_that_is_killed_leaves_no_goal_and_is_resumed(nav2, fly, seen,
     nav2.robot.wait_until(lambda: nav2.robot.first([CANCELED], killed), "the goal's end")
     asked, ended = (nav2.robot.first(each, killed) for each in ([CANCELING, CANCELED], [CANCELED]))
     still = nav2.robot.still_after(ended)
-    resumed = fly(RESILIENT, "--journal", journal, "--resume", "--summary", "json")
+    resumed = fly(RESILIENT, "--journal", journal, "--resume", "--format", "json")
     status = end(resumed, nav2)
     seen(
         "the guardian cancels at once; --resume completes",
@@ -162,7 +162,7 @@ def test_a_second_mission_is_refused(nav2, fly, seen):
     first = fly(RESILIENT)
     nav2.robot.wait_until_moving()
     asked = time.time()
-    status = end(fly(RESILIENT, "--no-journal"), nav2)
+    status = end(fly(RESILIENT, "--journal", "none"), nav2)
     seen("refused, status 2", f"status {status} after {time.time() - asked:.1f} s")
     assert status == 2
     first.send(signal.SIGINT)
@@ -170,12 +170,12 @@ def test_a_second_mission_is_refused(nav2, fly, seen):
 
 
 def test_a_mission_begun_anew_away_from_the_base_tells_the_robot_no_pose(nav2, fly, seen):
-    run = fly(RESILIENT, "--no-journal")
+    run = fly(RESILIENT, "--journal", "none")
     until(run, nav2, "Reached zone_a.")
     run.send(signal.SIGINT)
     assert end(run, nav2) == 130
     told = nav2.log("amcl").count("Setting pose")
-    status = end(fly(RESILIENT, "--no-journal"), nav2)
+    status = end(fly(RESILIENT, "--journal", "none"), nav2)
     again = nav2.log("amcl").count("Setting pose") - told
     seen("status 3, the robot is told nothing", f"status {status}, told {again} times")
     assert (status, again) == (3, 0)
@@ -245,7 +245,7 @@ def test_nav2_that_is_deactivated_on_the_way_costs_no_attempt(nav2, fly, seen):
 
 def on_the_way(nav2, fly, tree=RESILIENT):
     """A run whose robot drives from its first zone to the second."""
-    run = fly(tree, "--no-journal")
+    run = fly(tree, "--journal", "none")
     until(run, nav2, "Reached zone_a.")
     until(run, nav2, "Navigating to zone_b...")
     nav2.robot.wait_until_moving()
@@ -337,7 +337,7 @@ def test_ten_missions_in_a_row_lose_no_drive(nav2, fly, seen):
     ends = []
     for _ in range(MISSIONS_IN_A_ROW):
         began = time.time()
-        run = fly(RESILIENT, "--no-journal", "--summary", "json")
+        run = fly(RESILIENT, "--journal", "none", "--format", "json")
         status = end(run, nav2)
         aborted = nav2.robot.ends_since(began).count(ABORTED)
         ends.append(
