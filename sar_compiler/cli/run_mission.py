@@ -16,8 +16,7 @@ from rclpy.parameter import Parameter
 from sar_compiler.cli.companions import Companions, RunSetup, companions_asked_for
 from sar_compiler.cli.loading import additions, tell_note
 from sar_compiler.cli.run_journal import RunJournal
-from sar_compiler.cli.run_mission_check import RouteCheck
-from sar_compiler.cli.run_mission_tree import TreeRun, end_condition
+from sar_compiler.cli.run_mission_tree import RouteCheck, TreeRun, end_condition
 from sar_compiler.cli.supervision import NOT_READY, PERIOD_SEC
 from sar_compiler.cli.terminal import RunOutput, draws_in_place
 from sar_compiler.commands import print_error

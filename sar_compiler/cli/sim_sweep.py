@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import TREE, WORLD, YAML_FILE, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
-from sar_compiler.cli.sweep_command import Written, add_sweep_options, add_varied_parameters, run_sweep
+from sar_compiler.cli.sweep import Written, add_sweep_options, add_varied_parameters, run_sweep
 from sar_compiler.cli.writing import write_text
 from sar_compiler.commands import CommandParser
 from sar_compiler.ros.middleware import require_middleware

@@ -46,7 +46,7 @@ def test_a_mission_that_names_places_drives_to_them() -> None:
 @pytest.mark.ros
 class TestTheReport:
     def report(self, mission: MissionRun, **parameters: Any) -> Any:
-        from sar_compiler.cli.run_mission_check import RouteReport
+        from sar_compiler.cli.run_mission_tree import RouteReport
         from sar_compiler.sim.occupancy import read_map
 
         occupancy = read_map(Path("maps/disaster_zone.yaml"))
