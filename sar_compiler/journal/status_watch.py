@@ -51,7 +51,8 @@ class StatusWatch(VisitorBase):
         # Of each node: what it has come to last, and the tick in which that was.
         self._last: list[tuple[str, str, str | None]] = [("", "", None)] * len(self._behaviours)
         self._ticked = [0] * len(self._behaviours)
-        self._standing: set[int] = set()
+        # The nodes that are not at rest, and whether they run: one that is skipped stays as it is.
+        self._standing: dict[int, bool] = {}
         self._tick = 0
         self._is_ticking = False
         self._noted: set[int] = set()
@@ -92,7 +93,7 @@ class StatusWatch(VisitorBase):
         """Watch the nodes that were stopped or reset, and end the tick."""
         gone = [each for each in self._standing if self._behaviours[each].status is Status.INVALID]
         for number in sorted(gone):
-            was_running = self._last[number][0] == Status.RUNNING.value
+            was_running = self._standing.pop(number)
             self._write(number, "HALTED" if was_running else "IDLE", "", last=self._ticked[number])
         self._is_ticking = False
         self._journal.write_when_due()
@@ -111,7 +112,8 @@ class StatusWatch(VisitorBase):
 
     def _write(self, number: int, status: str, message: str, label: str | None = None, **more: int) -> None:
         self._last[number] = status, message, label
-        (self._standing.add if status in _STANDING else self._standing.discard)(number)
+        if status in _STANDING:
+            self._standing[number] = status == Status.RUNNING.value
         said: dict[str, object] = {} if label is None else {"label": label}
         self._journal.watch(
             "status", node=number, tick=self._tick, status=status, message=message, **said, **more

@@ -13,7 +13,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, STARTED, TICKED, Event, with_end
+from sar_compiler.runtime.events import HALTED, RESET, STARTED, TICKED, Event, with_end
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
 from tests.chance import rounds
@@ -98,6 +98,9 @@ def test_what_is_read_has_happened_and_nothing_is_left_out_but_answers_as_in_the
         last = {event.number: (event.status, event.label) for event in events if event.answer}
         as_before = {leaf for leaf, answer in last.items() if known.get(leaf) == answer}
         assert {event.number for event in told if event.answer} >= last.keys() - as_before
+        last_deeds = {event.number: event.what for event in events if event.what != TICKED}
+        halted = {leaf for leaf, what in last_deeds.items() if what == HALTED}
+        assert {event.number for event in told if event.what == HALTED} >= halted
         # What is as in the tick before is left out, and nothing else.
         at_rest = {event.number for event in read.get(number, []) if event.what == RESET}
         known = {leaf: answer for leaf, answer in last.items() if leaf not in at_rest}
@@ -174,11 +177,12 @@ def noting(root, ticks):
 def test_a_fact_belongs_to_the_answer_of_the_leaf_that_has_noted_it():
     one, two = Noting("one", R, S), Noting("two", S)
     flight = noting(Sequence("root", memory=True, children=[one, two]), 2)
-    answers = [event for event in recorded_events(flight.stream) if event.what == ANSWERED]
-    assert [(each.leaf, each.tick, each.facts) for each in answers] == [
-        ("one", 1, (("seen", {"tick": 2}),)),
-        ("one", 2, (("seen", {"tick": 1}),)),
-        ("two", 2, (("seen", {"tick": 1}),)),
+    assert [
+        (each.leaf, each.answer, each.facts) for each in recorded_events(flight.stream) if each.facts
+    ] == [
+        ("one", "RUNNING", (("seen", {"tick": 2}),)),
+        ("one", "SUCCESS", (("seen", {"tick": 1}),)),
+        ("two", "SUCCESS", (("seen", {"tick": 1}),)),
     ]
 
 
@@ -189,7 +193,7 @@ def test_a_fact_that_is_noted_when_a_leaf_is_halted_belongs_to_its_halt():
 
 
 def test_a_fact_of_a_leaf_that_gives_no_answer_stands_at_the_end_of_the_tick():
-    flight = noting(Noting("one", R), 2)
+    flight = noting(Noting("one", R), 3)
     *_, end = recorded_events(flight.stream)
     assert (end.what, end.status, end.facts) == (TICKED, "", (("seen", {"tick": 0}),))
 
@@ -223,12 +227,24 @@ def test_facts_of_journals_that_do_not_say_whose_they_are_are_left_out():
         ("status", {"node": 0, "tick": 1, "status": {}}),
         ("status", {"node": "one", "tick": 1, "status": "FAILURE"}),
         ("changed", {"leaf": 0}),
-        ("changed", {"leaf": 7, "tick": 1}),
     ],
 )
 def test_entries_of_somebody_else_are_no_events(odd):
-    stream = entries(odd, status(1, "SUCCESS", label="found"))
+    stream = entries(("base_reached", {}), odd, status(1, "SUCCESS", label="found"))
     assert [event.deed for event in recorded_events(stream)] == [STARTED, "found", TICKED]
+
+
+def test_a_leaf_that_is_skipped_while_it_runs_goes_on():
+    stream = entries(
+        *(status(tick, words) for tick, words in enumerate(("RUNNING", "SKIPPED", "RUNNING"), 1))
+    )
+    deeds = [event.deed for event in recorded_events(stream) if event.what != TICKED]
+    assert deeds == [STARTED, "RUNNING", "SKIPPED", "RUNNING"]
+
+
+def test_what_becomes_of_the_root_afterwards_is_not_what_it_has_come_to():
+    stream = entries(status(1, "FAILURE"), status(1, "IDLE"))
+    assert [event.status for event in recorded_events(stream) if event.what == TICKED] == ["FAILURE"]
 
 
 def test_with_each_run_ticks_and_times_begin_anew():

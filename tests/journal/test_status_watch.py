@@ -12,6 +12,8 @@ from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.runtime.answers import OVERRIDDEN, Answer
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
+from tests.views.flown import watched_tick
 
 
 @pytest.fixture
@@ -64,6 +66,23 @@ def test_what_comes_to_the_same_after_a_tick_without_it_is_written_again(journal
     root = Selector("root", memory=False, children=[first, second])
     entries = watched(journal, root, 4)
     assert [entry for entry in entries if entry[1] == 2] == [(1, 2, "SUCCESS"), (3, 2, "SUCCESS")]
+
+
+def test_a_node_that_is_halted_after_it_was_skipped_while_it_ran_is_written_as_halted(journal):
+    class Passed(SkippableLeaf):
+        answers = [Status.RUNNING, SKIPPED]  # noqa: RUF012 - taken once
+
+        def update(self):
+            return self.answers.pop(0)
+
+    first = leaf("first", Status.FAILURE, Status.FAILURE, Status.SUCCESS)
+    tree = LiveTree(Selector("root", memory=False, children=[first, Passed("second")]))
+    watch = StatusWatch(tree.root, journal)
+    for _ in range(3):
+        watched_tick(tree, watch)
+    journal._write()
+    entries = [entry.data for entry in journal._file.watched("status") if entry.data["node"] == 2]
+    assert [entry["status"] for entry in entries] == ["RUNNING", "SKIPPED", "HALTED"]
 
 
 def test_a_message_that_changes_is_written(journal):
@@ -206,6 +225,9 @@ class Seeing(Behaviour):
     def terminate(self, new_status):
         self._record.see(f"the end by {new_status.value}")
 
+    def take_reply(self):
+        self._record.see("a reply")
+
 
 def facts_by_leaf(journal):
     """Return what was noted, each with the number of the leaf and of the tick that are written behind it; None where there are none."""
@@ -217,19 +239,17 @@ def facts_by_leaf(journal):
     ]
 
 
-def test_behind_a_fact_stands_which_leaf_has_noted_it_in_which_tick(journal):
+def test_behind_a_fact_stands_which_leaf_has_noted_it_in_which_tick_and_nothing_between_two_ticks(journal):
     one = Seeing("one", Record(journal), Status.RUNNING, Status.SUCCESS)
     tree = BehaviourTree(Sequence("root", memory=True, children=[leaf("first", Status.SUCCESS), one]))
     tree.add_visitor(StatusWatch(tree.root, journal))
     tree.tick()
-    Record(journal).see("between two ticks")
-    one._record.see("by the leaf, but between two ticks")
+    one.take_reply()
     tree.tick()
     assert facts_by_leaf(journal) == [
         ("the start", 2, 1),
         ("the tick", 2, 1),
-        ("between two ticks", None, None),
-        ("by the leaf, but between two ticks", None, None),
+        ("a reply", None, None),
         ("the tick", 2, 2),
         ("the end by SUCCESS", 2, 2),
     ]

@@ -197,6 +197,12 @@ def test_a_failure_that_the_root_has_got_over_is_no_cause():
     assert "First to look at" not in why_text(reasons._replace(outcome="complete"))
 
 
+def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on():
+    inquiry = Inquiry.of(flown(leaf("one", F, R, F, S), 4))
+    inquiry.why()
+    assert inquiry.failed_tick == 3
+
+
 @pytest.mark.parametrize(
     "odd",
     [

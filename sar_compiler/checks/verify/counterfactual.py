@@ -281,8 +281,7 @@ class _Runs:
         for step in self._stepper.ticks(state):
             if step.state is not None:
                 tick = self._stepper.played()
-                # What an answer has changed is in the state.
-                answers = tuple(event._replace(facts=()) for event in tick.events if event.answer)
+                answers = tuple(event for event in tick.events if event.answer)
                 found[_Way(answers, tick.root, step.state, self._stepper.unusual())] = None
             self._left -= 1
             if not self._left:

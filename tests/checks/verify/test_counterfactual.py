@@ -14,7 +14,7 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import nominal
-from sar_compiler.runtime.events import ANSWERED, Event, with_end
+from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, Event, with_end
 from sar_compiler.runtime.walking import pre_order
 from tests.chance import rounds
 from tests.trees import document
@@ -120,6 +120,30 @@ def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(pat
         counterfactual(simulated(path), record, ["all", "one", "two"])
 
 
+@pytest.mark.parametrize("what", [HALTED, RESET])
+def test_a_leaf_that_is_at_rest_is_not_taken_for_one_that_answers_the_same_again(path, what):
+    path.write_text(
+        document('<Sequence name="all"><A name="one"/><A name="two"/></Sequence>'), encoding="utf-8"
+    )
+    first, second = tick(1, 0.0, "RUNNING", {1: "RUNNING"}), tick(2, 0.5, "RUNNING", {})
+    assert counterfactual(simulated(path), [*first, *second], ["all", "one", "two"]) is not None
+    with pytest.raises(NotReplayedError, match="from tick 2 on"):
+        counterfactual(simulated(path), [Event((), 1, what, tick=1), *first, *second], ["all", "one", "two"])
+
+
+def test_ticks_of_which_nothing_is_told_have_been_all_the_same(path):
+    count = '<TickCounter name="count" duration="3" completion_status="SUCCESS"/>'
+    body = f'<Sequence name="all">{count}<A name="one"/></Sequence>'
+    path.write_text(document(body), encoding="utf-8")
+    first, last = (
+        tick(1, 0.0, "RUNNING", {1: "RUNNING"}),
+        tick(4, 1.5, "FAILURE", {1: "SUCCESS", 2: "FAILURE"}),
+    )
+    change = counterfactual(simulated(path), [*first, *last], ["all", "count", "one"])
+    assert change is not None
+    assert (change.tick, change.instead.number, change.instead.status) == (4, 2, "SUCCESS")
+
+
 def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
     monkeypatch.setattr("sar_compiler.checks.verify.counterfactual._MOST_TICKED", 3)
     path.write_text(document('<A name="one"/>'), encoding="utf-8")
@@ -166,6 +190,14 @@ def test_a_run_is_found_by_the_answer_where_statuses_are_the_same(path, label):
     change = counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
     assert change is not None
     assert (change.was.label, change.instead.label) == (label, "arrived")
+
+
+def test_where_it_is_not_known_which_answer_it_was_any_of_that_status_is_found(path):
+    path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
+    record = tick(1, 0.0, "FAILURE", {0: "FAILURE"})
+    change = counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
+    assert change is not None
+    assert (change.was.status, change.instead.label) == ("FAILURE", "arrived")
 
 
 def test_an_answer_that_cannot_have_been_is_not_found(path):
