@@ -33,11 +33,13 @@ from benchmarks.figures import (
     plain,
 )
 from benchmarks.trees import document, sequence
-from sar_compiler.checks.verify import Progress, read_property_file, verify
+from sar_compiler.checks.verify import verify
+from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.resources import shipped
+from sar_compiler.runtime.kernel.searching import Progress
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.gathering import read_tree_file
 

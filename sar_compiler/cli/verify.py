@@ -22,8 +22,9 @@ from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.verify import Progress, Verification
+    from sar_compiler.checks.verify.verdicts import Verification
     from sar_compiler.documents.located import Document
+    from sar_compiler.runtime.kernel.searching import Progress
 
 _MAX_STATES = 1_000_000
 _MOST_CODES = 20
@@ -68,8 +69,8 @@ def verify_file(arguments: argparse.Namespace) -> int:
     Raises:
         TreeError: If a file has mistakes.
     """
-    from sar_compiler.checks.verify import UndecidableError
     from sar_compiler.compiler.simulated_tree import OnlyDescribedError
+    from sar_compiler.errors import UndecidableError
     from sar_compiler.tree.diagnostic import TreeError
 
     if arguments.against is not None and arguments.export is not None:
@@ -142,7 +143,7 @@ def _export(verification: "Verification", prefix: Path, name: str) -> None:
 
 def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:
     """Print the result, or the comparison of two, and return the exit status."""
-    from sar_compiler.checks.verify import VerificationComparison
+    from sar_compiler.checks.verify.comparing import VerificationComparison
     from sar_compiler.views import verification as views
 
     if len(done) == 1:

@@ -34,11 +34,12 @@ if TYPE_CHECKING:
     from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.trying import TrialBudget
-    from sar_compiler.checks.verify import Report, Verification
+    from sar_compiler.checks.verify.verdicts import Verification
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
     from sar_compiler.missions.mission import Mission
     from sar_compiler.project.simulated import Simulated
+    from sar_compiler.runtime.kernel.searching import Report
 
 
 class Additions(NamedTuple):

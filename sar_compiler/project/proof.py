@@ -16,7 +16,7 @@ from sar_compiler.checks.assumptions import (
 )
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.trying import TrialBudget, can_prepare, findings_of_runs, mark
-from sar_compiler.checks.verify import PropertyFile, read_property_file
+from sar_compiler.checks.verify.properties import PropertyFile, read_property_file
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
@@ -61,8 +61,7 @@ def verify_tree(
         raise_disputes(simulated)
         if file is not None:
             check_answers(file.document, file.answers, LeafWords(simulated))
-        tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}
-        return search(simulated, file, tags)
+        return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})
 
 
 def try_runs(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:

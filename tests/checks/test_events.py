@@ -6,7 +6,7 @@ import random
 import pytest
 
 from sar_compiler.checks.simulate.running import ScenarioPlayer
-from sar_compiler.checks.simulate.scenario import Scenario
+from sar_compiler.checks.simulate.scenario_files import Scenario
 from sar_compiler.checks.verify import verify
 from sar_compiler.checks.verify.properties import without_properties
 from sar_compiler.checks.verify.state import Prepared

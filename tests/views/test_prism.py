@@ -3,7 +3,8 @@
 import re
 from collections import deque
 
-from sar_compiler.checks.verify import parse_property_file, verify
+from sar_compiler.checks.verify import verify
+from sar_compiler.checks.verify.properties import parse_property_file
 from sar_compiler.checks.verify.verdicts import AN_END
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.views.verification import PrismModel

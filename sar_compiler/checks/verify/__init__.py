@@ -4,24 +4,75 @@ The tree is compiled with stub leaves and brought into flat form; every combinat
 every state that can be reached, those that fewest ticks lead to first.
 """
 
-from sar_compiler.checks.verify.comparing import ComparedAnswer, VerificationComparison
-from sar_compiler.checks.verify.properties import PropertyFile, parse_property_file, read_property_file
-from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
-from sar_compiler.checks.verify.verifying import verify
-from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.kernel.searching import Progress, Report
+import contextlib
+import threading
+from collections.abc import Collection
 
-__all__ = [
-    "ComparedAnswer",
-    "Progress",
-    "ProofStatus",
-    "PropertyFile",
-    "Report",
-    "UndecidableError",
-    "Verdict",
-    "Verification",
-    "VerificationComparison",
-    "parse_property_file",
-    "read_property_file",
-    "verify",
-]
+from sar_compiler.checks.verify.processes import SearchProcesses
+from sar_compiler.checks.verify.properties import PropertyFile, properties_of, without_properties
+from sar_compiler.checks.verify.state import Prepared
+from sar_compiler.checks.verify.state_space import StateSpace
+from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.checks.verify.verdicts import OWN_RECORDS, Questions, Verification
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.runtime.kernel.searching import Report, explore, keep_quiet
+
+
+def verify(
+    simulated: SimulatedTree,
+    file: PropertyFile | None,
+    tags: Collection[str],
+    max_states: int,
+    on_progress: Report = keep_quiet,
+    *,
+    forgets: bool = True,
+    keep_states: bool = False,
+    jobs: int = 1,
+) -> Verification:
+    """Search the states of a tree and answer every question.
+
+    Args:
+        simulated: The tree with stub leaves; it is used up.
+        file: What must hold; None for nothing but what is asked of every tree.
+        tags: The tags of leaves that a tree can have.
+        max_states: How many states to find at most.
+        on_progress: Is told now and then how far it is, and when a property is broken.
+        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
+        keep_states: Whether the result has the states that were found.
+        jobs: How many processes search, where there is enough to do and this one has a single thread.
+
+    Raises:
+        TreeError: If the file says something that makes no sense for the tree; carries the findings.
+        UndecidableError: If the tree has a node whose rules are not known, or keeps values that cannot be compared; or if a condition cannot be evaluated.
+    """
+    prepared = Prepared.of(simulated)
+    properties = without_properties() if file is None else properties_of(file, prepared, tags)
+    stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
+    # A copy of a process with threads may wait for ever for what one of them held.
+    jobs = jobs if threading.active_count() == 1 else 1
+    with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
+        names = (*properties.names, OWN_RECORDS)
+        graph = explore(stepper.steps, max_states, on_progress, names, helpers)
+    space = StateSpace(stepper, graph, properties.names, properties.owing)
+    questions = Questions(space, simulated.explain)
+    verdicts = (
+        questions.no_error(),
+        questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
+        *(questions.endings() if properties.has_end else ()),
+        *questions.properties(properties),
+        *([questions.own_records(len(properties.names), lambda: stepper.wrong)] if stepper.claims else ()),
+    )
+    growing = () if graph.complete else stepper.states.growing(graph.states)
+    return Verification(
+        verdicts,
+        len(graph.states),
+        len(graph.targets),
+        graph.depth,
+        graph.complete,
+        properties.left_out,
+        growing,
+        simulated.leaves,
+        graph.stopped,
+        space if keep_states else None,
+        simulated.by_semantics,
+    )

@@ -1,7 +1,9 @@
 """Small trees of the leaves of `leaves.py`, verified."""
 
 from sar_compiler.checks.assumptions import read_assumptions
-from sar_compiler.checks.verify import ProofStatus, parse_property_file, verify
+from sar_compiler.checks.verify import verify
+from sar_compiler.checks.verify.properties import parse_property_file
+from sar_compiler.checks.verify.verdicts import ProofStatus
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.registry import load_registry

@@ -2,8 +2,15 @@
 
 import pytest
 
-from sar_compiler.checks.verify import ComparedAnswer, Verdict, VerificationComparison
-from sar_compiler.checks.verify.comparing import BETTER, OTHER, SAME, WORSE
+from sar_compiler.checks.verify.comparing import (
+    BETTER,
+    OTHER,
+    SAME,
+    WORSE,
+    ComparedAnswer,
+    VerificationComparison,
+)
+from sar_compiler.checks.verify.verdicts import Verdict
 from tests.checks.verify.stage import BROKEN, PROVED, UNDECIDED, verified
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.checks.verify.verifying import verify
+from sar_compiler.checks.verify import verify
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
 from tests.checks.verify.random_trees import random_tree

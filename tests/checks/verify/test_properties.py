@@ -2,7 +2,8 @@
 
 import pytest
 
-from sar_compiler.checks.verify import parse_property_file, verify
+from sar_compiler.checks.verify import verify
+from sar_compiler.checks.verify.properties import parse_property_file
 from sar_compiler.compiler import bind_main
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.stage import (

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.checks.verify import read_property_file, verify
+from sar_compiler.checks.verify import verify
+from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
