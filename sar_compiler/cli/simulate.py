@@ -119,7 +119,7 @@ def _play(
 def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
     """Return what is wrong with the argument of `--until`, if anything is."""
     from sar_compiler.checks.leaf_words import names_of, slips
-    from sar_compiler.checks.simulate.running import OWN
+    from sar_compiler.checks.simulate.scenario_files import OWN
 
     slip = next(slips(until, names_of(simulated), OWN), None)
     if slip is None:

@@ -3,7 +3,7 @@
 import functools
 import random
 
-from sar_compiler.checks.simulate.scenario import Scenario
+from sar_compiler.checks.simulate.scenario_files import Scenario
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.status_watch import StatusWatch

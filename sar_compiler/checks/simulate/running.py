@@ -10,7 +10,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.checks.leaf_words import EventPattern
-from sar_compiler.checks.simulate.scenario import AnswerStep, Scenario
+from sar_compiler.checks.simulate.scenario_files import OWN, AnswerStep, Scenario
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import BoundNode
@@ -25,9 +25,6 @@ from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf
 from sar_compiler.runtime.variables import Enums, ScriptValue, UnknownVariableError, VariableError
 from sar_compiler.tree.guessing import did_you_mean, nearest
-
-OWN = ("root", "tick", "time")
-"""The names of values of the run itself."""
 
 
 class RunVariables(FactVariables):
@@ -154,8 +151,7 @@ class _Plan:
         after_sec = step.after_sec
         if step.longest_sec > after_sec:
             after_sec = round(self._random.uniform(after_sec, step.longest_sec), 3)
-        named = _by_name(step.answer, options)
-        return Drawn(self._leaf, step.answer, after_sec, named[:1] == [usual])
+        return Drawn(self._leaf, step.answer, after_sec, _by_name(step.answer, options)[:1] == [usual])
 
     def _named(self, name: str, options: Sequence[Answer]) -> Answer:
         found = _by_name(name, options)
