@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import ConversionError, ValueType
+from sar_compiler.nodes.values import NO_VALUE, ConversionError, ValueType
 from sar_compiler.runtime.expressions import Script
 
 _SAMPLES = ("-1", "0", "1", "2", "true", "false", "SUCCESS", "FAILURE", "RUNNING", "SKIPPED", "1;2")
@@ -89,7 +89,7 @@ def _samples(parameter: Parameter) -> list[str]:
         **{f"case_{n}": [str(n)] for n in range(1, 7)},
     }
     is_input = parameter.direction is None or parameter.direction is Direction.INPUT
-    if name in told or value_type is None or not is_input:
+    if name in told or value_type is NO_VALUE or not is_input:
         return told.get(name, ["{item}"])
     if value_type.name.startswith("nav2."):  # no node does anything else for another message
         return []

@@ -211,7 +211,6 @@ class Arguments:
     ) -> None:
         """Add a port; one that is not written is left to the constructor's default."""
         name, value_type = parameter.name, parameter.value_type
-        assert value_type is not None  # noqa: S101 - every attribute has one
         cls = InOut if parameter.direction is Direction.INOUT else Input
         if name in bound.keys:
             entry = instance.scope.resolve(bound.keys[name])
@@ -225,8 +224,7 @@ class Arguments:
 
     def _check_given(self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope) -> None:
         """Report a number of the mission's that a port reads as a text: in a file the two are different."""
-        text_wanted = parameter.value_type is not None and parameter.value_type.python is str
-        if not text_wanted or not self._parameters:
+        if parameter.value_type.python is not str or not self._parameters:
             return
         owner, name = scope.owner(key)
         given = self._parameters.get(name) if owner is scope.root else None
@@ -252,7 +250,6 @@ class Arguments:
 
     def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
         """Return the value that a key has when the tree is compiled."""
-        assert parameter.value_type is not None  # noqa: S101 - every attribute has one
         key, name = bound.keys[parameter.name], parameter.name
         entry = instance.scope.resolve(key)
         if not entry.exists:
@@ -316,9 +313,7 @@ class PreviewArguments(Arguments):
 
     def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:  # noqa: ARG002
         value_type = parameter.value_type
-        if value_type is None or not parameter.required:
-            return parameter.default
-        return value_type.convert(value_type.example)
+        return value_type.convert(value_type.example) if parameter.required else parameter.default
 
 
 _NodeInInstance = tuple[Instance, BoundNode]

@@ -122,8 +122,7 @@ def _in_order(bound: BoundNode, means: Semantics) -> Substitute | None:
         return stock.SequenceWithMemory if means.is_sequence else None
     if pauses:
         return stock.AsyncSequence if means.is_sequence else stock.AsyncFallback
-    cls = stock.Sequence if means.is_sequence else stock.Fallback
-    return partial(cls, memory=not bound.is_reactive)
+    return partial(stock.Sequence if means.is_sequence else stock.Fallback, memory=not bound.is_reactive)
 
 
 def _turning(bound: BoundNode, means: Semantics) -> Substitute | None:

@@ -122,8 +122,7 @@ def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Pa
         doc: Its description.
         default: The value if it is not written; left out, it has to be.
     """
-    value_type = kind if isinstance(kind, ValueType) else type_of(kind)
-    return _parameter(keyword, value_type, None, doc, default)
+    return _parameter(keyword, kind if isinstance(kind, ValueType) else type_of(kind), None, doc, default)
 
 
 def input_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:

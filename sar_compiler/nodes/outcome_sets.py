@@ -249,12 +249,8 @@ def _sure_if_interrupted(bound: "BoundNode", child: int) -> int:
     return child & R if child & R and not bound.children[0].spec.kind.is_leaf else child
 
 
-def adding(own: int) -> Possible:
-    """Return the function of a decorator that has a result of its own besides its child's."""
-    return partial(_adding, own)
-
-
-def _adding(own: int, _bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+def adding(own: int, _bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+    """Return the set of a decorator that has results of its own besides its child's."""
     return children[0] | own
 
 
@@ -264,16 +260,8 @@ def run_once(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     return children[0] | (K if skips and children[0] & (S | F) else 0)
 
 
-def guard(condition: str) -> Possible:
-    """Return the function of a decorator that returns another result while a condition is false.
-
-    Args:
-        condition: The attribute with the condition.
-    """
-    return partial(_guard, condition)
-
-
-def _guard(condition: str, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def guard(condition: str, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that returns another result while a condition, an attribute, is false."""
     otherwise = _otherwise(bound, "else", F, sure)
     holds = _constant(bound.values.get(condition))
     if holds is None:
@@ -281,17 +269,8 @@ def _guard(condition: str, bound: "BoundNode", children: Sequence[int], sure: bo
     return children[0] if holds else otherwise
 
 
-def rounds(count: Number, again: int) -> Possible:
-    """Return the function of a decorator that repeats its child.
-
-    Args:
-        count: The largest number of rounds; None if it is unknown.
-        again: The child's result after which there is another round: `S` or `F`.
-    """
-    return partial(_rounds, count, again)
-
-
-def _rounds(count: Number, again: int, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def rounds(count: Number, again: int, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that repeats its child, so many times, after one of its results: `S` or `F`."""
     child, most = children[0], count(bound)
     if most is None:
         return child & ~again if sure else child | again | R
@@ -302,16 +281,8 @@ def _rounds(count: Number, again: int, bound: "BoundNode", children: Sequence[in
     return (child & ~again if most == math.inf else child) | (R if child & again else 0)
 
 
-def time_limit(limit_sec: Number) -> Possible:
-    """Return the function of a decorator that fails when its child has run for too long.
-
-    Args:
-        limit_sec: The longest time that it may run, in seconds; None if it is unknown.
-    """
-    return partial(_time_limit, limit_sec)
-
-
-def _time_limit(limit_sec: Number, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def time_limit(limit_sec: Number, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that fails when its child has run for too long, in seconds."""
     child, limit = children[0], limit_sec(bound)
     if limit is not None and limit <= 0:
         child = _sure_if_interrupted(bound, child) if sure else child

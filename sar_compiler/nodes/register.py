@@ -15,7 +15,15 @@ from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placehold
 from sar_compiler.nodes.outcome_sets import ALL
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import CHILD_COUNTS, MARK, Direction, Kind, NodeSpec, Parameter, Role, Use
-from sar_compiler.nodes.values import ANYTHING, ValueType, is_class, port_type_of, value_type_of, without_none
+from sar_compiler.nodes.values import (
+    ANYTHING,
+    ValueType,
+    is_class,
+    port_type_of,
+    type_of,
+    value_type_of,
+    without_none,
+)
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.context import is_mission_context
 from sar_compiler.runtime.ports import InOut, Input, Output
@@ -79,7 +87,7 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     }
     structure = _STRUCTURE.get(name)
     if structure is Role.NAME:
-        return Parameter(name, structure, required=False, value_type=value_type_of(str), doc=doc)
+        return Parameter(name, structure, required=False, value_type=type_of(str), doc=doc)
     if structure is not None and not spec.kind.is_leaf:
         return Parameter(name, structure, required=required, doc=doc)
     if annotation is None:

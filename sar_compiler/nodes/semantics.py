@@ -202,7 +202,9 @@ class Semantics:
         """
         end = outcome_sets.bit_of(after)
         count = partial(_rounds_in, rounds) if isinstance(rounds, str) else rounds
-        return cls(outcome_sets.rounds(count, end), steady=True, changes=end, repeats=end, rounds=count)
+        return cls(
+            partial(outcome_sets.rounds, count, end), steady=True, changes=end, repeats=end, rounds=count
+        )
 
     @classmethod
     def limiting(cls, limit: Number | str) -> "Semantics":
@@ -212,8 +214,8 @@ class Semantics:
             limit: The attribute with the limit in seconds; or a function of the node that returns it, `math.inf` for
                 none, None if it is not known before the run.
         """
-        limit_sec = partial(_seconds_in, limit) if isinstance(limit, str) else limit
-        return cls(outcome_sets.time_limit(limit_sec), steady=True, changes=R, limit_sec=limit_sec)
+        limit_sec = partial(outcome_sets.number, name=limit) if isinstance(limit, str) else limit
+        return cls(partial(outcome_sets.time_limit, limit_sec), steady=True, changes=R, limit_sec=limit_sec)
 
     @property
     def is_sequence(self) -> bool:
@@ -245,7 +247,3 @@ def _rounds_in(attribute: str, bound: "BoundNode") -> float | None:
     if count is None:
         return None
     return math.inf if count == -1 else max(count, 0)
-
-
-def _seconds_in(attribute: str, bound: "BoundNode") -> float | None:
-    return outcome_sets.number(bound, attribute)

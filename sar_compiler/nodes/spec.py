@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.values import ANYTHING, ValueType
+from sar_compiler.nodes.values import ANYTHING, NO_VALUE, ValueType
 from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import Input
@@ -175,7 +175,7 @@ class Parameter:
         role: Its role.
         required: Whether a file (or, for the context, a mission) must provide it.
         default: Its value if it is not written.
-        value_type: For an attribute: the type that converts its text to a value.
+        value_type: For an attribute: the type that converts its text to a value; `NO_VALUE` for others.
         direction: For an attribute that is a port (`Input`, `Output`, `InOut`): the direction of its
             values; None for a value that is fixed when the tree is compiled.
         target_or_path: For a reference the class of the node, for the context the class of the object, or its import path.
@@ -187,7 +187,7 @@ class Parameter:
     role: Role
     required: bool
     default: object = None
-    value_type: ValueType | None = None
+    value_type: ValueType = NO_VALUE
     direction: Direction | None = None
     target_or_path: type | str | None = None
     doc: str = ""
@@ -217,8 +217,7 @@ class Parameter:
     @property
     def is_whole_number(self) -> bool:
         """Whether it is a whole number that is fixed when the tree is compiled."""
-        fixed = self.role is Role.ATTRIBUTE and self.direction is None
-        return fixed and self.value_type is not None and self.value_type.python is int
+        return self.role is Role.ATTRIBUTE and self.direction is None and self.value_type.python is int
 
 
 def _path(class_or_path: type | str | None) -> str:
@@ -444,8 +443,7 @@ class NodeSpec:
     @functools.cached_property
     def absent_methods(self) -> tuple[str, ...]:
         """The methods that its class leaves to others: nothing can be made of an abstract class."""
-        absent = () if self.is_by_path else getattr(self.cls, "__abstractmethods__", ())
-        return tuple(sorted(absent))
+        return tuple(sorted(() if self.is_by_path else getattr(self.cls, "__abstractmethods__", ())))
 
     @property
     def provenance(self) -> Provenance:
@@ -524,8 +522,7 @@ class NodeSpec:
     @property
     def takes_script(self) -> bool:
         """Whether one of its attributes is a script."""
-        types = (parameter.value_type for parameter in self.parameters.values())
-        return any(value_type is not None and value_type.python is Script for value_type in types)
+        return any(parameter.value_type.python is Script for parameter in self.parameters.values())
 
     @functools.cached_property
     def structure(self) -> str:

@@ -459,9 +459,7 @@ def _parse_script(text: str, *, allow_empty: bool) -> object:
 
 
 # A script that comes from the blackboard is asked for in every tick.
-@functools.lru_cache(maxsize=256)
-def _cached_parse(text: str, *, allow_empty: bool) -> Script:
-    return parse(text, allow_empty=allow_empty)
+_cached_parse = functools.lru_cache(maxsize=256)(parse)
 
 
 def _choice(
@@ -611,6 +609,9 @@ ANYTHING = ValueType("anything", "a value", _anything)
 """The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
 """The type of a port for any object, for which a text in the file is a text whatever its prefix."""
+NO_VALUE = ValueType("", "", str, python=object, cpp=_CPP_TEXT)
+"""In place of the type of a value, for what is none: another node, whose name is written, or an object of the mission."""
+
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],

@@ -83,7 +83,7 @@ def _answer(answer: Answer) -> str:
 
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
-    label = parameter.value_type.label if parameter.value_type else ""
+    label = parameter.value_type.label
     if parameter.role is Role.REFERENCE:
         label = f"the name of a {parameter.target_name} in the same tree; found by itself where there is one"
     if parameter.direction is not None:
@@ -124,7 +124,7 @@ def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
         "name": parameter.name,
         "role": parameter.role.value,
         "direction": parameter.direction.value.removesuffix("_port") if parameter.direction else None,
-        "type": parameter.value_type.label if parameter.value_type else None,
+        "type": parameter.value_type.label or None,
         "refers_to": parameter.target_name or None,
         "required": parameter.required and parameter.name not in spec.fixed,
         "default": plain(default),

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from sar_compiler.checks import check
 from sar_compiler.checks.fixing import SAFE, apply_fixes, fixes
 from sar_compiler.nodes.registry import load_registry
-from sar_compiler.nodes.values import ConversionError
+from sar_compiler.nodes.values import NO_VALUE, ConversionError
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest, unit_in
@@ -47,7 +47,7 @@ TYPES = {
     (spec.tag, parameter.name): parameter.value_type
     for spec in REGISTRY
     for parameter in spec.attributes
-    if parameter.value_type is not None
+    if parameter.value_type is not NO_VALUE
 }
 NUMBERS = {place: each for place, each in TYPES.items() if each.python in (int, float) or each.unit}
 ROUNDED = Fraction(1, 10_000)

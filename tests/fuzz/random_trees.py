@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter
+from sar_compiler.nodes.values import NO_VALUE
 
 REGISTRY = default_registry()
 SPECS = list(REGISTRY)
@@ -29,7 +30,7 @@ VALUES = (
 def _fitting(parameter: Parameter):
     """Values of a parameter, most of them right."""
     value_type = parameter.value_type
-    if value_type is None or value_type.python is None:
+    if value_type is NO_VALUE or value_type.python is None:
         return VALUES
     if value_type.choices:
         return st.sampled_from(value_type.choices) | VALUES

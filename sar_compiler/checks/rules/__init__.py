@@ -3,6 +3,7 @@
 import bisect
 import functools
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import TypeVar
 
@@ -23,6 +24,7 @@ from sar_compiler.tree.model import SECTIONS, Element, TreeFile
 _OfSpec = TypeVar("_OfSpec")
 
 
+@dataclass(eq=False)
 class CheckContext:
     """A forest with the results of its analysis, each computed at most once.
 
@@ -33,17 +35,10 @@ class CheckContext:
         btcpp: The version of BehaviorTree.CPP that the trees are for.
     """
 
-    def __init__(
-        self,
-        forest: Forest,
-        registry: Registry,
-        palettes: tuple[TreeFile, ...] = (),
-        btcpp: Version = NEWEST,
-    ) -> None:
-        self.btcpp = btcpp
-        self.forest = forest
-        self.registry = registry
-        self.palettes = palettes
+    forest: Forest
+    registry: Registry
+    palettes: tuple[TreeFile, ...] = ()
+    btcpp: Version = NEWEST
 
     @functools.cached_property
     def bound(self) -> BoundForest:

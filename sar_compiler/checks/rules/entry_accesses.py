@@ -111,11 +111,12 @@ def _of_node(bound: BoundNode) -> Iterator[KeyAccess]:
     for name, key in bound.keys.items():
         parameter = bound.spec.parameters.get(name)
         if parameter is not None:
-            names_key = parameter.value_type is not None and parameter.value_type.names_key
             role = _role(bound, parameter)
             # A key that holds the name of the one that is meant is only read.
             kind = AccessKind.READ if role.indirect else role.kind
-            yield from _accesses(bound, name, [entry_of(key) if names_key else key], kind)
+            yield from _accesses(
+                bound, name, [entry_of(key) if parameter.value_type.names_key else key], kind
+            )
     for name, value in bound.values.items():
         if isinstance(value, Script):
             yield from _of_script(bound, name, value, AccessTime.BEFORE)
@@ -137,11 +138,11 @@ def _keys_in(bound: BoundNode, name: str, value: object) -> Iterable[str]:
     """Return the keys named by a value that is not a key in braces."""
     parameter = bound.spec.parameters[name]
     value_type = parameter.value_type
-    if value_type is not None and value_type.keys_in is not None:
+    if value_type.keys_in is not None:
         return value_type.keys_in(value)
     if not isinstance(value, str):
         return ()
-    if value_type is not None and value_type.names_key:
+    if value_type.names_key:
         return (entry_of(value),)
     return (value,) if _role(bound, parameter).by_name else ()
 
@@ -162,8 +163,7 @@ def _is_told_by(bound: BoundNode, name: str) -> bool:
     parameter = bound.spec.parameters.get(name)
     if parameter is None:
         return False
-    is_script = parameter.value_type is not None and parameter.value_type.python is Script
-    return is_script or _role(bound, parameter).indirect
+    return parameter.value_type.python is Script or _role(bound, parameter).indirect
 
 
 def _has_scope(spec: NodeSpec) -> bool:

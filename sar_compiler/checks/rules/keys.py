@@ -17,7 +17,6 @@ from sar_compiler.checks.rules.entry_accesses import (
     entry_table_of,
     parted_in,
 )
-from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
 from sar_compiler.nodes.binding.bound import BoundNode, file_of
 from sar_compiler.nodes.outcome_sets import K, S
@@ -102,8 +101,7 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
 def _doubt(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
     """Yield findings one level milder: beside nodes of other programs, something that no file shows may write a key."""
     for finding in findings:
-        message = f"{finding.message}, unless C++ code does"
-        yield replace(finding, message=message, severity=Severity.INFO)
+        yield replace(finding, message=f"{finding.message}, unless C++ code does", severity=Severity.INFO)
 
 
 def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None) -> Diagnostic:
@@ -203,7 +201,9 @@ def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagno
         if _is_read_between(entry, first, second):
             continue
         only_read_after = bool(entry.readers) and entry.ordered_readers.all_after(second)
-        if only_read_after or all(_just_succeeds(node, context.outcomes) for node in between(first, second)):
+        if only_read_after or all(
+            context.outcomes.may_return(node) & ~K == S for node in between(first, second)
+        ):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is written again here, before anybody can have "
                 f"read what '{first.bound.name}' (line {first.bound.element.line}) wrote"
@@ -250,10 +250,6 @@ def _is_read_between(entry: EntryAccesses, first: EntryAccess, second: EntryAcce
         or readers.any_in(start.number, end.last)
         or readers.any_in(around.number, around.number)
     )
-
-
-def _just_succeeds(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
-    return outcomes.may_return(bound) & ~K == S
 
 
 def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
@@ -314,9 +310,8 @@ def _number_of_port(use: EntryAccess) -> ValueType | None:
     parameter = use.bound.spec.parameters.get(use.access.attribute)
     if use.access.place is not None or parameter is None or parameter.direction is None:
         return None
-    if use.access.attribute not in use.bound.keys or parameter.value_type is None:
-        return None
-    return parameter.value_type if parameter.value_type.python in (int, float, bool) else None
+    is_number = use.access.attribute in use.bound.keys and parameter.value_type.python in (int, float, bool)
+    return parameter.value_type if is_number else None
 
 
 def _text_written(use: EntryAccess) -> Literal | None:

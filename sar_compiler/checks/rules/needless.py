@@ -47,12 +47,10 @@ def _unreached(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnos
     if means.rounds is not None and means.rounds(bound) == 0:
         yield _unreachable(children[0], f"'{bound.name}' ticks it 0 times")
     for number, gate in means.gates(bound).items():
-        if number < len(children) and not _opens(gate, children, outcomes):
+        if number < len(children) and not any(
+            outcomes.may_return(children[each]) & gate.answers for each in gate.children
+        ):
             yield _unreachable(children[number], _shut(gate, children))
-
-
-def _opens(gate: Gate, children: Sequence[BoundNode], outcomes: PossibleOutcomes) -> bool:
-    return any(outcomes.may_return(children[number]) & gate.answers for number in gate.children)
 
 
 def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:

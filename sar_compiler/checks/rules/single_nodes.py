@@ -18,8 +18,7 @@ def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
         spec = abstract.pop(bound.spec.tag, None)
         if spec is not None:
             message, hint = f"<{spec.tag}> cannot be made: {_missing_in(spec)}", "write it in the class"
-            element = bound.element
-            yield element.finding("constructor-failed", message, hint=hint)
+            yield bound.element.finding("constructor-failed", message, hint=hint)
 
 
 def _missing_in(spec: NodeSpec) -> str:
@@ -40,8 +39,8 @@ def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _texts(spec: NodeSpec) -> list[str]:
     """Return the attributes of a node that take any text."""
-    types = ((p.name, p.value_type) for p in spec.parameters.values() if p.role is Role.ATTRIBUTE)
-    return [name for name, value_type in types if value_type is not None and value_type.python in (str, None)]
+    attributes = (each for each in spec.parameters.values() if each.role is Role.ATTRIBUTE)
+    return [each.name for each in attributes if each.value_type.python in (str, None)]
 
 
 def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
@@ -67,8 +66,7 @@ def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _bounds(spec: NodeSpec) -> dict[str, SensibleNumbers]:
-    types = ((parameter.name, parameter.value_type) for parameter in spec.parameters.values())
-    return {name: each.usual for name, each in types if each is not None and each.usual is not None}
+    return {each.name: each.value_type.usual for each in spec.parameters.values() if each.value_type.usual}
 
 
 # One with a blank beside it is punctuation.

@@ -62,8 +62,7 @@ def _report_ports(context: CheckContext, collector: Collector) -> None:
             part = refused_in(name) if name in given and not name.isidentifier() else None
             if part:
                 message, hint = f"the name '{name}' of a port has {part} in it", f"leave {part} out"
-                cause = Cause(f"names of ports have {part} in them", name)
-                advice = Advice(hint=hint, common_cause=cause)
+                advice = Advice(hint=hint, common_cause=Cause(f"names of ports have {part} in them", name))
                 collector.refused_since(NAMES, bound.element, message, name=name, **advice)
 
 
@@ -74,8 +73,7 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
             message = f"{attribute}: a text is written in double quotation marks"
             hint = "write '...'; the text itself cannot contain a single quotation mark"
             span = bound.element.within_value(attribute, literal.start, literal.end)
-            suggestion = None if "'" in inside else f"'{inside}'"
-            advice = Advice(suggestion=suggestion, hint=hint)
+            advice = Advice(suggestion=None if "'" in inside else f"'{inside}'", hint=hint)
             collector.refused_since(QUOTES, bound.element, message, span, **advice)
 
 

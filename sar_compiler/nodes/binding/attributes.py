@@ -163,11 +163,9 @@ class AttributeBinder:
         except ConversionError as error:
             begin = max(element.attributes[name].find(key), 0)
             span = element.within_value(name, begin, begin + len(key))
-            message = f"{name}: {error.message}"
-            self._collector.add("wrong-value", message, element, span, hint=error.hint)
+            self._collector.add("wrong-value", f"{name}: {error.message}", element, span, hint=error.hint)
 
     def _value(self, bound: BoundNode, parameter: Parameter, text: str) -> None:
-        assert parameter.value_type is not None  # noqa: S101 - every attribute has one
         name = parameter.name
         key = blackboard_key(text, name)
         if key is not None and name not in bound.spec.fixed:
@@ -195,12 +193,13 @@ class AttributeBinder:
         element, name = bound.element, parameter.name
         if name in element.attributes:
             return
-        label = parameter.value_type.label if parameter.value_type else "a value"
         message = f"<{bound.spec.tag}> needs the attribute '{name}'"
         if not any(written in bound.spec.parameters for written in element.attributes if written != "name"):
             others = [p.name for spec in other_variants for p in spec.attributes if p.required]
             message += "".join(f" or '{other}'" for other in others)
-        self._collector.add("missing-attribute", message, element, hint=f'write {name}="..." ({label})')
+        self._collector.add(
+            "missing-attribute", message, element, hint=f'write {name}="..." ({parameter.value_type.label})'
+        )
 
     def _report_unknown(
         self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
@@ -270,8 +269,7 @@ def in_its_unit(name: str, text: str, spec: NodeSpec) -> str | None:
 
 def _unit_of(parameter: Parameter) -> str:
     """Return the unit of an attribute's plain numbers; empty if none is known."""
-    unit = parameter.value_type.unit if parameter.value_type is not None else ""
-    return unit or unit_in(parameter.name)
+    return parameter.value_type.unit or unit_in(parameter.name)
 
 
 def slip_in_note(name: str, guesses: Guesses) -> str | None:

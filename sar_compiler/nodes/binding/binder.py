@@ -183,8 +183,7 @@ class Binder:
 
     def _words_of(self, home: Forest | None) -> _Vocabulary:
         if home not in self._words:
-            files = home.files if home is not None else ()
-            models = read_models([*files, *self._palettes], Collector())
+            models = read_models([*(home.files if home is not None else ()), *self._palettes], Collector())
             self._words[home] = yielding(self._registered, models), models, {}, {}
         return self._words[home]
 
@@ -305,8 +304,7 @@ class Binder:
         article = "an" if kind == Kind.ACTION.value else "a"
         message = f"'{bound.spec.tag}' is {article} {kind}; <{element.tag}> says otherwise"
         # BehaviorTree.CPP counts the children by what is written, and asks the node for all else.
-        is_read = Kind(element.tag).takes(len(element.children))
-        severity = Severity.WARNING if is_read else Severity.ERROR
+        severity = Severity.WARNING if Kind(element.tag).takes(len(element.children)) else Severity.ERROR
         self._collector.add("wrong-kind", message, element, suggestion=kind, severity=severity)
 
     def _report_unknown(self, element: Element, tag: str) -> BoundNode | None:
@@ -340,8 +338,7 @@ class Binder:
             return None
         # Bound as the tag that was probably meant, so that one slip does not cause a finding for every
         # reference to the node as well.
-        name = element.attributes.get("name", variants[0].tag)
-        bound = BoundNode(element, variants[0], name)
+        bound = BoundNode(element, variants[0], element.attributes.get("name", variants[0].tag))
         self._take_in(bound)
         return bound
 
@@ -388,8 +385,7 @@ class Binder:
 
     def _alike(self, tag: str) -> str | None:
         """Return the tag that an unknown one is a slip for; what no file here uses is only meant by nearly its own name."""
-        known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
-        near = self._guesses.nearest(tag, known)
+        near = self._guesses.nearest(tag, self._tags if tag != SUBTREE_TAG else self._tags[:-1])
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
     def _former_name(self, tag: str, today: str | None) -> str:
@@ -508,8 +504,7 @@ class Binder:
                 (constants if key is None else keys)[port.name] = port.default if key is None else key
             else:
                 message = f"the tree '{element.attributes['ID']}' needs '{port.name}' (its model says so)"
-                hint = f'write {port.name}="..."'
-                self._collector.add("missing-attribute", message, element, hint=hint)
+                self._collector.add("missing-attribute", message, element, hint=f'write {port.name}="..."')
         return Remapping(keys, constants, autoremap)
 
     def _unknown_of_subtree(self, element: Element, name: str) -> None:

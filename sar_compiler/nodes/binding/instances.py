@@ -172,11 +172,10 @@ def report_shared_keys(top: Instance, collector: Collector) -> None:
     for instance, bound in top.in_place():
         for name, key in bound.keys.items():
             parameter = bound.spec.parameters[name]
-            python = _python_type(parameter)
+            python = parameter.value_type.python
             if parameter.direction is None:
                 continue
-            entry = instance.scope.owner(key)
-            other, known = first.setdefault(entry, (bound, parameter))
+            other, known = first.setdefault(instance.scope.owner(key), (bound, parameter))
             if known is not parameter and python is not None and not _agree(known, parameter):
                 _report_types(bound, parameter, key, (other, known), collector)
 
@@ -194,7 +193,11 @@ def _numbers_read_as_texts(top: Instance) -> Iterator[tuple[Instance, str, Bound
         for bound in instance.tree.keyed:
             for name, key in bound.keys.items():
                 parameter, entry = bound.spec.parameters[name], instance.scope.owner(key)
-                if parameter.direction is not None and _python_type(parameter) is str and entry in numbers:
+                if (
+                    parameter.direction is not None
+                    and parameter.value_type.python is str
+                    and entry in numbers
+                ):
                     yield numbers[entry], entry[1], bound, parameter
 
 
@@ -210,19 +213,13 @@ def _report_number(
 
 def _agree(first: Parameter, second: Parameter) -> bool:
     """Return whether a port can share the key of the first one; from a text every type can be read."""
-    return _python_type(first) in (_python_type(second), str, None)
-
-
-def _python_type(parameter: Parameter) -> type | None:
-    return parameter.value_type.python if parameter.value_type else None
+    return first.value_type.python in (second.value_type.python, str, None)
 
 
 def _report_types(
     bound: BoundNode, parameter: Parameter, key: str, first: tuple[BoundNode, Parameter], collector: Collector
 ) -> None:
     other, known = first
-    assert parameter.value_type is not None  # noqa: S101 - the caller has looked
-    assert known.value_type is not None  # noqa: S101
     message = (
         f"{parameter.name}: '{key}' is {parameter.value_type.label} here, and {known.value_type.label} for "
         f"{known.name} of '{other.name}' (line {other.element.line}{file_of(other.element, bound.element)})"

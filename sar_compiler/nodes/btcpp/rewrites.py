@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TypeVar
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
@@ -60,21 +59,13 @@ class Draft:
 Rewrite = Callable[[Draft, Collector], None]
 
 
-def rename_to(tag: str) -> Rewrite:
-    """Return a rewrite that only changes the tag."""
-    return partial(_rename, tag)
-
-
-def _rename(tag: str, draft: Draft, _notes: Collector) -> None:
+def rename(tag: str, draft: Draft, _notes: Collector) -> None:
+    """Change the tag only."""
     draft.tag = tag
 
 
-def by_memory(with_memory: str, without: str) -> Rewrite:
-    """Return a rewrite that chooses the tag by the attribute `memory`."""
-    return partial(_choose_by_memory, with_memory, without)
-
-
-def _choose_by_memory(with_memory: str, without: str, draft: Draft, notes: Collector) -> None:
+def by_memory(with_memory: str, without: str, draft: Draft, notes: Collector) -> None:
+    """Choose the tag by the attribute `memory`."""
     memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
     if memory is not None:
         draft.attributes.pop("memory", None)

@@ -189,9 +189,7 @@ class _Conversion:
     def _durations(self, tag: str) -> dict[str, str]:
         """Return the unit of the plain numbers of each attribute of a tag that is a duration."""
         attributes = (each for spec in self._registry.variants(tag) for each in spec.attributes)
-        return {
-            each.name: each.value_type.unit for each in attributes if each.value_type and each.value_type.unit
-        }
+        return {each.name: each.value_type.unit for each in attributes if each.value_type.unit}
 
     def _units_of_keys(self, tree_file: TreeFile) -> dict[str, str]:
         """Return the keys that attributes read as durations, with the unit of their plain numbers."""
@@ -300,9 +298,8 @@ class _Conversion:
         if model is not None and name in model.ports and not self._is_built_in(tag):
             return model.ports[name].type_name
         for spec in self._registry.variants(tag):
-            value_type = spec.parameters[name].value_type if name in spec.parameters else None
-            if value_type is not None:
-                return _QUEUES.get((tag, name), value_type.cpp)
+            if name in spec.parameters:
+                return _QUEUES.get((tag, name), spec.parameters[name].value_type.cpp)
         return ""
 
     def _explicit(self, draft: Draft, parent: str) -> bool:

@@ -8,7 +8,7 @@ from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.declaring import ENUMS, attribute, input_port, node_spec
 from sar_compiler.nodes.language.attribute_readers import after_the_first, one_after_the_other
 from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
-from sar_compiler.nodes.language.node_rules import report_interruptions, report_policy, within_reach
+from sar_compiler.nodes.language.node_rules import report_interruptions, report_out_of_reach, report_policy
 from sar_compiler.nodes.language.records import ALL, FROM_CHILD, own, stock
 from sar_compiler.nodes.semantics import Counterpart, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
@@ -53,7 +53,7 @@ _REACTIVE_ONE = Counterpart(built_in=True, rewrite=rewrites.reactive)
 
 
 def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Counterpart:
-    return Counterpart(built_in, rewrites.by_memory(with_memory, without))
+    return Counterpart(built_in, partial(rewrites.by_memory, with_memory, without))
 
 
 def _switch(cases: int) -> NodeSpec:
@@ -138,7 +138,7 @@ SPECS = [
             "success_threshold": "success_count",
             "failure_threshold": "failure_count",
         },
-        rule=within_reach("success_count", "failure_count"),
+        rule=partial(report_out_of_reach, ("success_count", "failure_count")),
     ),
     stock(
         Kind.CONTROL,
@@ -177,7 +177,7 @@ SPECS = [
             1,
         ),
         semantics=Semantics.parallel(outcome_sets.counting_all),
-        rule=within_reach("max_failures"),
+        rule=partial(report_out_of_reach, ("max_failures",)),
     ),
     _branching(
         "IfThenElse",

@@ -68,7 +68,7 @@ def _stock_unless_skipping(
 def _turning(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HINT) -> NodeSpec:
     """Return a py_trees decorator that replaces one result of its child."""
     turns = {old: new}
-    rewrite = rewrites.rename_to(instead) if instead else None
+    rewrite = partial(rewrites.rename, instead) if instead else None
     return _stock(
         tag,
         f"Turns {_NOUNS[old]} into {_NOUNS[new]}.",
@@ -88,7 +88,7 @@ def _unless_written(tag: str, otherwise: int, doc: str, skipping: Skipping = FRO
         SCOPE,
         fixed={"unless_written": _WORDS[otherwise]},
         semantics=Semantics(
-            outcome_sets.adding(otherwise), keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}
+            partial(outcome_sets.adding, otherwise), keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}
         ),
         skipping=skipping,
     )
@@ -171,7 +171,7 @@ BEHAVIORTREE_CPP = [
         "Waits before it ticks its child for the first time.",
         input_port("delay_msec", MILLISECONDS, "How long to wait, in milliseconds."),
         CLOCK,
-        semantics=Semantics(outcome_sets.adding(R), steady=True),
+        semantics=Semantics(partial(outcome_sets.adding, R), steady=True),
     ),
     _own(
         "Timeout",
@@ -191,7 +191,7 @@ BEHAVIORTREE_CPP = [
         SCOPE,
         ENUMS,
         input_port("else_", Outcome, "What to answer if it is false.", Outcome.FAILURE),
-        semantics=Semantics(outcome_sets.guard("if")),
+        semantics=Semantics(partial(outcome_sets.guard, "if")),
         skipping=Skipping(Skips.ALWAYS, only_if=("else", Outcome.SKIPPED)),
         former_tags=tuple(f"BlackboardCheck{kind}" for kind in ("Bool", "Double", "Int", "String")),
     ),
@@ -272,7 +272,7 @@ PY_TREES = [
         SCOPE,
         ENUMS,
         semantics=Semantics(
-            outcome_sets.guard("condition"),
+            partial(outcome_sets.guard, "condition"),
             counterpart=Counterpart(
                 hint="a ReactiveSequence of a ScriptCondition and its child does the same"
             ),

@@ -30,7 +30,7 @@ def _peeking(*ports: str, resumes: bool = False) -> Semantics:
 
 def _as_in_btcpp(tag: str) -> Semantics:
     """Return the semantics of a leaf that BehaviorTree.CPP has by another name."""
-    return Semantics(counterpart=Counterpart(rewrite=rewrites.rename_to(tag)))
+    return Semantics(counterpart=Counterpart(rewrite=partial(rewrites.rename, tag)))
 
 
 def _question(

@@ -1,9 +1,6 @@
 """Rules of single nodes: attributes that are each valid by themselves, and do not fit each other or the children."""
 
-from functools import partial
-
 from sar_compiler.nodes.binding.bound import BoundNode, Collector
-from sar_compiler.nodes.spec import Rule
 from sar_compiler.nodes.values import ConversionError, items_of
 from sar_compiler.tree.guessing import nearest
 
@@ -11,15 +8,8 @@ HOW_TO_SELECT = 'write the names of the children that have to succeed: selected=
 NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
 
 
-def within_reach(*names: str) -> Rule:
-    """Return a rule: these attributes must not exceed the number of children.
-
-    Negative counts are relative to the number of children, and always valid.
-    """
-    return partial(_report_out_of_reach, names)
-
-
-def _report_out_of_reach(names: tuple[str, ...], bound: BoundNode, collector: Collector) -> None:
+def report_out_of_reach(names: tuple[str, ...], bound: BoundNode, collector: Collector) -> None:
+    """Report attributes that exceed the number of children; negative ones are counted from the end, and always valid."""
     there = len(bound.element.children)
     for name in names:
         wanted = bound.values.get(name)
@@ -46,8 +36,7 @@ def report_interruptions(bound: BoundNode, collector: Collector) -> None:
 
 def report_no_answer(bound: BoundNode, collector: Collector) -> None:
     """Report a queue without statuses."""
-    written = bound.element.attributes
-    if bound.values.get("queue") == [] and "eventually" not in written:
+    if bound.values.get("queue") == [] and "eventually" not in bound.element.attributes:
         collector.add("wrong-value", NO_ANSWER, bound.element, value="queue")
 
 

@@ -194,8 +194,7 @@ def stock(
     keys = Keys(scope) if scope is not None else None
     arguments: dict[str, Any] = {}
     for parameter, value in written.items():
-        value_type = spec.parameters[parameter].value_type
-        kind = value_type.name if value_type is not None else ""
+        kind = spec.parameters[parameter].value_type.name
         if keys is not None and kind in (KEY.name, VARIABLE.name):
             value = keys.key(value) if kind == KEY.name else keys.variable(value)  # noqa: PLW2901
         elif scope is not None and enums is not None and kind == CONDITION.name:

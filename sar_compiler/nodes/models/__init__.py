@@ -11,12 +11,12 @@ from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, any_port
 from sar_compiler.nodes.values import (
     ANYTHING,
+    NO_VALUE,
     ConversionError,
     ValueType,
     blackboard_key,
     type_of,
     type_of_cpp_name,
-    value_type_of,
 )
 from sar_compiler.tree.diagnostic import Cause
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile, is_name
@@ -95,7 +95,7 @@ class Model(NamedTuple):
     def spec(self) -> NodeSpec:
         """Return the spec of a node that is only described."""
         kind = self.kind or Kind.ACTION
-        name = Parameter("name", Role.NAME, required=False, value_type=value_type_of(str))
+        name = Parameter("name", Role.NAME, required=False, value_type=type_of(str))
         parameter = _used_port if self.is_from_use else _parameter
         parameters = {"name": name, **{port.name: parameter(port) for port in self.ports.values()}}
         return NodeSpec(
@@ -301,7 +301,7 @@ def compare_models(models: Models, registry: Registry, collector: Collector) -> 
             parameter = known.get(port.name)
             if parameter is not None:
                 _compare_port(model, port, parameter, collector)
-                _check_default(port, parameter.value_type or _TEXT, collector)
+                _check_default(port, _written_type(parameter), collector)
             elif specs:
                 message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
                 near = collector.guesses.nearest(port.name, known)
@@ -322,12 +322,17 @@ def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Col
         right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
         message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
         collector.add("model-mismatch", message, port.element, suggestion=right.value)
-    said, real = type_of_cpp_name(port.type_name), parameter.value_type or _TEXT
+    said, real = type_of_cpp_name(port.type_name), _written_type(parameter)
     if said is not None and not _agree(said, real):
         message = (
             f"the port '{port.name}' of <{model.tag}> is {real.label}, and the model says {port.type_name}"
         )
         collector.add("model-mismatch", message, port.element, value="type", suggestion=real.cpp)
+
+
+def _written_type(parameter: Parameter) -> ValueType:
+    """Return the type of what a file has in an attribute; the name of another node is a text."""
+    return _TEXT if parameter.value_type is NO_VALUE else parameter.value_type
 
 
 def _agree(said: ValueType, real: ValueType) -> bool:

@@ -31,6 +31,7 @@ _TYPES = (
     ("bool", re.compile(r"true|false", re.IGNORECASE)),
     ("int", re.compile(r"[+-]?\d{1,9}")),
     ("double", re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)),
+    ("std::string", re.compile(".*", re.DOTALL)),
 )
 _NOTE = synthetic_element(METADATA_TAG, children=[synthetic_element("Metadata", FROM_USE)])
 
@@ -158,12 +159,15 @@ def _port(name: str, uses: Sequence[_PortUse]) -> Element:
     values = [each.text for each in uses if not each.is_key]
     makes = bool(uses) and all(each.makes_key for each in uses)
     direction = Direction.OUTPUT if makes and not values else Direction.INPUT
-    attributes = {"name": name, **({"type": _type_of(values)} if values else {})}
+    attributes = {
+        "name": name,
+        **(
+            {"type": next(name for name, form in _TYPES if all(map(form.fullmatch, values)))}
+            if values
+            else {}
+        ),
+    }
     example = shortened((values or [each.text for each in uses])[0])
     return synthetic_element(
         direction.value, attributes, text=f"guessed; such as {example}" if example else "guessed"
     )
-
-
-def _type_of(values: Sequence[str]) -> str:
-    return next((name for name, form in _TYPES if all(map(form.fullmatch, values))), "std::string")

@@ -65,10 +65,8 @@ def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:
 
 def _port(parameter: Parameter, spec: NodeSpec) -> Element:
     attributes = {"name": parameter.name}
-    # Without a type: the name of another node.
-    type_name = parameter.value_type.cpp if parameter.value_type else "std::string"
-    if type_name:
-        attributes["type"] = type_name
+    if parameter.value_type.cpp:
+        attributes["type"] = parameter.value_type.cpp
     if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
         attributes["default"] = value_text(parameter.default)
     return synthetic_element((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))

@@ -9,6 +9,7 @@ import functools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,9 +61,7 @@ def of_port(name: str, value_type: ValueType) -> ValueType:
     unit, bounds = _units().get(name), _bounds().get(name)
     if unit is not None and value_type.python is float:
         label = f"a number of {unit_words(unit)}"
-        value_type = replace(
-            value_type, label=label, convert=functools.partial(_with_unit, unit, label), unit=unit
-        )
+        value_type = replace(value_type, label=label, convert=partial(_with_unit, unit, label), unit=unit)
     return replace(value_type, usual=bounds) if value_type.python in (int, float) else value_type
 
 
@@ -142,11 +141,11 @@ def _no_text(label: str, text: str) -> object:
 def _message(name: str, label: str, cpp: str, convert: Callable[[str, str], object]) -> ValueType:
     """Return the type of a ROS message; each is a type of its own on the blackboard."""
     python = type(name, (), {})
-    return ValueType(f"nav2.{name}", label, functools.partial(convert, label), python=python, cpp=cpp)
+    return ValueType(f"nav2.{name}", label, partial(convert, label), python=python, cpp=cpp)
 
 
 def _of_fields(name: str, label: str, cpp: str, first: int, each: int) -> ValueType:
-    return _message(name, label, cpp, functools.partial(_fields, first, each))
+    return _message(name, label, cpp, partial(_fields, first, each))
 
 
 _TYPES = {
@@ -273,7 +272,7 @@ class _FreeNode(NamedTuple):
 
 
 _RECOVERY = Semantics(outcomes.recovery, gates=outcomes.after_a_failure, resumes=True)
-_TIMED = Semantics(outcomes.now_and_then(), steady=True)
+_TIMED = Semantics(partial(outcomes.now_and_then, 0), steady=True)
 _TURNS = "nav2_controls:RoundRobinNode"
 _FREE: Mapping[str, _FreeNode] = {
     "RecoveryNode": _FreeNode("nav2_controls:RecoveringNode", _RECOVERY, child_count=(2, 2)),
@@ -312,8 +311,12 @@ _REQUESTS = (
 _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
     "SpeedController": ("nav2_decorators:WhenDueNode", _TIMED, _DUE),
     "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),
-    "DistanceController": ("nav2_decorators:DistanceNode", Semantics(outcomes.now_and_then(F)), _DRIVEN),
-    "PathLongerOnApproach": ("nav2_decorators:LongerPathNode", Semantics(adding(S)), _LONGER),
+    "DistanceController": (
+        "nav2_decorators:DistanceNode",
+        Semantics(partial(outcomes.now_and_then, F)),
+        _DRIVEN,
+    ),
+    "PathLongerOnApproach": ("nav2_decorators:LongerPathNode", Semantics(partial(adding, S)), _LONGER),
     "GoalUpdater": ("turning:SubTreeNode", Semantics(passing, steady=True), ()),
     "PauseResumeController": ("nav2_controls:PauseResumeNode", Semantics(outcomes.paused), _REQUESTS),
 }

@@ -112,16 +112,8 @@ def paused(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     return own | R | (0 if sure else union(children[1:]) & F)
 
 
-def now_and_then(own: int = 0) -> Possible:
-    """Return the function of a decorator that ticks its child at the start, and then now and then.
-
-    Args:
-        own: The results that it has of its own, whenever it is ticked.
-    """
-    return partial(_now_and_then, own)
-
-
-def _now_and_then(own: int, _bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+def now_and_then(own: int, _bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that ticks its child at the start, and then now and then, and has results of its own."""
     return children[0] | own | (0 if sure else R)
 
 

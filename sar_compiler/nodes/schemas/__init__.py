@@ -18,5 +18,5 @@ def attributes_by_name(specs: Iterable[NodeSpec]) -> dict[str, list[tuple[NodeSp
 def value_types(tags: Mapping[str, Iterable[NodeSpec]]) -> list[ValueType]:
     """Return the types of all attributes of some tags, by name; that of conditions is always among them."""
     attributes = (parameter for specs in tags.values() for spec in specs for parameter in spec.attributes)
-    types = {each.value_type.name: each.value_type for each in attributes if each.value_type is not None}
+    types = {each.value_type.name: each.value_type for each in attributes if each.value_type.name}
     return sorted({**types, CONDITION.name: CONDITION}.values(), key=lambda each: each.name)

@@ -152,7 +152,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
     value_type = parameter.value_type
     if parameter.role is Role.NAME:
         schema: Schema = dict(_SCALAR)
-    elif parameter.role is not Role.ATTRIBUTE or value_type is None:
+    elif parameter.role is not Role.ATTRIBUTE:
         schema = dict(_NAME)
     elif parameter.name in spec.fixed:
         fixed = spec.fixed[parameter.name]

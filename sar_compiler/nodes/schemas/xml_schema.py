@@ -169,13 +169,13 @@ def _either_form(tag: str, spec: NodeSpec) -> list[str]:
 def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[str]:
     head = f'    <xs:attribute name="{parameter.name}"'
     value_type = parameter.value_type
-    if value_type is not None and parameter.name in spec.fixed:
+    if parameter.name in spec.fixed:
         fixed = spec.fixed[parameter.name]
         allowed = _enumeration(text for text in value_type.choices if value_type.convert(text) == fixed)
         return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
     if parameter.role is Role.NAME:
         head += ' type="xs:string"'
-    elif value_type is None or parameter.role is not Role.ATTRIBUTE:
+    elif parameter.role is not Role.ATTRIBUTE:
         head += ' type="name"'
     else:
         head += f' type="{value_type.name}.value"'
