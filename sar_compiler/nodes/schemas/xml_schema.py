@@ -1,6 +1,7 @@
 """The XML schema of tree files, made from the registry."""
 
 from collections.abc import Collection, Iterable
+from pathlib import Path
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
@@ -9,62 +10,7 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.tree.model import SUBTREE_TAG
 
-_HEAD = """\
-<?xml version="1.0" encoding="UTF-8"?>
-<!-- Made from the node registry by `make schemas`; do not edit. -->
-<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" elementFormDefault="qualified">
-  <xs:element name="root">
-    <xs:complexType>
-      <xs:choice minOccurs="1" maxOccurs="unbounded">
-        <xs:element name="BehaviorTree" type="tree"/>
-        <xs:element name="include">
-          <xs:complexType>
-            <xs:attribute name="path" type="name" use="required"/>
-            <xs:attribute name="ros_pkg" type="name"/>
-            <xs:attributeGroup ref="notes"/>
-          </xs:complexType>
-        </xs:element>
-        <xs:element name="TreeNodesModel">
-          <xs:complexType>
-            <xs:sequence>
-              <xs:any processContents="skip" minOccurs="0" maxOccurs="unbounded"/>
-            </xs:sequence>
-          </xs:complexType>
-        </xs:element>
-      </xs:choice>
-      <xs:attribute name="BTCPP_format" type="xs:string" fixed="4"/>
-      <xs:attribute name="main_tree_to_execute" type="xs:string"/>
-      <xs:attribute name="project_name" type="xs:string"/>
-      <xs:attributeGroup ref="notes"/>
-    </xs:complexType>
-    <xs:unique name="tree_id">
-      <xs:selector xpath="BehaviorTree"/>
-      <xs:field xpath="@ID"/>
-    </xs:unique>
-  </xs:element>
-  <xs:complexType name="subtree" mixed="true">
-    <xs:attribute name="ID" type="name" use="required"/>
-    <xs:anyAttribute processContents="skip"/>
-  </xs:complexType>
-  <xs:complexType name="explicit">
-    <xs:group ref="node" minOccurs="0" maxOccurs="unbounded"/>
-    <xs:attribute name="ID" type="name" use="required"/>
-    <xs:anyAttribute processContents="skip"/>
-  </xs:complexType>
-  <xs:simpleType name="name">
-    <xs:restriction base="xs:string">
-      <xs:minLength value="1"/>
-    </xs:restriction>
-  </xs:simpleType>
-  <xs:simpleType name="key">
-    <xs:annotation>
-      <xs:documentation>A key of the blackboard.</xs:documentation>
-    </xs:annotation>
-    <xs:restriction base="xs:string">
-      <xs:pattern value=" *(\\{.+\\}|=) *"/>
-    </xs:restriction>
-  </xs:simpleType>
-"""
+_END = "</xs:schema>\n"
 
 
 _TEXT_ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})
@@ -95,18 +41,14 @@ def xml_schema(
     for spec in described:
         if only is None or spec.tag in only:
             tags.setdefault(spec.tag, [spec])
-    lines = [_HEAD.rstrip("\n"), *_notes(notes), *_tree_type(), *_group(tags), *_common()]
+    frame = Path(__file__).with_name("frame.xsd").read_text("utf-8").removesuffix(_END)
+    lines = [*_notes(notes), *_group(tags), *_common()]
     for value_type in value_types(tags):
         lines += _value_type(value_type)
     lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
     for tag, specs in tags.items():
         lines += _node_type(tag, specs)
-    return "\n".join([*lines, "</xs:schema>", ""])
-
-
-def _tree_type() -> list[str]:
-    lines = ['    <xs:group ref="node"/>', '    <xs:attribute name="ID" type="name"/>', _NOTES]
-    return ['  <xs:complexType name="tree">', *lines, "  </xs:complexType>"]
+    return frame + "\n".join([*lines, _END])
 
 
 def _notes(names: Iterable[str]) -> list[str]:
