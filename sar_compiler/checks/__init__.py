@@ -68,10 +68,6 @@ def _recoveries(files: Palettes) -> Iterable[Diagnostic]:
     return itertools.chain.from_iterable(tree_file.findings for tree_file in files)
 
 
-def _is_error(finding: Diagnostic) -> bool:
-    return finding.severity is Severity.ERROR
-
-
 def _guard(
     name: str, rule: Callable[[], Iterable[Diagnostic]], forest: Forest, found: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
@@ -103,7 +99,7 @@ def check(
     is_all = True
     for rule in RULES:
         found = list(_guard(rule.__name__, functools.partial(rule, context), forest, findings))
-        is_all = is_all and sum(map(_is_error, found)) < MOST
+        is_all = is_all and sum(each.severity is Severity.ERROR for each in found) < MOST
         findings += found
     from sar_compiler.checks.schema_validation import check_schema
 
@@ -201,24 +197,23 @@ def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagno
 
 def _error_words(error: Exception) -> str:
     """Return an error with the place in the sources that it comes from."""
-    last = [*_calls(error)][-1]
+    last = _calls(error)[-1]
     place = f"{Path(last.f_code.co_filename).name}, in {last.f_code.co_name}"
     return f"{type(error).__name__}: {error} ({place})"
 
 
 def _element_of(error: Exception) -> Element | None:
     """Return the element that was looked at when an error was raised: that of the innermost call that has one."""
-    values = (value for frame in reversed([*_calls(error)]) for value in frame.f_locals.values())
+    values = (value for frame in reversed(_calls(error)) for value in frame.f_locals.values())
     elements = (value if isinstance(value, Element) else getattr(value, "element", None) for value in values)
     return next((each for each in elements if isinstance(each, Element)), None)
 
 
-def _calls(error: Exception) -> Iterator[FrameType]:
-    """Yield the calls that an error came through, the innermost last."""
-    step = error.__traceback__
-    while step is not None:
-        yield step.tb_frame
-        step = step.tb_next
+def _calls(error: Exception) -> list[FrameType]:
+    """Return the calls that an error came through, the innermost last."""
+    import traceback
+
+    return [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
 
 
 # Of the part of a file before the place where it is malformed: whatever the rest of the file may say, these findings stay. They

@@ -78,8 +78,7 @@ def read_assumptions(
         answers: The value of its `answers:`, if it has any.
         simulated: The tree, simulated without any of it.
     """
-    words = LeafWords(simulated)
-    said = {} if answers is None else _read_answers(document, answers, words)
+    said = {} if answers is None else _read_answers(document, answers, LeafWords(simulated))
     used = {use for options in said.values() for answer in options for use in _names_in(answer)}
     values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
     return Assumptions(values, said)
@@ -158,8 +157,7 @@ def _can(spec: NodeSpec, status: str) -> bool:
 
 def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer, spec: NodeSpec) -> bool:
     known = [SELF, *(p.name for p in spec.parameters.values() if p.role is Role.REFERENCE)]
-    numbers = [p.name for p in spec.parameters.values() if p.is_whole_number]
-    mistake = mistake_in(answer, known, numbers)
+    mistake = mistake_in(answer, known, [p.name for p in spec.parameters.values() if p.is_whole_number])
     if mistake is not None:
         part, _, error = mistake
         report_script(document, parts[part], error)

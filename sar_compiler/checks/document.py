@@ -107,8 +107,7 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
                 yield _duplicate(tree, first[tree_id])
             elif is_node(tree_id, registry):
                 message = f"'{tree_id}' is a node, and cannot be the ID of a tree as well"
-                hint = "give the tree another one"
-                yield tree.finding("wrong-tree-id", message, value="ID", hint=hint)
+                yield tree.finding("wrong-tree-id", message, value="ID", hint="give the tree another one")
 
 
 def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:

@@ -260,8 +260,7 @@ class LeafWords:
         known = self.named(text)
         if known:
             message = f"'{text}' is a leaf; an event says what it does as well"
-            example = f"write {text} {answer_words(known)[0]}"
-            document.report("wrong-value", message, value, hint=example)
+            document.report("wrong-value", message, value, hint=f"write {text} {answer_words(known)[0]}")
         else:
             self._report_unknown(document, value, words[0])
         return None

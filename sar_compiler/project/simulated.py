@@ -70,8 +70,7 @@ class Simulated:
             AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
         """
         run = self._simulation.go()
-        ending = [failure for failure in failures(run) if failure.expected in ("run", "ends")]
-        _complain(run, ending)
+        _complain(run, [failure for failure in failures(run) if failure.expected in ("run", "ends")])
         return self
 
     def tick(self, times: int = 1) -> "Simulated":

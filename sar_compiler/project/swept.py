@@ -90,8 +90,7 @@ class ScenarioRuns:
     def play(self, seed: int) -> ScenarioPlayer:
         """Return a run that was played."""
         play = self.understood()
-        scenario = replace(play.scenario, seed=seed, unusual=self.unusual)
-        player = ScenarioPlayer(play.simulated, scenario)
+        player = ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed, unusual=self.unusual))
         player.go()
         return player
 

@@ -100,8 +100,7 @@ def source_of(
         raise TreeError([Diagnostic("file-too-large", message, Source(path, "", spans), _START)])
     encoding = _encoding_of(data, declared) if isinstance(data, bytes) else "utf-8"
     text = data if isinstance(data, str) else _decode(data, path, spans, encoding)
-    bom = _MARK if text.startswith(_MARK) else ""
-    source = Source(path, text.removeprefix(_MARK), spans, encoding, bom)
+    source = Source(path, text.removeprefix(_MARK), spans, encoding, _MARK if text.startswith(_MARK) else "")
     if not source.text.strip():
         raise TreeError([Diagnostic("empty-file", "the file is empty", source, _START, hint=empty_hint)])
     return source

@@ -52,8 +52,7 @@ def convert(tree_file: TreeFile, form: Form) -> Converted:
         raise TreeError(dataclasses.replace(each, severity=Severity.ERROR) for each in rest)
     if tree_file.source.form is form:
         return Converted(_WRITERS[form](tree_file), ())
-    losses = tuple(_losses(tree_file, form))
-    return Converted(_WRITERS[form](_without_editor_hints(tree_file)), losses)
+    return Converted(_WRITERS[form](_without_editor_hints(tree_file)), tuple(_losses(tree_file, form)))
 
 
 def canonical_bytes(tree_file: TreeFile) -> bytes:

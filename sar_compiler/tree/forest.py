@@ -85,8 +85,7 @@ class Forest:
     @functools.cached_property
     def known_ids(self) -> list[str]:
         """The IDs of all trees that can be named."""
-        ids = dict.fromkeys(self.trees)
-        return list(ids | dict.fromkeys(self.tree_set.ids if self.tree_set else ()))
+        return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.ids if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
         """Return whether another file of the set uses a tree of this ID without having one."""
@@ -413,8 +412,7 @@ class _Loader:
         if any(target.is_relative_to(folder) for folder in self.folders):
             return True
         message = f"'{element.attributes['path']}' lies outside the folders that may be included from"
-        hint = f"allow it: --include-path {target.parent}"
-        self._report("include-outside", message, element, hint=hint)
+        self._report("include-outside", message, element, hint=f"allow it: --include-path {target.parent}")
         return False
 
     def _report_pathless(self, element: Element) -> None:

@@ -233,8 +233,7 @@ def _find_moved(old: Node, new: Node) -> None:
 
 
 def _home(node: Node, *, other: bool = False) -> int:
-    parent = node.parent.partner if other and node.parent else node.parent
-    return id(parent)
+    return id(node.parent.partner if other and node.parent else node.parent)
 
 
 def _find_renamed(old: Node) -> None:
@@ -266,8 +265,7 @@ def _alike(old: Node, new: Node) -> bool:
     if old.type != new.type:
         return old.name == new.name
     names = {*old.attributes, *new.attributes} - {"name"}
-    equal = sum(old.attributes.get(name) == new.attributes.get(name) for name in names)
-    return 2 * equal >= len(names)
+    return 2 * sum(old.attributes.get(name) == new.attributes.get(name) for name in names) >= len(names)
 
 
 _NEAR = 8

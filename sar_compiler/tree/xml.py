@@ -169,7 +169,7 @@ class _XmlReader:
         elif (
             trailing
             and siblings
-            and _takes_comment(siblings[-1])
+            and not (siblings[-1].children or siblings[-1].comments)
             and written.endswith(("/>", f"</{siblings[-1].tag}>"), first, last)
         ):
             comment = Comment(text, trailing=True)
@@ -217,8 +217,3 @@ class _XmlReader:
             words = f"the file ends before <{tag}>, opened in line {opened}, is closed"
         span = self._source.span(start, start + 1)
         return Diagnostic("malformed-xml", f"not well-formed XML: {words}", self._source, span, hint=hint)
-
-
-def _takes_comment(element: Element) -> bool:
-    """Return whether a comment may follow an element's end: it has no children, and no comment yet."""
-    return not element.children and not element.comments

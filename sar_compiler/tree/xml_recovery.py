@@ -246,8 +246,7 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
     else:
         what = "an &" if raw != "<" else "a <"
         message, suggestion = f"{what} is written {_replacement(raw[:1])} in XML: {_TOLD}", _replacement(raw)
-    span = source.span(start, end)
-    return Diagnostic("loose-xml", message, source, span, suggestion, hint)
+    return Diagnostic("loose-xml", message, source, source.span(start, end), suggestion, hint)
 
 
 _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
@@ -313,8 +312,7 @@ def _unseen(text: str, place: int) -> XmlMistake:
     import unicodedata
 
     name = unicodedata.name(text[place], "").lower()
-    message = f"the character U+{ord(text[place]):04X} ({name}) {what}"
-    return XmlMistake(message, place, place + 1, hint=hint)
+    return XmlMistake(f"the character U+{ord(text[place]):04X} ({name}) {what}", place, place + 1, hint=hint)
 
 
 def _in_comment(text: str, place: int) -> XmlMistake:
@@ -397,8 +395,7 @@ def _unclosed(text: str, place: int) -> XmlMistake | None:
         end = match.end()
     quote = _OPENED.match(text, end)
     if quote is not None:
-        message = "the value that begins here has no closing quotation mark"
-        return XmlMistake(message, *quote.span(1))
+        return XmlMistake("the value that begins here has no closing quotation mark", *quote.span(1))
     return XmlMistake("the tag that begins here has no >", place, name.end())
 
 

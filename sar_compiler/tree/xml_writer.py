@@ -46,7 +46,9 @@ def _element(element: Element, indent: str, *, after_blank_line: bool) -> Iterat
         if comment.attribute is not None:  # XML has no place for it in a tag
             yield from _comment(comment, indent, after_blank_line=False)
     trailing = "".join(
-        f"  <!-- {comment_in_xml(one.text)} -->" for one in element.comments if _is_trailing(one)
+        f"  <!-- {comment_in_xml(one.text)} -->"
+        for one in element.comments
+        if one.trailing and one.attribute is None
     )
     inner = list(element.content())
     if not inner:
@@ -108,10 +110,6 @@ def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterat
     for line in (first, *rest):
         yield f"{indent}  {line}".rstrip()
     yield f"{indent}-->"
-
-
-def _is_trailing(comment: Comment) -> bool:
-    return comment.trailing and comment.attribute is None
 
 
 def _escape(text: str, escapes: dict[str, str]) -> str:

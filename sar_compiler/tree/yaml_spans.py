@@ -55,8 +55,7 @@ class YamlSpans(Spans):
 
     def attributes(self, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
         """Yield the names and the places of an element's attributes, which have quotes or the header of a block."""
-        first = self._first[self._number(element)]
-        for index, name in enumerate(element.attributes, first // 4):
+        for index, name in enumerate(element.attributes, self._first[self._number(element)] // 4):
             start, end, begin, behind = self._places[4 * index : 4 * index + 4]
             yield name, (start, end, begin, behind)
 
@@ -74,8 +73,7 @@ class YamlSpans(Spans):
 
 def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
     """Return the stretch of a scalar without its quotes, or without the header and end of a block."""
-    mark = text[start : start + 1]
-    if mark in ("'", '"'):
+    if text[start : start + 1] in ("'", '"'):
         return start + 1, end - 1
     header = _HEADER.match(text, start, end)
     if header is None:

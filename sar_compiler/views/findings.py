@@ -11,7 +11,7 @@ from sar_compiler.resources import shipped
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, Span
 from sar_compiler.tree.kinds import KINDS, SEVERITIES
 from sar_compiler.tree.showing import visible
-from sar_compiler.views.plain import as_json
+from sar_compiler.views.plain import as_json, count_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
@@ -101,13 +101,12 @@ def _of_one_cause(group: Sequence[Diagnostic]) -> list[Diagnostic]:
 
 
 def _of_one_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
-    files = {each.source.path for each in places}
-    if len(places) <= FEW and len(files) == 1:
+    if len(places) <= FEW and len({each.source.path for each in places}) == 1:
         return places
     first, others = places[0], places[1:]
     near = ", ".join(f"{each.source.path}:{each.span.line}" for each in others[:FEW])
     more = ", ..." if others[FEW:] else ""
-    where = f"and in {_count(len(others), 'more place')}: {near}{more}"
+    where = f"and in {count_text(len(others), 'more place')}: {near}{more}"
     return [replace(first, message=f"{first.message}; {where}")]
 
 
@@ -116,11 +115,7 @@ def _cause_text(cause: Cause, group: Iterable[Diagnostic]) -> str:
     counts = Counter(each.common_cause.subject for each in group if each.common_cause)
     named = ", ".join(f"'{subject}' ({number:,})" for subject, number in counts.most_common(_NAMED))
     others = f" and {len(counts) - _NAMED:,} more" if len(counts) > _NAMED else ""
-    return f"{cause.text}: {named}{others}, in {_count(counts.total(), 'place')}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
+    return f"{cause.text}: {named}{others}, in {count_text(counts.total(), 'place')}"
 
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"

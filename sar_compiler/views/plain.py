@@ -15,8 +15,7 @@ def as_json(data: object, indent: int | None = 2) -> str:
 
     It is indented by so many spaces, or in one line. Numbers that are not finite are null, because JSON has none.
     """
-    text = json_text(data, indent=indent, ensure_ascii=False)
-    return UNSEEN.sub(_escaped, text)
+    return UNSEEN.sub(_escaped, json_text(data, indent=indent, ensure_ascii=False))
 
 
 def _escaped(match: re.Match[str]) -> str:
@@ -38,6 +37,11 @@ def value_as_script(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"'{value}'" if isinstance(value, str) else str(value)
+
+
+def count_text(number: int, what: str) -> str:
+    """Return a number of things, of which there may be one: `1 file`, `1,000 files`."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def speakable(text: str) -> str:

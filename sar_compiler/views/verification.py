@@ -15,7 +15,7 @@ from sar_compiler.checks.verify.comparing import BETTER, OTHER, SAME, WORSE, Ver
 from sar_compiler.checks.verify.state_space import StateSpace, Trace
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord
-from sar_compiler.views.plain import as_json, plain, value_as_script
+from sar_compiler.views.plain import as_json, count_text, plain, value_as_script
 from sar_compiler.views.runs import leaf_labels
 
 _WIDTH = 110
@@ -96,13 +96,13 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
     answers, sides = comparison.answers, (comparison.before, comparison.now)
     named = max(map(len, names)) + 2
     for name, side, when in zip(names, sides, ("before", "now"), strict=True):
-        size = f"{_count_text(side.states, 'state')}, {_count_text(side.ticks, 'tick')} between them"
+        size = f"{count_text(side.states, 'state')}, {count_text(side.ticks, 'tick')} between them"
         yield f"{when + ':':8}{name:{named}}{size}"
     counts = Counter(answer.change for answer in answers)
     listed = ", ".join(
         f"{counts[change]} {change}" for change in (WORSE, BETTER, OTHER, SAME) if counts[change]
     )
-    yield f"{_count_text(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
+    yield f"{count_text(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
     width = max(len(answer.question) for answer in answers) + 2
     for answer in answers:
         line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
@@ -151,8 +151,8 @@ def _value(value: object) -> str:
 def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     verdicts = verification.verdicts
     width = max(len(verdict.question) for verdict in verdicts) + 2
-    states = _count_text(verification.states, "state")
-    ticks, depth = (_count_text(number, "tick") for number in (verification.ticks, verification.depth))
+    states = count_text(verification.states, "state")
+    ticks, depth = (count_text(number, "tick") for number in (verification.ticks, verification.depth))
     yield f"{states}, {ticks} between them, {depth} deep, {seconds:.1f} s"
     yield _tally(verification)
     for verdict in verdicts:
@@ -173,17 +173,13 @@ def _tally(verification: Verification) -> str:
         (len(verification.left_out), "left out"),
     ]
     listed = ", ".join(f"{count} {kind}" for count, kind in kinds if count)
-    return f"{_count_text(sum(count for count, _ in kinds), 'answer')}: {listed}"
+    return f"{count_text(sum(count for count, _ in kinds), 'answer')}: {listed}"
 
 
 def _answer(verdict: Verdict) -> str:
     """Return an answer, with what no run shows."""
     shown = verdict.trace is not None or not verdict.reason
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
-
-
-def _count_text(number: int, word: str) -> str:
-    return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
 def _limits(verification: Verification) -> Iterator[str]:
@@ -193,7 +189,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     if verification.complete:
         return
     how = "it was stopped there" if verification.stopped else "--max-states says how many are looked at"
-    yield f"Not proved beyond {_count_text(verification.states, 'state')}: there are more; {how}."
+    yield f"Not proved beyond {count_text(verification.states, 'state')}: there are more; {how}."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
         yield f"Most different values among the last ones had: {listed}."
