@@ -335,20 +335,13 @@ def at_least(least: int) -> ValueType:
     return ValueType(
         f"integer.from.{least}",
         label,
-        functools.partial(_at_least, least, label),
+        functools.partial(_between, least, math.inf, label),
         pattern=INTEGER,
         python=int,
         cpp="int",
         least=least,
         example=str(least),
     )
-
-
-def _at_least(least: int, label: str, text: str) -> int:
-    value = whole_number(text, least)
-    if value < least:
-        raise ConversionError(f"'{text}' is not {label}")
-    return value
 
 
 def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
@@ -359,7 +352,7 @@ def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
     return ValueType("integer", label, convert, pattern=INTEGER, python=int, cpp=cpp, least=least, most=most)
 
 
-def _between(least: int, most: int, label: str, text: str) -> int:
+def _between(least: float, most: float, label: str, text: str) -> int:
     value = whole_number(text, least, most)
     if not least <= value <= most:
         raise ConversionError(f"'{text}' is not {label}")
@@ -443,15 +436,7 @@ def _no_duration(
     return ConversionError(message, suggestion, hint if ambiguous else HOW_LONG)
 
 
-def _script(text: str) -> object:
-    return _parse_script(text, allow_empty=True)
-
-
-def _condition(text: str) -> object:
-    return _parse_script(text, allow_empty=False)
-
-
-def _parse_script(text: str, *, allow_empty: bool) -> object:
+def _script(text: str, *, allow_empty: bool = True) -> object:
     try:
         return _cached_parse(text, allow_empty=allow_empty)
     except ScriptError as error:
@@ -603,6 +588,7 @@ Seconds: TypeAlias = Annotated[float, SECONDS]
 """The annotation of a leaf's parameter or port: seconds; in a file also a number with its unit, as `500ms`."""
 Milliseconds: TypeAlias = Annotated[int, MILLISECONDS]
 """The same with whole milliseconds."""
+_condition = functools.partial(_script, allow_empty=False)
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=_CPP_TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
