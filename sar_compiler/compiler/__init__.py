@@ -188,7 +188,7 @@ class Arguments:
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names."""
         spec = bound.spec
-        if spec.is_plain and not bound.keys:
+        if not (spec.ports or spec.handed_over or bound.keys):
             return {"name": bound.name, **spec.plain_defaults, **bound.values}
         arguments: dict[str, Any] = {"name": bound.name, **spec.plain_defaults}
         for parameter in spec.plain:

@@ -509,11 +509,6 @@ class NodeSpec:
         return [p for p in self.parameters.values() if p.role is Role.CONTEXT]
 
     @functools.cached_property
-    def is_plain(self) -> bool:
-        """Whether it has no ports, and no object from the mission."""
-        return not self.ports and not self.handed_over
-
-    @functools.cached_property
     def is_demanding(self) -> bool:
         """Whether there is more to an instance than its values and children."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes

@@ -515,8 +515,7 @@ class LoadedTree:
 
     def _is_script(self, tag: str, name: str) -> bool:
         parameters = (spec.parameters.get(name) for spec in self.project.registry.variants(tag))
-        types = (each.value_type for each in parameters if each is not None)
-        return any(each is not None and each.python is Script for each in types)
+        return any(each is not None and each.value_type.python is Script for each in parameters)
 
     def _require_no_errors(self) -> None:
         errors = [each for each in self._findings_of_the_tree if each.severity is Severity.ERROR]

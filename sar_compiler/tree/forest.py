@@ -85,7 +85,7 @@ class Forest:
     @functools.cached_property
     def known_ids(self) -> list[str]:
         """The IDs of all trees that can be named."""
-        return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.ids if self.tree_set else ()))
+        return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.by_id if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
         """Return whether another file of the set uses a tree of this ID without having one."""
@@ -190,7 +190,7 @@ class TreeSet:
         return forests
 
     @functools.cached_property
-    def _by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
+    def by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
         """The files that have a tree, by its ID and its place; of those that include it, the file itself if it is there."""
         by_id: dict[str, dict[tuple[str, int], tuple[Path, Forest]]] = {}
         for path, forest in self.forests.items():
@@ -201,11 +201,6 @@ class TreeSet:
                 else:
                     places.setdefault((tree.source.path, tree.line), (path, forest))
         return by_id
-
-    @property
-    def ids(self) -> Iterable[str]:
-        """The IDs of all trees."""
-        return self._by_id
 
     @functools.cached_property
     def _users(self) -> Mapping[str, list[Path]]:
@@ -223,7 +218,7 @@ class TreeSet:
 
     def having(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
         """Return the files that have a tree of an ID, with their paths."""
-        return self._by_id.get(tree_id, {}).values()
+        return self.by_id.get(tree_id, {}).values()
 
     def references(self, tree: Element) -> tuple[Element, ...]:
         """Return the elements in a tree of the set that name trees."""
