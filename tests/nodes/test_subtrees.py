@@ -213,7 +213,7 @@ def test_a_reference_reaches_the_trees_around(trees):
     tree_ = preview_tree(bind_main(forest_of(file(*trees)), REGISTRY))
     nodes = {node.name: node for node in tree_.root.iterate()}
     assert tree_.origins[nodes["NotifyBase"].id].attributes["detect_node"] == "eye"
-    assert vars(nodes["NotifyBase"])["_detect_node"] is nodes["eye"]
+    assert vars(nodes["NotifyBase"])["detect_node"] is nodes["eye"]
 
 
 def test_a_node_of_the_same_tree_comes_before_those_around_it():
@@ -221,14 +221,14 @@ def test_a_node_of_the_same_tree_comes_before_those_around_it():
     inner = tree("B", '<Sequence><DetectSurvivor name="near"/><NotifyBase/></Sequence>')
     root = preview_tree(bind_main(forest_of(file(main, inner)), REGISTRY)).root
     nodes = {node.name: node for node in root.iterate()}
-    assert vars(nodes["NotifyBase"])["_detect_node"] is nodes["near"]
+    assert vars(nodes["NotifyBase"])["detect_node"] is nodes["near"]
 
 
 def test_each_instance_of_a_tree_refers_to_its_own_nodes():
     main = tree("Main", '<Sequence><SubTree ID="B" name="1"/><SubTree ID="B" name="2"/></Sequence>')
     inner = tree("B", "<Sequence><DetectSurvivor/><NotifyBase/></Sequence>")
     root = preview_tree(bind_main(forest_of(file(main, inner)), REGISTRY)).root
-    referred = [vars(node)["_detect_node"] for node in root.iterate() if node.name == "NotifyBase"]
+    referred = [vars(node)["detect_node"] for node in root.iterate() if node.name == "NotifyBase"]
     assert referred[0] is not referred[1]
 
 
