@@ -1,6 +1,6 @@
 // All that is known of the chosen node.
 
-import { duration, html, say } from "./shapes.js";
+import { clock, duration, html, say } from "./shapes.js";
 
 const WORDS = ["SUCCESS", "FAILURE", "HALTED"];
 
@@ -13,7 +13,7 @@ export function showDetails(place, run, id) {
     return;
   }
   const state = run.states[id];
-  const ago = (time) => `${duration(run.time - time)} ago, at ${duration(time)}`;
+  const ago = (time) => `${duration(run.time - time)} ago, at ${clock(time)}`;
   const former = state.status && !run.isCurrent(id) ? " (of an earlier activation)" : "";
   const rows = [
     ["node", node.name],

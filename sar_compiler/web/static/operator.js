@@ -44,8 +44,10 @@ function show() {
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   at("mission").title = node;
   document.title = `${condition.word}: ${mission}`;
-  say(at("drive"), driveLeft(run));
-  showFigures(at("figures"), run, !stream.silent && condition.word !== "broken off");
+  // What is still to come is said as long as something does.
+  const isHeard = !stream.silent && condition.word !== "broken off";
+  say(at("drive"), isHeard ? driveLeft(run) : "");
+  showFigures(at("figures"), run, isHeard);
   showGauges(at("gauges"), run);
   map.show(stream);
   alarms.show(stream);

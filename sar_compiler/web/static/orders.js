@@ -58,7 +58,7 @@ export class Orders {
     this.verbs = (verbs[chosen] ?? []).filter(({ name }) => offered.has(name));
     this.isHeld = run.condition.word === "paused";
     // To a run that has ended there is nothing more to order; the answer to what has ended it stays.
-    this.place.hidden = isReplay || !(verbs[chosen] ?? []).length || (Boolean(run.run.ended) && !this.answer.textContent);
+    this.place.hidden = isReplay || !(verbs[chosen] ?? []).length || (Boolean(run.run.ended) && !this.answer.dataset.kind);
     say(this.to, isTeam ? `Orders to ${names[chosen]}` : "Orders");
     const key = `${chosen} ${this.verbs.map(({ name }) => name).join(" ")}`;
     if (key !== this.key) this.draw(key);

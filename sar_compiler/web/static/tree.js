@@ -8,7 +8,7 @@ import { Orders } from "./orders.js";
 import { CardsView } from "./panels.js";
 import { PlacesView } from "./places_view.js";
 import { ReplayBar } from "./replay_bar.js";
-import { badge, duration, html, say, svg } from "./shapes.js";
+import { badge, clock, duration, html, say, svg } from "./shapes.js";
 import { Stream, drawer } from "./stream.js";
 import { Tools } from "./tools.js";
 import { TreeView } from "./tree_view.js";
@@ -52,7 +52,7 @@ function show() {
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   at("mission").title = node;
   document.title = `${stream.isReplay ? "replay: " : ""}${mission}`;
-  say(at("clock"), number ? `${duration(run.time)}${number > 1 ? `, run ${number}` : ""}` : "");
+  say(at("clock"), number ? `${clock(run.time)}${number > 1 ? `, run ${number}` : ""}` : "");
   say(at("progress"), progress(run));
   running(run);
   tree.show(run);

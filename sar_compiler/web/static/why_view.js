@@ -1,6 +1,6 @@
 // Why a mission has failed: the first to look at, from the root down to the answers that caused it, and what would have succeeded.
 
-import { duration, html } from "./shapes.js";
+import { clock, html } from "./shapes.js";
 
 // Of what leaves would have answered after the change, and of leaves that have failed without the root, the first.
 const SHOWN = 12;
@@ -48,7 +48,7 @@ export class WhyView {
   }
 
   line({ node, name, depth }, words, time, place) {
-    const line = html("li", {}, time === undefined ? "" : html("time", {}, duration(time)), " ", this.name(node, name), words.slice(name.length), place ? html("span", { class: "place", title: place }, `  ${place.split("/").pop()}`) : "");
+    const line = html("li", {}, time === undefined ? "" : html("time", {}, clock(time)), " ", this.name(node, name), words.slice(name.length), place ? html("span", { class: "place", title: place }, `  ${place.split("/").pop()}`) : "");
     line.style.marginLeft = `${1.2 * depth}em`;
     return line;
   }
