@@ -70,7 +70,7 @@ class LiveTools:
     def _begin(self, numbered: NumberedTree, tree: "CompiledTree", engine: "Engine") -> None:
         self._tree = numbered
         self._uids = [numbered.uid_of_inner(each) or numbered.uid(each) for each in pre_order(tree.root)]
-        hooks = Groot2Hooks(numbered, lambda _: None, self._said, _PATIENCE_SEC, "a breakpoint")
+        hooks = Groot2Hooks(numbered, lambda _: None, self._said, _PATIENCE_SEC, "A breakpoint")
         self._hook = getattr(engine, "hook", None)
         hooks.wake = getattr(engine, "wake", hooks.wake)
         self._hooks = hooks
@@ -93,7 +93,10 @@ class LiveTools:
     def _said(self, text: str) -> None:
         held = self._hooks.held if self._hooks is not None else None
         place = self._tree.nodes[held.uid - 1].name if held is not None and self._tree is not None else ""
-        self._tell(text, f"The tree is held at a breakpoint before '{place}'." if place else "")
+        self._tell(
+            text,
+            f"The tree is held at a breakpoint before '{place}'. A drive under way goes on." if place else "",
+        )
 
     def _blackboard(self, _: Mapping[str, Any]) -> object:
         if self._tree is None:

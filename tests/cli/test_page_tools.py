@@ -58,7 +58,7 @@ def test_a_breakpoint_holds_the_tree_before_its_node_until_somebody_goes_on(run)
     tick = engine.tick()
     next(tick)
     assert ask(tools, "breakpoints") == {"nodes": [2], "held": 2}
-    assert said[-1][1] == "The tree is held at a breakpoint before 'end'."
+    assert said[-1][1] == "The tree is held at a breakpoint before 'end'. A drive under way goes on."
     assert ask(tools, "breakpoints", goes_on=True) == {"nodes": [2], "held": None}
     assert [*tick] == []
     assert said[-1][1] == ""

@@ -137,7 +137,7 @@ def test_a_finger_hits_what_is_meant(told, browser, page):
 
 REACHED = """
 const at = document.activeElement;
-return at === document.body ? '' : at.id || at.dataset.verb || at.dataset.zoom || at.className || at.textContent;
+return at === document.body ? '' : at.id || at.dataset.verb || at.className || at.textContent;
 """
 
 

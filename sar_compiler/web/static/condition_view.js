@@ -12,13 +12,8 @@ export function conditionOf(stream, run) {
   if (trouble) return { word: "trouble", level: "error", reason: trouble, lasts: null };
   if (!isTold) return { word: silent > 4 ? "not connected" : "connecting", level: silent > 4 ? "error" : "quiet", reason: "", lasts: null };
   const { word, level, reason, since } = run.condition;
-  if (silent && !run.run.ended) return { word: "lost", level: "error", reason: silence(silent), lasts: null };
+  if (silent && !run.run.ended) return { word: "lost", level: "error", reason: `No word for ${clock(silent)}. The robot may still be driving.`, lasts: null };
   return { word, level, reason, lasts: COUNTED.includes(word) ? run.time - since : null };
-}
-
-/** What is to be said when nothing was heard for so many seconds; null while there is nothing to say. */
-export function silence(seconds) {
-  return `No word for ${clock(seconds)}. The robot may still be driving.`;
 }
 
 /** Show a condition in an element: its sign, its word, how long it lasts, and the reason. */

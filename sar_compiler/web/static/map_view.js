@@ -24,10 +24,17 @@ export class MapView {
     this.pen = html("canvas").getContext("2d");
     this.pen.font = FONT;
     place.append(this.canvas);
+    place.after(html("div", { class: "zoom" }, this.button("+", "Closer", () => this.nearer(1.4)), this.button("−", "Farther", () => this.nearer(1 / 1.4)), this.button("⤢", "The whole map", () => this.fit())));
     place.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     place.addEventListener("pointerdown", (event) => this.drag(event));
     place.addEventListener("keydown", (event) => this.key(event));
     new ResizeObserver(() => this.again()).observe(place);
+  }
+
+  button(sign, label, act) {
+    const button = html("button", { type: "button", "aria-label": label }, sign);
+    button.addEventListener("click", act);
+    return button;
   }
 
   /** Show the robots of a stream; where there are several, all of them with their names. */

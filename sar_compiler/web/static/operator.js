@@ -59,10 +59,6 @@ function show() {
   document.body.classList.add("ready");
 }
 
-for (const button of document.querySelectorAll("[data-zoom]")) {
-  const zoom = { in: () => map.nearer(1.4), out: () => map.nearer(1 / 1.4), fit: () => map.fit() }[button.dataset.zoom];
-  button.addEventListener("click", zoom);
-}
 at("all").addEventListener("change", () => {
   log.onlyFacts = !at("all").checked;
   log.again();

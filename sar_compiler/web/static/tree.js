@@ -114,10 +114,6 @@ function look(view) {
 }
 
 for (const button of document.querySelectorAll("nav button")) button.addEventListener("click", () => look(button.dataset.view));
-for (const button of document.querySelectorAll("[data-zoom]")) {
-  const zoom = { in: () => map.nearer(1.4), out: () => map.nearer(1 / 1.4), fit: () => map.fit() }[button.dataset.zoom];
-  button.addEventListener("click", zoom);
-}
 at("fold").addEventListener("click", () => tree.fold());
 at("unfold").addEventListener("click", () => {
   at("follow").checked = tree.follows = tree.follows && tree.nodes.length <= 200;
