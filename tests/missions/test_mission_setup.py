@@ -18,7 +18,7 @@ from sar_compiler.missions.search_and_rescue.actions.survivors import (
     NotifyBase,
 )
 from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
-from sar_compiler.missions.search_and_rescue.record import SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import MissionRecord, SurvivorReport
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.ros.leaves.leaf import MissingNodeError
@@ -123,6 +123,17 @@ class TestLogNoDetection:
     def test_it_names_the_zone(self, stage: "Stage") -> None:
         assert stage.run(stage.take(LogNoDetection("LogNoDetection", stage.zones))) is Status.SUCCESS
         assert stage.lines == ["No survivor found at zone_a."]
+
+    def test_who_was_found_there_all_the_same_is_named_for_the_operator(self, stage: "Stage") -> None:
+        record = MissionRecord()
+        for zone, name in (("zone_a", "survivor_1"), ("zone_b", "survivor_2")):
+            record.zone_searched(zone, (1.0, 2.0))
+            record.survivor_named(name, 1.0, 2.0)
+        leaf = stage.take(LogNoDetection("LogNoDetection", stage.zones, record=record))
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.lines == ["No survivor found at zone_a."]
+        said = "survivor_1 in zone_a at (1.00, 2.00) was found, and base has not acknowledged it"
+        assert stage.warnings == [f"Note for the operator: {said}."]
 
     def test_without_zones_it_names_none(self, stage: "Stage") -> None:
         assert stage.run(stage.take(LogNoDetection("LogNoDetection"))) is Status.SUCCESS

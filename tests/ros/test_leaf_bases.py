@@ -133,6 +133,17 @@ class TestActionLeaf:
         assert leaf.fed == [2.5]
         assert leaf.status is Status.RUNNING
 
+    def test_a_leaf_that_says_nothing_itself_says_how_long_its_goal_is_under_way(
+        self, stage: "Stage"
+    ) -> None:
+        stage.nav_server().script = ["feedback"]
+        leaf = driver(stage)
+        stage.tick_until(leaf, lambda: leaf.fed, "feedback")
+        assert leaf.feedback_message == "under way, 0:00"
+        leaf.feedback_message = "docking"
+        leaf.tick_once()
+        assert leaf.feedback_message == "docking"
+
     def test_a_leaf_that_is_content_with_the_feedback_ends_and_cancels_its_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]

@@ -156,6 +156,7 @@ SPECS = [
         f"{_HERE}.actions.survivors:LogNoDetection",
         "Log that no survivor was found.",
         handed_over("zone_manager", _ZONES, "Names the zone, if requested.", required=False),
+        handed_over("record", _RECORD, "Knows who was found there all the same.", required=False),
         answers=(Answer("SUCCESS", "logged"),),
     ),
     leaf_spec(

@@ -11,6 +11,7 @@ from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.goals import SUCCEEDED, ActionGoal, ActionPort, describe_status
 from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
 from sar_compiler.ros.robot_estimate import RobotEstimate, Standstill, robot_estimate
+from sar_compiler.runtime.clock import clock_text
 
 _NAV2 = "nav2_msgs."
 # The longest pause between two attempts, in multiples of the first.
@@ -79,6 +80,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._pause: Deadline | None = None
         self._failures = 0
         self._has_asked = False
+        self._under_way = ""
         self._robot: RobotEstimate | None = None
         self._rest: Standstill | None = None
 
@@ -272,6 +274,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if navigator is not None and navigator.is_silent and not navigator.has_heard_nothing:
             exchange.lose_if_quiet(NAVIGATOR)
         status = super()._progress(exchange)
+        if exchange.is_accepted and status is Status.RUNNING:
+            self._say_how_long(exchange)
         feedback = exchange.take_feedback()
         if feedback is None or status is not Status.RUNNING:
             return status
@@ -282,6 +286,11 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             return Status.RUNNING
         self._cancel()
         return verdict
+
+    def _say_how_long(self, goal: ActionGoal) -> None:
+        """Say how long a goal is under way, unless the leaf says something of its own."""
+        if self.feedback_message in (self._waits, self._under_way):
+            self._under_way = self.feedback_message = f"under way, {clock_text(goal.age_sec)}"
 
     def _explain(self, exchange: ActionGoal) -> str:
         if not (exchange.rejected and self.interface.__module__.startswith(_NAV2)):

@@ -251,8 +251,12 @@ class ClientLeaf(RosLeaf, Generic[E]):
         return exchange.trouble
 
     def _announce(self) -> None:
-        self.feedback_message = f"waiting for '{self._server()[1]}'"
+        self.feedback_message = self._waits
         self.on_send()
+
+    @property
+    def _waits(self) -> str:
+        return f"waiting for '{self._server()[1]}'"
 
     def _drop(self) -> None:
         if self._exchange is not None:

@@ -375,20 +375,29 @@ class NotifyBase(ReportLeaf):
 
 
 class LogNoDetection(RosLeaf):
-    """Log that no survivor was found.
+    """Log that no survivor was found; and who was all the same, for a tree may come here after a refused report.
 
     Args:
         zone_manager: Names the zone, if requested.
+        record: Knows who was found there.
     """
 
-    def __init__(self, name: str, zone_manager: ZoneManager | None = None) -> None:
+    def __init__(
+        self, name: str, zone_manager: ZoneManager | None = None, *, record: MissionRecord | None = None
+    ) -> None:
         super().__init__(name)
-        self._zones = zone_manager
+        self._zones, self._record = zone_manager, record or MissionRecord()
 
     def update(self) -> Status:
         """Log the message."""
         named = self._zones is not None and self._zones.has_remaining()
-        place = f" at {self._zones.current_zone()['id']}" if self._zones is not None and named else ""
+        zone = self._zones.current_zone()["id"] if self._zones is not None and named else ""
+        place = f" at {zone}" if zone else ""
         self.feedback_message = f"nobody found{place}"
         self.say(f"No survivor found{place}.")
+        for survivor in self._record.survivors:
+            if survivor.zone_id == zone and survivor.counts and not survivor.acknowledged:
+                self.complain(
+                    f"Note for the operator: {survivor} was found, and base has not acknowledged it."
+                )
         return Status.SUCCESS
