@@ -130,7 +130,7 @@ def _map(options: argparse.Namespace) -> int:
     from sar_compiler.sim.world import find_world
 
     world = find_world(options.world)
-    line = ProgressLine("sar-sim")
+    line = ProgressLine()
 
     def show(part: float) -> None:
         line.show(lambda: f"mapping '{world.name}': {part:.0%} of the way driven")

@@ -20,7 +20,7 @@ def look_around(signals: StopSignals, **options: Any) -> None:
         IsolationError: If somebody is there.
     """
     print(LOOKING_AROUND, file=sys.stderr, flush=True)
-    line, ends = ProgressLine("sar-sim"), time.monotonic() + LOOK_AROUND_SEC
+    line, ends = ProgressLine(), time.monotonic() + LOOK_AROUND_SEC
 
     def should_stop() -> bool:
         line.show(lambda: f"{max(0.0, ends - time.monotonic()):.0f} s left")

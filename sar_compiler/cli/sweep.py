@@ -220,7 +220,7 @@ def run_sweep(
     from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
 
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
-    line = ProgressLine("sweep")
+    line = ProgressLine()
     stopped = False
     try:
         with on_dask(arguments.dask) if arguments.dask else workers(arguments.jobs) as working:

@@ -61,41 +61,31 @@ def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:
 
 
 class ProgressLine:
-    """How far something is, on standard error: a line that is overwritten on a terminal, an occasional line elsewhere.
+    """How far something is, on standard error: a line that is overwritten on a terminal; nothing elsewhere, such as in a log.
 
     What takes less than a second says nothing.
-
-    Args:
-        prog: The command, with which a line in a log begins.
     """
 
     _PATIENCE_SEC = 1.0
     _EVERY_SEC = 0.25
-    _EVERY_SEC_IN_A_LOG = 10.0
 
-    def __init__(self, prog: str) -> None:
-        self._prog = prog
-        self._is_terminal = draws_in_place(sys.stderr)
-        self._every = self._EVERY_SEC if self._is_terminal else self._EVERY_SEC_IN_A_LOG
-        first = self._PATIENCE_SEC if self._is_terminal else self._EVERY_SEC_IN_A_LOG
-        self._due = time.monotonic() + first
+    def __init__(self) -> None:
+        self.is_there = draws_in_place(sys.stderr)
+        self._due = time.monotonic() + self._PATIENCE_SEC
         self._is_shown = False
 
     def show(self, text: Callable[[], str]) -> None:
         """Show a text, if one is due; it is asked for only then."""
         now = time.monotonic()
-        if now < self._due:
+        if now < self._due or not self.is_there:
             return
-        self._due, self._is_shown = now + self._every, True
-        if self._is_terminal:
-            width = (columns(sys.stderr) or 80) - 1
-            print(f"\r\x1b[K{text()[:width]}", end="", file=sys.stderr, flush=True)
-        else:
-            print(f"{self._prog}: {text()}", file=sys.stderr, flush=True)
+        self._due, self._is_shown = now + self._EVERY_SEC, True
+        width = (columns(sys.stderr) or 80) - 1
+        print(f"\r\x1b[K{text()[:width]}", end="", file=sys.stderr, flush=True)
 
     def clear(self) -> None:
         """Remove the line from a terminal."""
-        if self._is_terminal and self._is_shown:
+        if self._is_shown:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
         self._is_shown = False
 

@@ -3,7 +3,9 @@
 import argparse
 import contextlib
 import os
+import re
 import signal
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +19,8 @@ from sar_compiler.cli.loading import (
     add_project_options,
     workspace,
 )
-from sar_compiler.cli.terminal import ProgressLine
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_text
+from sar_compiler.cli.terminal import ProgressLine, painter
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 
 _MAX_STATES = 1_000_000
 _MOST_CODES = 20
+_COLOURS = {"proved": "advice", "does not hold": "error", "not decided": "warning"}
+_ANSWER = re.compile(f"(?<= )({'|'.join(_COLOURS)})(?=$|[:;])", re.MULTILINE)
 
 
 def add_verify(parser: argparse.ArgumentParser) -> None:
@@ -148,17 +152,26 @@ def _print(done: "list[Verification]", files: "list[str]", seconds: float, form:
 
     if len(done) == 1:
         show = views.verification_as_json if form == "json" else views.verification_as_text
-        print_text(show(done[0], seconds))
+        _print_answers(show(done[0], seconds), form)
         fine = done[0].proved
     else:
         now, before = done
         comparison = VerificationComparison(before, now)
         compare = views.comparison_as_json if form == "json" else views.comparison_as_text
-        print_text(compare(comparison, (files[1], files[0]), seconds))
+        _print_answers(compare(comparison, (files[1], files[0]), seconds), form)
         fine = not comparison.worse
     if done[-1].stopped:
         return INTERRUPTED
     return OK if fine else FINDINGS
+
+
+def _print_answers(text: str, form: str) -> None:
+    """Print a result; the answers of one for people in colours, where standard output shows them."""
+    from sar_compiler.tree.showing import visible
+
+    paint = painter(sys.stdout)
+    text = visible(text)
+    print(text if form == "json" else _ANSWER.sub(lambda said: paint(said[0], _COLOURS[said[0]]), text))
 
 
 def _facts(pairs: "list[tuple[str, str]]") -> "Document | None":
@@ -192,7 +205,7 @@ class _ProgressOfProof:
 
     def __init__(self, whose: str = "") -> None:
         self._whose = whose
-        self._line = ProgressLine("sar-compile")
+        self._line = ProgressLine()
         self._started = time.monotonic()
         self._stopped = False
         self._broken = 0
@@ -209,7 +222,8 @@ class _ProgressOfProof:
 
     def show(self, progress: "Progress") -> bool:
         """Show the progress, if it is due, and what is broken; return whether to stop."""
-        if len(progress.broken) > self._broken and time.monotonic() - self._started > self._PATIENCE_SEC:
+        is_new = self._line.is_there and len(progress.broken) > self._broken
+        if is_new and time.monotonic() - self._started > self._PATIENCE_SEC:
             self._line.clear()
             for name in progress.broken[self._broken :]:
                 told = f"{self._whose}{name}: does not hold (Ctrl-C stops and shows a run)"

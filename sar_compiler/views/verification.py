@@ -22,7 +22,7 @@ _WIDTH = 110
 
 
 def verification_as_text(verification: Verification, seconds: float) -> str:
-    """Return the results: the counterexamples, and a line for each property.
+    """Return the results: a line for each property, and then the counterexamples.
 
     Args:
         verification: The results.
@@ -35,7 +35,7 @@ def verification_as_text(verification: Verification, seconds: float) -> str:
         if verdict.trace
         for line in _trace_lines(verdict, verdict.trace, labels)
     ]
-    return "\n".join([*told, *_summary(verification, seconds)])
+    return "\n".join([*_summary(verification, seconds), *told])
 
 
 def verification_as_json(verification: Verification, seconds: float) -> str:
@@ -55,7 +55,7 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return how the answers have changed: a run for each that is worse, and a line for each question.
+    """Return how the answers have changed: a line for each question, and then a run for each that is worse.
 
     Args:
         comparison: The answers.
@@ -69,7 +69,7 @@ def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str
         if answer.change == WORSE and answer.now and answer.now.trace
         for line in _trace_lines(answer.now, answer.now.trace, labels)
     ]
-    return "\n".join([*told, *_changes_in(comparison, names, seconds)])
+    return "\n".join([*_changes_in(comparison, names, seconds), *told])
 
 
 def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
@@ -117,6 +117,7 @@ def _answer_or_none(verdict: Verdict | None) -> str:
 
 
 def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[int, str]) -> Iterator[str]:
+    yield ""
     yield f"{verdict.question}: {verdict.outcome.value}"
     yield f"  {verdict.reason}:"
     first = len(trace.ticks) - trace.loop
@@ -124,7 +125,6 @@ def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[int, str]) -> I
         if number == first:
             yield "  from here on for ever:"
         yield from _tick_lines(number + 1, tick, labels)
-    yield ""
 
 
 def _tick_lines(number: int, tick: TickRecord, labels: Mapping[int, str]) -> Iterator[str]:

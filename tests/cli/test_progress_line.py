@@ -29,7 +29,7 @@ def shown(monkeypatch):
         screen, now = Screen(is_terminal), [0.0]
         monkeypatch.setattr("sys.stderr", screen)
         monkeypatch.setattr("sar_compiler.cli.terminal.time.monotonic", lambda: now[0])
-        line = ProgressLine("sar-sim")
+        line = ProgressLine()
         for now[0], text in texts:
             line.show(str(text).strip)
         line.clear()
@@ -50,9 +50,7 @@ def test_a_line_that_is_wider_than_the_terminal_is_cut(shown):
     assert shown(TERMINAL, (1.0, "x" * 100)) == f"\r\x1b[K{'x' * 79}\r\x1b[K"
 
 
-def test_on_a_terminal_whose_lines_are_passed_on_nothing_is_overwritten(shown):
-    assert shown(TERMINAL, (5.0, "5"), (10.0, "10"), term="dumb") == "sar-sim: 10\n"
-
-
-def test_in_a_log_a_line_comes_every_ten_seconds(shown):
-    assert shown(FILE, (5.0, "5"), (10.0, "10"), (15.0, "15"), (20.0, "20")) == "sar-sim: 10\nsar-sim: 20\n"
+@pytest.mark.parametrize("where", [{"is_terminal": FILE}, {"is_terminal": TERMINAL, "term": "dumb"}])
+def test_where_nothing_can_be_overwritten_nothing_is_said(shown, where):
+    term = where.get("term", "xterm")
+    assert shown(where["is_terminal"], (5.0, "5"), (60.0, "60"), term=term) == ""

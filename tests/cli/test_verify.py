@@ -8,7 +8,7 @@ import pytest
 from sar_compiler.cli.compile import main
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.resources import shipped
-from tests.processes import Command
+from tests.terminals import Terminal
 from tests.trees import document
 
 FINE = document("<Sequence><NavigateToZone/><DetectSurvivor/><AdvanceZone/></Sequence>")
@@ -45,10 +45,21 @@ def test_a_property_that_does_not_hold_has_status_1_and_its_run(run):
     properties = "properties: {searched: {never: DetectSurvivor starts}}"
     status, out, _ = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
     assert status == 1
-    assert out.startswith(
+    table, _, shown = out.partition("\n\n")
+    assert table.endswith("  searched:                              does not hold")
+    assert shown.startswith(
         "searched: does not hold\n  it is broken in the last tick:\n    1  NavigateToZone arrived"
     )
-    assert out.endswith("does not hold\n")
+
+
+def test_on_a_terminal_the_answers_have_colours_and_elsewhere_none(run, monkeypatch):
+    properties = "properties: {searched: {never: DetectSurvivor starts}}"
+    asked = (FINE, "--properties", "{folder}/p.yaml")
+    assert "\x1b" not in run(*asked, p=properties)[1]
+    monkeypatch.setenv("CLICOLOR_FORCE", "1")
+    out = run(*asked, p=properties)[1]
+    assert out.count(": \x1b[1;31mdoes not hold\x1b[0m\n") == 1
+    assert out.count(" \x1b[32mproved\x1b[0m\n") == 4
 
 
 def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(run):
@@ -289,7 +300,7 @@ def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status
     assert (
         "searched on: does not hold\n  it is broken in the last tick:\n    1  NavigateToZone arrived" in out
     )
-    table = out.splitlines()[-8:]
+    table = out.splitlines()[:8]
     assert table[0].startswith(f"before: {tmp_path}/before.xml  ")
     assert table[1].startswith(f"now:    {tmp_path}/tree.xml    ")
     assert [line.split(":")[1].strip() for line in table[3:]] == [
@@ -384,7 +395,7 @@ def test_the_states_of_two_trees_are_not_written_together(run):
     assert (status, out, err) == (2, "", "sar-compile: --export is for one tree: leave --against out\n")
 
 
-class Terminal:
+class Screen:
     """Standard error as a terminal is."""
 
     def __init__(self) -> None:
@@ -400,19 +411,19 @@ class Terminal:
         """Nothing is held back."""
 
 
-@pytest.mark.parametrize(("terminal", "said"), [(True, "\r\x1b[K"), (False, "sar-compile: ")])
-def test_progress_goes_to_standard_error(run, monkeypatch, terminal, said):
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_goes_to_standard_error_where_that_is_a_terminal(run, monkeypatch, terminal):
     monkeypatch.setenv("TERM", "xterm")
-    shown = Terminal()
+    shown = Screen()
     monkeypatch.setattr(shown, "isatty", lambda: terminal)
     monkeypatch.setattr("sys.stderr", shown)
     monkeypatch.setattr(ProgressLine, "_PATIENCE_SEC", 0.0)
     monkeypatch.setattr(ProgressLine, "_EVERY_SEC", 0.0)
-    monkeypatch.setattr(ProgressLine, "_EVERY_SEC_IN_A_LOG", 0.0)
     assert run(FINE, "--set", "zones_left=60")[0] == 0
-    assert shown.text.startswith(said)
-    assert "states/s" in shown.text
-    assert shown.text.endswith("\r\x1b[K") == terminal
+    assert ("states/s" in shown.text) == terminal
+    assert shown.text.startswith("\r\x1b[K" if terminal else "")
+    assert shown.text.endswith("\r\x1b[K" if terminal else "")
+    assert bool(shown.text) == terminal
 
 
 @pytest.mark.parametrize("more", [[], ["--against", "search_and_rescue"]])
@@ -421,12 +432,13 @@ def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found
     properties.write_text("properties: {stays at home: {never: NavigateToZone starts}}", encoding="utf-8")
     tree = shipped("trees", "search_and_rescue_resilient.xml")
     words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9", *more]
-    process = Command("sar-compile", *words)
+    terminal = Terminal("sar-compile", *words, columns=200, env={"NO_COLOR": "1"})
     try:
-        process.wait_for("stays at home: does not hold (Ctrl-C stops and shows a run)")
-        process.send(signal.SIGINT)
-        assert process.end() == 130
+        terminal.wait_for("stays at home: does not hold (Ctrl-C stops and shows a run)")
+        terminal.send(signal.SIGINT)
+        assert terminal.end() == 130
+        output = "\n".join(terminal.history)
     finally:
-        process.kill()
-    assert "stays at home: does not hold\n  it is broken in the last tick:\n    1  " in process.output
-    assert "there are more; it was stopped there." in process.output
+        terminal.kill()
+    assert "stays at home: does not hold\n  it is broken in the last tick:\n    1  " in output
+    assert "there are more; it was stopped there." in output

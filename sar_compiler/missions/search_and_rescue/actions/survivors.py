@@ -375,11 +375,13 @@ class NotifyBase(ReportLeaf):
 
 
 class LogNoDetection(RosLeaf):
-    """Log that no survivor was found; and who was all the same, for a tree may come here after a refused report.
+    """Log that no survivor was found.
+
+    After a refused report the tree may come here as well: who was found all the same is named for the operator.
 
     Args:
         zone_manager: Names the zone, if requested.
-        record: Knows who was found there.
+        record: Knows who was found there all the same.
     """
 
     def __init__(
