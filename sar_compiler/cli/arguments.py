@@ -43,7 +43,7 @@ FILE, FOLDER, YAML_FILE = (
     ArgumentKind("YAML file", Path),
 )
 TREE, TREE_INPUT = ArgumentKind("tree"), ArgumentKind("tree", _tree_input)
-TREE_ID, WORLD = ArgumentKind("tree's ID"), ArgumentKind("world")
+TREE_ID, WORLD, PALETTE = ArgumentKind("tree's ID"), ArgumentKind("world"), ArgumentKind("palette", Path)
 
 
 class Parser(CommandParser):

@@ -6,7 +6,7 @@ import gc
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FOLDER, YAML_FILE, ArgumentKind
+from sar_compiler.cli.arguments import FOLDER, PALETTE, YAML_FILE, ArgumentKind
 from sar_compiler.commands import print_error
 from sar_compiler.tree.gc_pause import LARGE, gc_paused
 
@@ -42,14 +42,7 @@ def add_vocabulary_options(
         "a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
         "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated"
     )
-    add(
-        "--model",
-        action="append",
-        default=[],
-        type=ArgumentKind("palette", Path),
-        metavar="NODES.xml",
-        help=text,
-    )
+    add("--model", action="append", default=[], type=PALETTE, metavar="NODES.xml", help=text)
     text = (
         "run the modules of leaves that the project's own configuration names and brings along, now and until "
         "one of them changes"

@@ -27,12 +27,22 @@ _ORDERS = f"{_HERE}.orders:OperatorOrders"
 _SEARCH = f"{_HERE}.actions.survivors:DetectSurvivor"
 _FENCE = f"{_HERE}.zone_manager:Fence"
 
+_NAMED = "named_by_{detect_node} = true; kept_by_{detect_node} = false"
+_ACKNOWLEDGED = (
+    "reports_kept -= kept_by_{detect_node} && reports_kept > 0 ? 1 : 0; kept_by_{detect_node} = false"
+)
+_SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
+_BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 _KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
 # Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of
 # attempts at the current zone is the number of the round; a round is over when all remaining zones have been
 # postponed in it.
 _ROUND_IS_OVER = "postponed_in_round >= zones_left"
+_NEXT_ROUND = f"({_ROUND_IS_OVER} ? round + 1 : round)"
+_POSTPONED = (
+    f"round += {_ROUND_IS_OVER} ? 1 : 0; postponed_in_round = {_ROUND_IS_OVER} ? 1 : postponed_in_round + 1"
+)
 _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
 _SERVER_TIMEOUT = attribute("server_timeout_sec", Seconds, "How long to wait for a server, seconds.", 10.0)
 _DRIVE = (
@@ -115,19 +125,12 @@ SPECS = [
         handed_over("record", _RECORD, "Where the name is noted.", required=False),
         effects="gives the survivor a new name, with a static frame there",
         answers=(
-            Answer(
-                "SUCCESS",
-                "named",
-                "found_by_{detect_node}",
-                "named_by_{detect_node} = true; kept_by_{detect_node} = false",
-            ),
+            Answer("SUCCESS", "named", "found_by_{detect_node}", _NAMED),
             Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
         ),
-        facts={
-            "found_by_{detect_node}": False,
-            "named_by_{detect_node}": False,
-            "kept_by_{detect_node}": False,
-        },
+        facts=dict.fromkeys(
+            ["found_by_{detect_node}", "named_by_{detect_node}", "kept_by_{detect_node}"], False
+        ),
     ),
     leaf_spec(
         f"{_HERE}.actions.survivors:NotifyBase",
@@ -140,12 +143,7 @@ SPECS = [
         effects="reports the survivor to the base station",
         uses=(Use.service("{service}"),),
         answers=(
-            Answer(
-                "SUCCESS",
-                "acknowledged",
-                "named_by_{detect_node}",
-                "reports_kept -= kept_by_{detect_node} && reports_kept > 0 ? 1 : 0; kept_by_{detect_node} = false",
-            ),
+            Answer("SUCCESS", "acknowledged", "named_by_{detect_node}", _ACKNOWLEDGED),
             Answer("FAILURE", "refused", "named_by_{detect_node}"),
             Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
             Answer("RUNNING", "reporting", "named_by_{detect_node}"),
@@ -221,17 +219,8 @@ SPECS = [
         ),
         effects="puts the current zone behind all others",
         answers=(
-            Answer(
-                "SUCCESS",
-                "postponed",
-                f"zones_left > 0 && ({_ROUND_IS_OVER} ? round + 1 : round) < {{attempts}}",
-                f"round += {_ROUND_IS_OVER} ? 1 : 0; postponed_in_round = {_ROUND_IS_OVER} ? 1 : postponed_in_round + 1",
-            ),
-            Answer(
-                "FAILURE",
-                "tried often enough",
-                f"zones_left == 0 || ({_ROUND_IS_OVER} ? round + 1 : round) >= {{attempts}}",
-            ),
+            Answer("SUCCESS", "postponed", f"zones_left > 0 && {_NEXT_ROUND} < {{attempts}}", _POSTPONED),
+            Answer("FAILURE", "tried often enough", f"zones_left == 0 || {_NEXT_ROUND} >= {{attempts}}"),
         ),
         facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
     ),
@@ -352,12 +341,7 @@ SPECS = [
         uses=(Use.service("{service}"),),
         answers=(
             Answer("SUCCESS", "in reach", then="base_lost = false"),
-            Answer(
-                "FAILURE",
-                "lost",
-                "base_lost || losses_left > 0",
-                "losses_left -= base_lost ? 0 : 1; base_lost = true",
-            ),
+            Answer("FAILURE", "lost", "base_lost || losses_left > 0", _BASE_LOST),
         ),
         facts={"base_lost": False, "losses_left": 1},
     ),
@@ -371,12 +355,7 @@ SPECS = [
         answers=(
             Answer("SUCCESS", "free"),
             Answer("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),
-            Answer(
-                "FAILURE",
-                "zone skipped",
-                "orders_left > 0 && zones_left > 0",
-                "orders_left -= 1; zones_left -= 1; zones_abandoned += 1",
-            ),
+            Answer("FAILURE", "zone skipped", "orders_left > 0 && zones_left > 0", _SKIPPED),
         ),
         facts={"orders_left": 1, "zones_left": 3, "zones_abandoned": 0},
     ),

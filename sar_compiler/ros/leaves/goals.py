@@ -245,6 +245,7 @@ class ActionPort:
         name: The action's (relative) name.
 
     Attributes:
+        full_name: The action's full name.
         unanswered: How many goals in a row were neither taken nor refused in time.
     """
 
@@ -264,17 +265,13 @@ class ActionPort:
         self.client = ActionClient(node, self.action_type, name)
         # rclpy's action client cancels only goals whose acceptance it has seen.
         self.canceller = cancel_client(node, name)
+        self.full_name = canceled_action(self.canceller.service_name)
         self.prober = node.create_client(self.action_type.Impl.GetResultService, f"{name}/_action/get_result")
 
     @property
     def server_is_ready(self) -> bool:
         """Whether a server is available; False while ROS is shut down."""
         return self.usable and self.client.server_is_ready()
-
-    @property
-    def full_name(self) -> str:
-        """The action's full name."""
-        return canceled_action(self.canceller.service_name)
 
     @property
     def usable(self) -> bool:
