@@ -37,13 +37,10 @@ def _tree_input(name: str) -> str:
     return str(STANDARD_INPUT) if name == "-" else name
 
 
-FILE, FOLDER, YAML_FILE = (
-    ArgumentKind("file", Path),
-    ArgumentKind("folder", Path),
-    ArgumentKind("YAML file", Path),
-)
+FILE, FOLDER = ArgumentKind("file", Path), ArgumentKind("folder", Path)
+YAML_FILE, PALETTE = ArgumentKind("YAML file", Path), ArgumentKind("palette", Path)
 TREE, TREE_INPUT = ArgumentKind("tree"), ArgumentKind("tree", _tree_input)
-TREE_ID, WORLD, PALETTE = ArgumentKind("tree's ID"), ArgumentKind("world"), ArgumentKind("palette", Path)
+TREE_ID, WORLD = ArgumentKind("tree's ID"), ArgumentKind("world")
 
 
 class Parser(CommandParser):

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
+    from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
     from sar_compiler.ros.engine import Engine
     from sar_compiler.ros.parameter_reader import RunParameters
     from sar_compiler.ros.signals import StopSignals
@@ -77,9 +78,9 @@ def companions_asked_for(options: Namespace) -> Iterator[Make]:
 
         yield lambda run: MissionPublisher(run.node)
     if (port := options.groot2) is not None:
-        from sar_compiler.cli.run_groot2 import RunGroot2
+        from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
 
-        yield lambda run: RunGroot2(port, run)
+        yield lambda run: RunGroot2(port, run, Groot2Publisher)
     if options.guardian is not False:
         yield _guardian
 
@@ -105,6 +106,36 @@ def errors_of(option: str) -> Iterator[None]:
         yield
     except SarError as error:
         raise SarError(f"{option}: {error}") from error
+
+
+class RunGroot2(Companion):
+    """Shows a run in Groot2.
+
+    Args:
+        port: The port of this machine; the next one is used as well.
+        run: The run.
+        make: Makes what answers Groot2.
+    """
+
+    def __init__(self, port: int, run: RunSetup, make: "type[Groot2Publisher]") -> None:
+        self._port, self._run, self._make = port, run, make
+        self._publisher: Groot2Publisher | None = None
+
+    @errors_of("--groot2")
+    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
+        """Answer from here on.
+
+        Raises:
+            SarError: If the port cannot be had, or the tree is too large.
+        """
+        hooks, tell = self._run.options.groot2_hooks, self._run.node.get_logger().warning
+        self._publisher = self._make(tree, self._port, hooks=hooks, tell=tell)
+        self._publisher.watch(engine)
+
+    def end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is answered from before that on
+        """Answer nobody any more."""
+        if self._publisher is not None:
+            self._publisher.close()
 
 
 class Companions:

@@ -57,10 +57,8 @@ class Beat:
         self._count = count
         self._seen = (-1, -1)
         self._silent = 0
-        self._timers: list[Timer] = [
-            node.create_timer(period_sec, tick),
-            steady_timer(node, period_sec, self._watch),
-        ]
+        by_clock: Timer = node.create_timer(period_sec, tick)
+        self._timers = [by_clock, steady_timer(node, period_sec, self._watch)]
         # A stopped clock is noticed at the first check, one period from now.
         self._look()
 

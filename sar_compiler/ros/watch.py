@@ -51,11 +51,8 @@ class UnaskedMotion:
     def __init__(self, node: Node, actions: Iterable[str]) -> None:
         actions = list(actions)
         self._node = node
-        self._robot, self._goals, self._clock = (
-            robot_estimate(node),
-            goals_under_way(node),
-            deadline_clock(node),
-        )
+        self._robot, self._goals = robot_estimate(node), goals_under_way(node)
+        self._clock = deadline_clock(node)
         self._statuses = [goal_statuses_of(node, action) for action in actions]
         beside = {action[: action.rfind("/") + 1] + server for action in actions for server in _SERVERS}
         self._cancellers = {name: cancel_client(node, name) for name in sorted({*actions, *beside})}

@@ -82,14 +82,10 @@ def like_nav2(parameters: Path) -> Manner:
     Raises:
         ParameterFileError: If the file has mistakes.
     """
-    controller, planner, navigator = (
-        read_parameter_file(parameters, f"/{node}")
-        for node in ("controller_server", "planner_server", "bt_navigator")
-    )
-    path, goal = (
-        _plugin(controller, "controller_plugins", "FollowPath"),
-        _plugin(controller, "goal_checker_plugins", "goal_checker"),
-    )
+    nodes = ("controller_server", "planner_server", "bt_navigator")
+    controller, planner, navigator = (read_parameter_file(parameters, f"/{node}") for node in nodes)
+    path = _plugin(controller, "controller_plugins", "FollowPath")
+    goal = _plugin(controller, "goal_checker_plugins", "goal_checker")
     grid = _plugin(planner, "planner_plugins", "GridBased")
     return Manner(
         speed=_number(controller, f"{path}.desired_linear_vel", 0.5),

@@ -78,12 +78,8 @@ class Mapper:
         cells = np.full(odds.shape, UNKNOWN, dtype=np.int8)
         cells[odds <= _SURELY_FREE] = FREE
         cells[odds >= _SURELY_OCCUPIED] = OCCUPIED
-        return OccupancyMap(
-            cells,
-            _RESOLUTION,
-            round(self._corner[0] + left * _RESOLUTION, 6),
-            round(self._corner[1] + top * _RESOLUTION, 6),
-        )
+        x, y = self._corner[0] + left * _RESOLUTION, self._corner[1] + top * _RESOLUTION
+        return OccupancyMap(cells, _RESOLUTION, round(x, 6), round(y, 6))
 
     def _cells_passed(self, pose: Pose2D, along: Floats, lengths: Floats) -> NDArray[np.int64]:
         """Return the cells that the rays cross before their ends, without duplicates."""

@@ -28,11 +28,8 @@ class SearchAndRescue(Mission):
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
         """Return the shipped file for a tree that visits the zones and returns home."""
-        return (
-            shipped("config", "mission_properties.yaml")
-            if {ZonesRemaining, NavigateToBase} <= set(leaves)
-            else None
-        )
+        fits = {ZonesRemaining, NavigateToBase} <= set(leaves)
+        return shipped("config", "mission_properties.yaml") if fits else None
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Begin a run with no zone visited."""

@@ -66,11 +66,8 @@ class FoundSurvivor:
         place = f" in {self.zone_id}" if self.zone_id else ""
         said = "" if self.standing is Standing.CANDIDATE else f", {self.standing.value}"
         if self.possibly is not None:
-            said += (
-                f" with {self.possibly}"
-                if self.standing is Standing.MERGED
-                else f", possibly {self.possibly}"
-            )
+            how = " with" if self.standing is Standing.MERGED else ", possibly"
+            said += f"{how} {self.possibly}"
         return f"{name}{place} at ({self.x:.2f}, {self.y:.2f}){said}"
 
     @property
