@@ -31,12 +31,8 @@ class VerbCalls:
     ) -> None:
         self._on_send = on_send
         self._verbs = {verb.name: verb for verb in verbs}
-        self._clients = {
-            verb.name: node.create_client(
-                find_interface("Verb", "srv", verb.name, verb.service_type), f"{of}/{verb.name}"
-            )
-            for verb in verbs
-        }
+        types = {verb.name: find_interface("Verb", "srv", verb.name, verb.service_type) for verb in verbs}
+        self._clients = {name: node.create_client(kind, f"{of}/{name}") for name, kind in types.items()}
         self._waiting: deque[Callable[[], None]] = deque()
         # The node keeps both as long as it lives.
         self._bell = node.create_guard_condition(self._call)

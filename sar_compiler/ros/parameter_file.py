@@ -122,12 +122,8 @@ class _Given(NamedTuple):
 
 def _values_for(path: Path | str, node: str) -> dict[str, _Given]:
     """Return what a file gives to a node, by the flat names."""
-    return {
-        key: given
-        for name, values in _sections(path).items()
-        if _is_for(name, node)
-        for key, given in values.items()
-    }
+    sections = _sections(path).items()
+    return {key: given for name, values in sections if _is_for(name, node) for key, given in values.items()}
 
 
 class ParameterPlaces:

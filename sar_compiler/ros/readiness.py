@@ -173,11 +173,8 @@ class Localised(Requirement):
         Raises:
             MisplacedRobotError: If the localisation has a pose that is far from the initial one.
         """
-        self._answered = (
-            self._answered
-            or (self._has_asked and self._robot.pose_at >= self._sent_at)
-            or self._keeps_its_own()
-        )
+        has_taken_it = self._has_asked and self._robot.pose_at >= self._sent_at
+        self._answered = self._answered or has_taken_it or self._keeps_its_own()
         if self._answered:
             return None
         now = AWAKE.now()

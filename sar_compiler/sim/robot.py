@@ -131,11 +131,7 @@ class Robot:
         touching = gone < abs(length)
         moved = math.copysign(gone, length)
         self.state = RobotState(
-            pose=Pose2D(
-                before.pose.x + moved * math.cos(heading),
-                before.pose.y + moved * math.sin(heading),
-                normalise_angle(before.pose.yaw + w * duration),
-            ),
+            pose=_moved(before.pose, moved, w * duration),
             velocity=Twist2D(0.0 if touching else v, w),
             odometry=self._measure(before.odometry, moved, w * duration),
             touching=touching,
@@ -147,12 +143,14 @@ class Robot:
         slip, skid = self._random.standard_normal(2)
         moved *= 1.0 + _ODOMETRY_NOISE * float(slip)
         turned *= 1.0 + _ODOMETRY_NOISE * float(skid)
-        heading = odometry.yaw + turned / 2
-        return Pose2D(
-            odometry.x + moved * math.cos(heading),
-            odometry.y + moved * math.sin(heading),
-            normalise_angle(odometry.yaw + turned),
-        )
+        return _moved(odometry, moved, turned)
+
+
+def _moved(pose: Pose2D, length: float, turned: float) -> Pose2D:
+    """Return a pose after a step along the chord of an arc: metres, radians."""
+    heading = pose.yaw + turned / 2
+    x, y = pose.x + length * math.cos(heading), pose.y + length * math.sin(heading)
+    return Pose2D(x, y, normalise_angle(pose.yaw + turned))
 
 
 def _clip(value: float, limit: float) -> float:

@@ -357,11 +357,9 @@ class Simulation:
     def _is_followed(self) -> bool:
         """Return whether the listener has come near the time of this step, or has no use for it."""
         listener = self._listener
-        return (
-            listener is None
-            or not listener.ros_time_is_active
-            or listener.now().nanoseconds >= (self._step_count - _LEAD_STEPS) * STEP_NS
-        )
+        if listener is None or not listener.ros_time_is_active:
+            return True
+        return bool(listener.now().nanoseconds >= (self._step_count - _LEAD_STEPS) * STEP_NS)
 
     def _farewell(self) -> None:
         """Notify the clients of current goals that these have ended."""

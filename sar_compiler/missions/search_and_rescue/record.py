@@ -359,11 +359,8 @@ class MissionRecord:
         lacking = [f"{zone['id']} was not visited." for zone in zones.remaining_zones()]
         lacking += [f"{zone_id} {zone.given_up}." for zone_id, zone in self._zones.items() if zone.given_up]
         lacking += [f"{each}." for each in self.unplaced()]
-        lacking += [
-            f"The base station did not acknowledge {survivor}."
-            for survivor in self._survivors
-            if survivor.counts and not survivor.acknowledged
-        ]
+        owed = (each for each in self._survivors if each.counts and not each.acknowledged)
+        lacking += [f"The base station did not acknowledge {survivor}." for survivor in owed]
         if not self.home:
             lacking.append("The robot did not return to the base station.")
         return lacking

@@ -321,6 +321,5 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         goal = self._exchange
         self._cancel()
         super()._drop()
-        self._goals_given_up = [
-            each for each in (*self._goals_given_up, goal) if each is not None and not self._is_over(each)
-        ]
+        goals = (*self._goals_given_up, *filter(None, [goal]))
+        self._goals_given_up = [each for each in goals if not self._is_over(each)]
