@@ -102,12 +102,8 @@ def _play(
     if unknown is not None:
         print_error(f"sar-compile: {unknown}")
         return PlayedScenario(str(path or arguments.file), problem=unknown)
-    scenario = replace(
-        play.scenario,
-        until=arguments.until or play.scenario.until,
-        max_ticks=arguments.ticks or play.scenario.max_ticks,
-        seed=arguments.seed,
-    )
+    until, most = arguments.until or play.scenario.until, arguments.ticks or play.scenario.max_ticks
+    scenario = replace(play.scenario, until=until, max_ticks=most, seed=arguments.seed)
     run = ScenarioPlayer(play.simulated, scenario).go()
     coverage.add(run)
     missed = [*failures(run), *_trace_failure(run)]

@@ -111,15 +111,10 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
             own = {key: value for key, value in {**fixed, **changes}.items() if value}
             if arguments.tree and "tree" not in scenario:
                 own["tree"] = arguments.tree
-            runs = ScenarioRuns(
-                tree.path.resolve(),
-                content,
-                additions(arguments),
-                change_scenario(scenario, own),
-                f"{path} (varied)" if path is not None else "command line",
-                unusual,
-                tuple(arguments.count),
-            )
+            whose = f"{path} (varied)" if path is not None else "command line"
+            changed, added = change_scenario(scenario, own), additions(arguments)
+            counted = tuple(arguments.count)
+            runs = ScenarioRuns(tree.path.resolve(), content, added, changed, whose, unusual, counted)
             runs.events(runs.understood().simulated)
             named = {"scenario": Path(path).stem} if path is not None and len(paths) > 1 else {}
             yield SweptRow({**named, **labels}, runs), runs

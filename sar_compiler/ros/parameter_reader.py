@@ -157,14 +157,9 @@ class ParameterReader:
         """
         groups = self.group(f"{noun}s", _POSE)
         order = self._order(noun, groups)
-        self.notes += [
-            _with_place(
-                self.place_of(f"{noun}s.{name}"),
-                f"{noun}s.{name} is not in {noun}_order and is never visited",
-            )
-            for name in groups
-            if name not in order
-        ]
+        for key in [f"{noun}s.{name}" for name in groups if name not in order]:
+            note = f"{key} is not in {noun}_order and is never visited"
+            self.notes.append(_with_place(self.place_of(key), note))
         return [{"id": name, **self.point(f"{noun}s.{name}", _POSE)} for name in order]
 
     def point(self, prefix: str, names: Iterable[str]) -> dict[str, float]:

@@ -166,17 +166,10 @@ class RobotObserver:
         if (drawn := grid_image(message)) is None:
             return
         self._map = said
-        width, height, step, png = drawn
-        self._journal.watch(
-            "map",
-            resolution=info.resolution * step,
-            width=width,
-            height=height,
-            x=place.x,
-            y=place.y,
-            yaw=yaw,
-            png=base64.b64encode(png).decode(),
-        )
+        width, height, step, data = drawn
+        at, png = {"x": place.x, "y": place.y, "yaw": yaw}, base64.b64encode(data).decode()
+        resolution = info.resolution * step
+        self._journal.watch("map", resolution=resolution, width=width, height=height, **at, png=png)
 
     def _on_battery(self, message: Any) -> None:
         share = round(float(message.percentage), 2)

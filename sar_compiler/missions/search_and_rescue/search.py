@@ -117,21 +117,15 @@ class Search(MissionRun):
     def display(self) -> Display:
         """Return what is shown of it: zones, survivors, the base station; how far it is."""
         survivors, zones = self.record.survivors, self.zones
-        return Display(
-            [
-                *map(self._zone, self._plan.values()),
-                *map(_survivor, survivors, count(1)),
-                self._base(),
-                *self._area(),
-            ],
-            (
-                Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
-                Figure("survivors found", len(survivors)),
-                Figure("survivors reported", sum(each.acknowledged for each in survivors)),
-            ),
-            alarms=[*map(Alarm, self.record.alarms), *map(Alarm, self.record.unplaced())],
-            phase=self._phase(),
+        found = map(_survivor, survivors, count(1))
+        landmarks = [*map(self._zone, self._plan.values()), *found, self._base(), *self._area()]
+        figures = (
+            Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
+            Figure("survivors found", len(survivors)),
+            Figure("survivors reported", sum(each.acknowledged for each in survivors)),
         )
+        alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
+        return Display(landmarks, figures, alarms=alarms, phase=self._phase())
 
     def _phase(self) -> MissionPhase:
         orders, place = self.orders, self.record.zone or (BASE if self.record.home else "")
@@ -238,27 +232,25 @@ class Search(MissionRun):
 def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
     given_up = Level.GIVEN_UP if not survivor.counts else None
     level = given_up or (Level.DONE if survivor.acknowledged else Level.IN_HAND)
-    possibly = survivor.possibly
+    name, standing = survivor.survivor_id or f"find {number}", survivor.standing
+    who = f"{'the same as' if standing is Standing.MERGED else 'possibly'} {survivor.possibly}"
+    details = {
+        "report": survivor.report,
+        "found": survivor.found_at,
+        "sent": survivor.sent_at,
+        "acknowledged": survivor.acknowledged_at,
+    }
     return Landmark(
         "survivor",
-        survivor.survivor_id or f"find {number}",
+        name,
         survivor.x,
         survivor.y,
-        survivor.standing.value,
+        standing.value,
         level,
-        f"the same as {possibly}"
-        if survivor.standing is Standing.MERGED
-        else f"possibly {possibly}"
-        if possibly
-        else "",
+        who if survivor.possibly or standing is Standing.MERGED else "",
         within=survivor.zone_id,
-        is_certain=survivor.standing is Standing.CONFIRMED,
-        details={
-            "report": survivor.report,
-            "found": survivor.found_at,
-            "sent": survivor.sent_at,
-            "acknowledged": survivor.acknowledged_at,
-        },
+        is_certain=standing is Standing.CONFIRMED,
+        details=details,
     )
 
 
