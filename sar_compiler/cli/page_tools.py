@@ -59,7 +59,8 @@ class LiveTools:
         return {
             "entries": Tool(self._blackboard),
             "breakpoints": Tool(self._breakpoints, is_free=False),
-            "otherwise": Tool(self._what_if.ask),
+            # It takes the processor from the mission for a moment.
+            "otherwise": Tool(self._what_if.ask, is_free=False),
         }
 
     def begin(self, tree: "CompiledTree", engine: "Engine") -> None:

@@ -106,6 +106,15 @@ def test_the_blackboard_has_each_scope_with_its_entries(run):
     ]
 
 
+def test_who_may_only_look_takes_no_time_from_a_run(run):
+    tools, _, _ = run
+    assert {name: tool.is_free for name, tool in tools.tools.items()} == {
+        "entries": True,
+        "breakpoints": False,
+        "otherwise": False,
+    }
+
+
 def test_before_there_is_a_tree_nothing_can_be_asked():
     tools = LiveTools(lambda *_: None, may_hold=True)
     for tool in ("entries", "breakpoints"):
