@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import (
     Alarm,
     Display,
@@ -19,8 +20,10 @@ from sar_compiler.journal.situation import (
     Level,
     MissionPhase,
 )
-from sar_compiler.web.feed import LiveFeed
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import PageServer
+from sar_compiler.web.replay import Replay
 from tests.waiting import SILENCE_SEC
 from tests.web.browsers import open_browser
 
@@ -178,3 +181,23 @@ def browser(shared_browser):
     shared_browser.forget()
     yield shared_browser
     shared_browser.require_no_complaint()
+
+
+@pytest.fixture
+def two(tmp_path):
+    """Serve the page of two robots, the second of which begins four seconds later."""
+    places = []
+    for number, name in enumerate(("robot1", "robot2")):
+        places.append(tmp_path / f"{name}.journal")
+        journal = open_journal(places[-1])
+        journal.clock = clock = ManualClock(100.0 + 4.0 * number)
+        journal.begin({**ABOUT, "mission": name}, {"node": f"/{name}/patrol"})
+        for second in range(1, 9):
+            clock.advance(1.0)
+            journal.watch("status", node=1, tick=second, status="RUNNING", message=f"{name} {second}")
+            journal.watch("pose", x=float(second), y=float(number), yaw=0.0)
+        journal.close()
+    feed = ReplayFeed(Replay(places), {"robots": ["robot1", "robot2"]})
+    with closing(PageServer(feed, 0)) as server:
+        server.start()
+        yield server

@@ -104,6 +104,13 @@ def test_axe_finds_nothing_wrong_with_a_question(told, browser, axe, page):
     require_none(browser, axe, f"/{page} while it asks")
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_axe_finds_nothing_wrong_with_a_replay_of_two_robots(two, browser, axe, page):
+    browser.open(f"{two.url}{page}")
+    browser.wait(lambda: len(browser.js("return document.querySelectorAll('.card')")) == 2, "two cards")
+    require_none(browser, axe, f"/{page} of two robots")
+
+
 def test_axe_finds_nothing_wrong_with_the_report(browser, axe):
     entries: list[JournalEntry] = []
     journal = Journal()

@@ -716,26 +716,6 @@ def test_who_went_back_sees_what_was_seen_on_the_way_there(replay, browser):
     assert seen[0] != seen[1]
 
 
-@pytest.fixture
-def two(tmp_path):
-    """Serve the page of two robots, the second of which begins four seconds later."""
-    places = []
-    for number, name in enumerate(("robot1", "robot2")):
-        places.append(tmp_path / f"{name}.journal")
-        journal = open_journal(places[-1])
-        journal.clock = clock = ManualClock(100.0 + 4.0 * number)
-        journal.begin({**ABOUT, "mission": name}, {"node": f"/{name}/patrol"})
-        for second in range(1, 9):
-            clock.advance(1.0)
-            journal.watch("status", node=1, tick=second, status="RUNNING", message=f"{name} {second}")
-            journal.watch("pose", x=float(second), y=float(number), yaw=0.0)
-        journal.close()
-    feed = ReplayFeed(Replay(places), {"robots": ["robot1", "robot2"]})
-    with closing(PageServer(feed, 0)) as server:
-        server.start()
-        yield server
-
-
 def test_two_robots_are_on_one_map_each_with_its_tree(two, browser):
     browser.open(tree_of(two))
     go(browser, 7.0)
