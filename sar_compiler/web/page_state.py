@@ -314,12 +314,13 @@ class PageState:
     def _tree(self) -> list[PageChange]:
         about, runs = self._mission.about, self._mission.runs
         looks = runs[-1].about.get("looks") if runs else None
-        signs = [str(look[-1]) for look in looks if look] if isinstance(looks, list) else []
+        shown = [(str(look[0]), str(look[-1])) for look in looks if look] if isinstance(looks, list) else []
         return [
             {
                 "name": node.name,
                 "path": node.kind,
-                "sign": signs[node.number] if node.number < len(signs) else "",
+                "shape": shown[node.number][0] if node.number < len(shown) else "",
+                "sign": shown[node.number][1] if node.number < len(shown) else "",
                 "parent": -1 if node.parent is None else node.parent,
                 "file": node.file,
                 "line": node.line,

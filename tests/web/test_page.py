@@ -131,9 +131,12 @@ def test_nobody_asks_why_a_mission_has_succeeded(live, browser):
 
 def test_a_node_has_the_sign_that_the_journal_says(live, browser):
     run = live()
-    run.journal.begin(ABOUT, {"looks": [["sequence", "→"], ["action", ""], ["condition", ""]]})
+    run.journal.begin(ABOUT, {"looks": [["sequence", "→R"], ["decorator", "↻"], ["condition", ""]]})
     browser.open(tree_of(run.server))
-    browser.wait_for("#tree", "→ MissionDriveSearch")
+    browser.wait_for("#tree", "→R Mission↻ DriveSearch")
+    assert browser.text("#signs").endswith(
+        "hollow: of an earlier activation→R sequence, reactive↻ runs its child again"
+    )
 
 
 def test_texts_from_outside_are_texts(live, browser):

@@ -66,6 +66,9 @@ export function badge(status, former = false) {
   return sign;
 }
 
+/** What the signs of statuses mean, in words. */
+export const STATUS_WORDS = { RUNNING: "running", SUCCESS: "success", FAILURE: "failure", HALTED: "halted", SKIPPED: "skipped", "": "not ticked yet" };
+
 /** How far a landmark is, by its level. */
 export const LEVELS = ["to-come", "in-hand", "done", "given-up"];
 const SIGNS = ["", "▶", "✓", "✗"];

@@ -8,7 +8,7 @@ import { Orders } from "./orders.js";
 import { CardsView } from "./panels.js";
 import { PlacesView } from "./places_view.js";
 import { ReplayBar } from "./replay_bar.js";
-import { badge, clock, duration, html, say, svg } from "./shapes.js";
+import { STATUS_WORDS, badge, clock, duration, html, say, svg } from "./shapes.js";
 import { Stream, drawer } from "./stream.js";
 import { Tools } from "./tools.js";
 import { TreeView } from "./tree_view.js";
@@ -16,6 +16,8 @@ import { WhyView } from "./why_view.js";
 
 // Of more nodes that run at once, the first.
 const SHOWN = 6;
+// Signs of decorators, which all have one shape.
+const SIGNS = { "↻": "runs its child again", "▣": "subtree", "◇": "another decorator" };
 const at = (id) => document.getElementById(id);
 
 const stream = new Stream({ begin, change: drawer(show) });
@@ -56,6 +58,7 @@ function show() {
   say(at("progress"), progress(run));
   running(run);
   tree.show(run);
+  showSigns(run);
   map.show(stream);
   places.show(stream);
   cards.show(stream);
@@ -71,6 +74,20 @@ function showChosen() {
   at("chosen").hidden = !tree.isAsked;
   showDetails(at("details"), stream.run, tree.isAsked ? tree.chosen : -1);
   tools.show();
+}
+
+/** What the signs in the tree mean: statuses, and the kinds of nodes that there are. */
+function showSigns({ nodes }) {
+  if (showSigns.nodes === nodes) return;
+  showSigns.nodes = nodes;
+  const item = (sign, text) => html("li", {}, sign, ` ${text}`);
+  const drawn = (...status) => svg("svg", { viewBox: "0 0 16 16", width: 14, height: 14, "aria-hidden": "true" }, badge(...status));
+  const kinds = new Map(nodes.filter(({ sign }) => sign).map(({ sign, shape }) => [sign, SIGNS[sign] ?? `${shape}${sign.endsWith("R") ? ", reactive" : ""}`]));
+  at("signs").lastElementChild.replaceChildren(
+    ...Object.entries(STATUS_WORDS).map(([status, words]) => item(drawn(status), words)),
+    item(drawn("SUCCESS", true), "hollow: of an earlier activation"),
+    ...[...kinds].map(([sign, shape]) => item(html("b", {}, sign), shape)),
+  );
 }
 
 function progress(run) {
