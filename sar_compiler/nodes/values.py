@@ -61,28 +61,24 @@ _BOOLS = {
 }
 
 
+@dataclass(eq=False)
 class ConversionError(ValueError):
     """A text is not a value of the required type.
 
-    Args:
+    Attributes:
         message: What is wrong, in the user's terms.
         suggestion: What to write instead, if it can be guessed.
         hint: The remedy, if there is no replacement text.
         place: The start and end of the wrong part of the text; None for all of it.
     """
 
-    def __init__(
-        self,
-        message: str,
-        suggestion: str | None = None,
-        hint: str | None = None,
-        place: tuple[int, int] | None = None,
-    ) -> None:
-        super().__init__(message)
-        self.message = message
-        self.suggestion = suggestion
-        self.hint = hint
-        self.place = place
+    message: str
+    suggestion: str | None = None
+    hint: str | None = None
+    place: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        return self.message
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import os
 import shlex
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -83,7 +84,7 @@ class Project:
     """
 
     def __init__(
-        self, configuration: Configuration, checkout: Path, additions: Additions, read: Read = read_tree_file
+        self, configuration: Configuration, checkout: Path, additions: Additions, read: Read
     ) -> None:
         self.configuration = configuration
         self.checkout = checkout
@@ -231,6 +232,7 @@ def _real_path(tree_file: TreeFile) -> Path:
     return real_path(Path(tree_file.source.path))
 
 
+@dataclass(eq=False, repr=False)
 class Workspace:
     """Loads tree files, each with the settings of its project.
 
@@ -240,17 +242,11 @@ class Workspace:
         note: Called once for each thing that is ignored for safety.
     """
 
-    def __init__(
-        self,
-        additions: Additions = Additions(),  # noqa: B008 - cannot be changed
-        read: Read = read_tree_file,
-        note: Callable[[str], None] = lambda _text: None,
-    ) -> None:
-        self.additions = additions
-        self.read = read
-        self.note = note
-        self._projects: dict[tuple[Path | None, Path], Project] = {}
-        self._noted: set[str] = set()
+    additions: Additions = Additions()  # noqa: RUF009 - cannot be changed
+    read: Read = read_tree_file
+    note: Callable[[str], None] = lambda _text: None
+    _projects: dict[tuple[Path | None, Path], Project] = field(default_factory=dict, init=False)
+    _noted: set[str] = field(default_factory=set, init=False)
 
     def load(self, tree: str | Path) -> "LoadedTree":
         """Load a tree.
@@ -320,13 +316,7 @@ class LoadedTree:
         UnreadableFileError: If the file does not exist or cannot be read.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        project: Project,
-        read: Read = read_tree_file,
-        note: Callable[[str], None] = lambda _text: None,
-    ) -> None:
+    def __init__(self, path: Path, project: Project, read: Read, note: Callable[[str], None]) -> None:
         self.path = path
         self.project = project
         self._note = note

@@ -143,33 +143,28 @@ def load_forest(
     return forest if tree_set is None else _SetSearch(forest, tree_set).done()
 
 
+@dataclass(eq=False, repr=False)
 class TreeSet:
     """Files that belong together: a tree that one of them lacks is sought in the others.
 
     None of them is read before a tree is missing, and each is then read once.
 
-    Args:
+    Attributes:
         paths: Returns the files.
         read: Reads one file.
         include_paths: Further folders that they may include from.
         is_declared: Whether the project says so, and not only the files that somebody has named together.
+        findings: What is wrong with malformed ones.
+        unreadable: Why others cannot be read.
     """
 
-    def __init__(
-        self,
-        paths: Callable[[], Iterable[Path]],
-        read: Read,
-        include_paths: Iterable[Path] = (),
-        *,
-        is_declared: bool = True,
-    ) -> None:
-        self.is_declared = is_declared
-        self._paths = paths
-        self._read = functools.lru_cache(maxsize=None)(read)
-        self._include_paths = tuple(include_paths)
-        self._references: dict[int, tuple[Element, ...]] = {}
-        self.findings: list[Diagnostic] = []
-        self.unreadable: list[str] = []
+    paths: Callable[[], Iterable[Path]]
+    read: Read
+    include_paths: tuple[Path, ...] = ()
+    is_declared: bool = True
+    findings: list[Diagnostic] = field(default_factory=list)
+    unreadable: list[str] = field(default_factory=list)
+    _references: dict[int, tuple[Element, ...]] = field(default_factory=dict)
 
     @functools.cached_property
     def forests(self) -> Mapping[Path, Forest]:
@@ -178,11 +173,12 @@ class TreeSet:
         What is wrong with malformed files is then in `findings`, why others cannot be read in `unreadable`.
         """
         forests: dict[Path, Forest] = {}
-        for path in tuple(self._paths()):
+        read = functools.lru_cache(maxsize=None)(self.read)
+        for path in tuple(self.paths()):
             place = real_path(path)
             if place not in forests:
                 try:
-                    forests[place] = load_forest(path, self._read, self._include_paths)
+                    forests[place] = load_forest(path, read, self.include_paths)
                 except UnreadableFileError as error:
                     self.unreadable.append(str(error))
                 except TreeError as error:

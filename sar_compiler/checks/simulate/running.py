@@ -91,7 +91,9 @@ class Scripted:
         self._random = Random(scenario.seed)  # noqa: S311 - it must be possible to repeat a run
         self._unusual = scenario.unusual
         scripts = scenario.scripts.items()
-        self._plans = {leaf: _Plan(leaf, steps, self._random, variables, clock) for leaf, steps in scripts}
+        self._plans = {
+            leaf: _Plan(leaf, [*map(_Left, steps)], self._random, variables, clock) for leaf, steps in scripts
+        }
 
     def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
         """Return the scenario's answer, or else the usual one.
@@ -110,33 +112,26 @@ class Scripted:
         return answer
 
 
+@dataclass(eq=False)
 class _Plan:
-    def __init__(
-        self,
-        leaf: StubLeaf,
-        steps: Sequence[AnswerStep],
-        random: Random,
-        variables: RunVariables,
-        clock: Clock,
-    ) -> None:
-        self._leaf = leaf
-        self._variables = variables
-        self._clock = clock
-        self._random = random
-        self._steps = [_Left(step) for step in steps]
-        self._current: Drawn | None = None
-        self._since = 0.0
+    leaf: StubLeaf
+    steps: "Sequence[_Left]"
+    random: Random
+    variables: RunVariables
+    clock: Clock
+    _current: Drawn | None = None
+    _since: float = 0.0
 
     def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
         """Return the leaf's next answer, and record the choice."""
-        if self._leaf.status is not Status.RUNNING:
+        if self.leaf.status is not Status.RUNNING:
             self._current = None  # what was interrupted counts as taken
         if self._current is None:
             self._current = self._next(options)
-            self._since = self._clock.now()
+            self._since = self.clock.now()
             choices.append(self._current)
         choice = self._current
-        if self._clock.now() - self._since < choice.after_sec - _TOLERANCE_SEC:
+        if self.clock.now() - self._since < choice.after_sec - _TOLERANCE_SEC:
             return self._named("RUNNING", options)
         self._current = None
         at_once = choice.usual and not choice.after_sec
@@ -144,20 +139,20 @@ class _Plan:
 
     def _next(self, options: Sequence[Answer]) -> Drawn:
         """Return what is chosen of the steps that are left, or else what is usual."""
-        step = next((left.step for left in self._steps if left.take(self._holds, self._random)), None)
+        step = next((left.step for left in self.steps if left.take(self._holds, self.random)), None)
         usual = nominal(options)
         if step is None:
-            return Drawn(self._leaf, usual.name)
+            return Drawn(self.leaf, usual.name)
         after_sec = step.after_sec
         if step.longest_sec > after_sec:
-            after_sec = round(self._random.uniform(after_sec, step.longest_sec), 3)
-        return Drawn(self._leaf, step.answer, after_sec, _by_name(step.answer, options)[:1] == [usual])
+            after_sec = round(self.random.uniform(after_sec, step.longest_sec), 3)
+        return Drawn(self.leaf, step.answer, after_sec, _by_name(step.answer, options)[:1] == [usual])
 
     def _named(self, name: str, options: Sequence[Answer]) -> Answer:
         found = _by_name(name, options)
         if found:
             return found[0]
-        leaf = self._leaf
+        leaf = self.leaf
         conditions = [a.when for a in leaf.answers if name in (a.label, a.status) and a.when]
         raise ScriptedError(
             f"'{leaf.name}' cannot answer '{name}' here: that needs {' or '.join(conditions)}; it can answer "
@@ -168,9 +163,9 @@ class _Plan:
         if step.when is None:
             return True
         try:
-            return Program(step.when).holds(self._variables)
+            return Program(step.when).holds(self.variables)
         except EvaluationError as error:
-            raise ScriptedError(f"'{self._leaf.name}': when '{step.when.text}': {error}") from error
+            raise ScriptedError(f"'{self.leaf.name}': when '{step.when.text}': {error}") from error
 
 
 def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:

@@ -273,10 +273,11 @@ def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf])
 _EMPTY_HINT = "write leaves: with what they answer, and expect: with what must come of it"
 
 
+@dataclass(eq=False, repr=False)
 class Stage:
     """A tree file on which scenarios are played.
 
-    Args:
+    Attributes:
         forest: The file and what it includes.
         registry: What tags mean.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
@@ -284,26 +285,18 @@ class Stage:
         start: Returns what the parameters of a mission say of the runs of a tree.
     """
 
-    def __init__(
-        self,
-        forest: Forest,
-        registry: Registry,
-        palettes: tuple[TreeFile, ...] = (),
-        tree_id: str | None = None,
-        start: Callable[[Binding], StartValues] = lambda _binding: StartValues(),
-    ) -> None:
-        self.forest = forest
-        self._registry = registry
-        self._palettes = palettes
-        self._tree_id = tree_id
-        self.start = start
-        self._bindings: dict[str | None, Binding] = {}
+    forest: Forest
+    registry: Registry
+    palettes: tuple[TreeFile, ...] = ()
+    tree_id: str | None = None
+    start: Callable[[Binding], StartValues] = lambda _binding: StartValues()
+    _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
 
     def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
         """Return a tree of the file with what a scenario says of its controls and decorators; raises as `binding`."""
-        binding = bind_main(self.forest, self._registry, tree_id or self._tree_id, self._palettes)
-        files = (*self._palettes, *self.forest.files)
-        take_controls(document, controls, binding, self._registry, files)
+        binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
+        files = (*self.palettes, *self.forest.files)
+        take_controls(document, controls, binding, self.registry, files)
         return binding
 
     def binding(self, tree_id: str | None = None) -> Binding:
@@ -312,9 +305,9 @@ class Stage:
         Raises:
             TreeError: If there is none, or anything in it is wrong.
         """
-        wanted = tree_id or self._tree_id
+        wanted = tree_id or self.tree_id
         if wanted not in self._bindings:
-            self._bindings[wanted] = bind_main(self.forest, self._registry, wanted, self._palettes)
+            self._bindings[wanted] = bind_main(self.forest, self.registry, wanted, self.palettes)
         return self._bindings[wanted]
 
     def play(self) -> "Play":

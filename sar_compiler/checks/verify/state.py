@@ -78,31 +78,29 @@ class Prepared:
         return prepared
 
 
+@dataclass(frozen=True)
 class StateValues:
     """Describes the states of a tree.
 
-    Args:
+    Attributes:
         simulated: The tree.
         steps: Has gone through its states.
         own: Returns what the user's controls and decorators remember in the state that was restored last, by names.
     """
 
-    def __init__(
-        self, simulated: SimulatedTree, steps: TickSteps, own: Callable[[], Mapping[str, object]]
-    ) -> None:
-        self._simulated = simulated
-        self._steps = steps
-        self._own = own
+    simulated: SimulatedTree
+    steps: TickSteps
+    own: Callable[[], Mapping[str, object]]
 
     def facts(self) -> dict[str, object]:
         """Return the facts as they are now, by their names."""
-        return dict(sorted(self._simulated.fact_values().items()))
+        return dict(sorted(self.simulated.fact_values().items()))
 
     def facts_and_keys(self, state: bytes | None = None) -> tuple[dict[str, object], dict[str, object]]:
         """Return the facts and the keys of the tree in a state, each by their names; as they are now without one."""
         if state is not None:
-            self._steps.restore(state)
-        return self.facts(), dict(sorted(self._simulated.compiled.board.values().items()))
+            self.steps.restore(state)
+        return self.facts(), dict(sorted(self.simulated.compiled.board.values().items()))
 
     def values_in(self, state: bytes) -> dict[str, object]:
         """Return the keys of the tree and then the facts in a state."""
@@ -113,7 +111,7 @@ class StateValues:
         """Return the keys, facts and cells with the most values in the last of some states, and how many values."""
         values: dict[str, set[str]] = {}
         for state in states.between(max(len(states) - _SAMPLE, 0), len(states)):
-            for name, value in {**self.values_in(state), **self._own()}.items():
+            for name, value in {**self.values_in(state), **self.own()}.items():
                 values.setdefault(name, set()).add(repr(value))
         counts = sorted(((name, len(found)) for name, found in values.items()), key=lambda each: -each[1])
         return tuple((name, count) for name, count in counts[:_MOST_GROWING] if count > 1)

@@ -1,6 +1,7 @@
 """A tree with its subtrees expanded: the keys and nodes that are visible in each instance of a tree."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector, file_of
 from sar_compiler.nodes.binding.references import Candidates, choose, report_missing
@@ -10,6 +11,7 @@ from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope
 
 
+@dataclass(eq=False, repr=False)
 class Instance:
     """One use of a tree.
 
@@ -23,16 +25,13 @@ class Instance:
         texts: The keys that it is given as constants which look like numbers, and that a port reads as a text.
     """
 
-    def __init__(
-        self, tree: BoundTree, scope: Scope, around: "Instance | None" = None, place: BoundNode | None = None
-    ) -> None:
-        self.tree = tree
-        self.scope = scope
-        self.around = around
-        self.place = place
-        self.inner: dict[BoundNode, Instance] = {}
-        self.references: dict[tuple[BoundNode, str], tuple[Instance, BoundNode]] = {}
-        self.texts: set[str] = set()
+    tree: BoundTree
+    scope: Scope
+    around: "Instance | None" = None
+    place: BoundNode | None = None
+    inner: "dict[BoundNode, Instance]" = field(default_factory=dict)
+    references: "dict[tuple[BoundNode, str], tuple[Instance, BoundNode]]" = field(default_factory=dict)
+    texts: set[str] = field(default_factory=set)
 
     def constants(self) -> Iterator[tuple[str, int | float | str]]:
         """Yield the keys that it is given as constants, with their values."""
