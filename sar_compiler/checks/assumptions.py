@@ -78,7 +78,7 @@ def read_assumptions(
         answers: The value of its `answers:`, if it has any.
         simulated: The tree, simulated without any of it.
     """
-    said = {} if answers is None else _read_answers(document, answers, LeafWords(simulated))
+    said = {} if answers is None else _read_answers(answers, LeafWords(document, simulated))
     used = {use for options in said.values() for answer in options for use in _names_in(answer)}
     values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
     return Assumptions(values, said)
@@ -106,21 +106,22 @@ def _read_facts(
     return facts
 
 
-def _read_answers(document: Document, value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...]]:
+def _read_answers(value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...]]:
     said: dict[str, tuple[Answer, ...]] = {}
     for key, inner in value.entries or ():
-        leaves = words.find(document, key)
-        options = [_answer(document, item, [words.spec(leaf) for leaf in leaves]) for item in inner.listed]
+        leaves = words.find(key)
+        options = [
+            _answer(words.document, item, [words.spec(leaf) for leaf in leaves]) for item in inner.listed
+        ]
         said[key.text or ""] = tuple(dict.fromkeys(option for option in options if option is not None))
     return said
 
 
-def check_answers(document: Document, value: Value | None, words: LeafWords) -> None:
+def check_answers(value: Value | None, words: LeafWords) -> None:
     """Report unknown names in the answers that leaves are assumed to give, once all assumptions are known.
 
     Args:
-        document: The file.
-        value: The value of its `answers:`, if it has any.
+        value: The value of the file's `answers:`, if it has any.
         words: The words for the tree, simulated with all that is assumed of it.
     """
     items = [item for _, inner in (value.entries if value else None) or () for item in inner.listed]
@@ -133,7 +134,7 @@ def check_answers(document: Document, value: Value | None, words: LeafWords) -> 
                 continue  # filled for each leaf
             with suppress(ScriptError):  # reported already
                 for slip in unknown_in(parse(text), words.names):
-                    document.report(
+                    words.document.report(
                         "unknown-fact", slip.message, part, slip.place, suggestion=slip.suggestion
                     )
 

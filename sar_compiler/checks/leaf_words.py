@@ -191,17 +191,18 @@ class EventPattern:
 
 
 class LeafWords:
-    """The words for the leaves of one tree, and for what conditions ask of it."""
+    """The words of a document for the leaves of one tree, and for what conditions ask of it."""
 
-    def __init__(self, simulated: SimulatedTree) -> None:
+    def __init__(self, document: Document, simulated: SimulatedTree) -> None:
+        self.document = document
         self.leaves = simulated.leaves
-        self._simulated = simulated
+        self.simulated = simulated
         self._origins = simulated.compiled.origins
 
     @functools.cached_property
     def names(self) -> Names:
         """The names that conditions know."""
-        return names_of(self._simulated)
+        return names_of(self.simulated)
 
     def spec(self, leaf: StubLeaf) -> NodeSpec:
         """Return what the registry or a model says of a leaf."""
@@ -211,44 +212,45 @@ class LeafWords:
         """Return the leaves that a key names: a path, a name or a tag."""
         return tuple(leaf for leaf in self.leaves if match_rank(key, leaf.path, leaf.tag))
 
-    def find(self, document: Document, value: Value) -> tuple[StubLeaf, ...]:
+    def find(self, value: Value) -> tuple[StubLeaf, ...]:
         """Return the leaves that a value names; reports one that names none."""
         key = value.text or ""
         found = self.named(key)
         if not found:
-            self._report_unknown(document, value, key)
+            self._report_unknown(value, key)
         return found
 
-    def answer(self, document: Document, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
+    def answer(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
         """Return a label or a status that each of some leaves can answer; reports anything else."""
         text, known = value.text or "", answer_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
-            document.report("unknown-answer", message, value, suggestion=nearest(text, known))
+            self.document.report("unknown-answer", message, value, suggestion=nearest(text, known))
             return None
         return text
 
     def condition(
-        self, document: Document, value: Value | None, own: Collection[str], later: Collection[str] = ()
+        self, value: Value | None, own: Collection[str], later: Collection[str] = ()
     ) -> Script | None:
         """Return a condition; reports what is wrong with it.
 
         Args:
-            document: The file.
             value: The condition; None if none is written.
             own: The names of what is known of the run itself.
             later: The names of what is known of it only when a tick is over.
         """
-        condition = script(document, value)
+        condition = script(self.document, value)
         if condition is None or value is None:
             return None
         found = list(slips(condition, self.names, own, later))
         for slip in found:
             code = "wrong-condition" if slip.hint else "unknown-fact"
-            document.report(code, slip.message, value, slip.place, suggestion=slip.suggestion, hint=slip.hint)
+            self.document.report(
+                code, slip.message, value, slip.place, suggestion=slip.suggestion, hint=slip.hint
+            )
         return None if found else condition
 
-    def deed(self, document: Document, value: Value) -> EventPattern | None:
+    def deed(self, value: Value) -> EventPattern | None:
         """Return the events that a text names; reports a text that names none."""
         text = value.text or ""
         words = text.split(" ")
@@ -256,18 +258,16 @@ class LeafWords:
             key, rest = " ".join(words[:count]), " ".join(words[count:])
             leaves = self.named(key)
             if leaves:
-                return self._of(document, value, leaves, (text, rest))
+                return self._of(value, leaves, (text, rest))
         known = self.named(text)
         if known:
             message = f"'{text}' is a leaf; an event says what it does as well"
-            document.report("wrong-value", message, value, hint=f"write {text} {answer_words(known)[0]}")
+            self.document.report("wrong-value", message, value, hint=f"write {text} {answer_words(known)[0]}")
         else:
-            self._report_unknown(document, value, words[0])
+            self._report_unknown(value, words[0])
         return None
 
-    def _of(
-        self, document: Document, value: Value, leaves: tuple[StubLeaf, ...], texts: tuple[str, str]
-    ) -> EventPattern | None:
+    def _of(self, value: Value, leaves: tuple[StubLeaf, ...], texts: tuple[str, str]) -> EventPattern | None:
         text, rest = texts
         if rest in _DEEDS:
             return EventPattern(text, leaves, _DEEDS[rest])
@@ -277,13 +277,13 @@ class LeafWords:
         message = f"'{leaves[0].name}' never does '{rest}'; it does {', '.join([*known, *_DEEDS])}"
         near = nearest(rest, [*known, *_DEEDS])
         part = (len(text) - len(rest), len(text))
-        document.report("unknown-answer", message, value, part, suggestion=near)
+        self.document.report("unknown-answer", message, value, part, suggestion=near)
         return None
 
-    def _report_unknown(self, document: Document, value: Value, key: str) -> None:
+    def _report_unknown(self, value: Value, key: str) -> None:
         names = list(dict.fromkeys(word for leaf in self.leaves for word in (leaf.name, leaf.tag)))
         message = f"no leaf that can be scripted is called '{key}'; there is {', '.join(names) or 'none'}"
-        document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
+        self.document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
 
 
 def answer_words(leaves: Iterable[StubLeaf]) -> list[str]:

@@ -27,6 +27,7 @@ NAME = Parameter("name", Role.NAME, required=False, value_type=type_of(str), doc
 CHILDREN = Parameter("children", Role.CHILDREN, required=True)
 CHILD = Parameter("child", Role.CHILD, required=True)
 """The parameters for what is below a control and a decorator."""
+_OUTCOMES = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _STRUCTURE = {Kind.CONTROL: [CHILDREN], Kind.DECORATOR: [CHILD]}
 
 
@@ -66,10 +67,10 @@ def node_spec(
         *parameters: The parameters but for the name and the children, in their order.
         fixed: What the tag implies.
         factory: The import path of a function that creates the node instead of the class.
-        **more: Further fields of the spec.
+        **more: Further fields of the spec; without outcomes it has all but SKIPPED.
     """
     signed = signature(kind, doc, *parameters, fixed=fixed, factory=factory)
-    return NodeSpec(tag, path, kind, signature=signed, **more)
+    return NodeSpec(tag, path, kind, signature=signed, **{"outcomes": _OUTCOMES, **more})
 
 
 def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf

@@ -60,7 +60,7 @@ def verify_tree(
         simulated = compiled(assumed)
         raise_disputes(simulated)
         if file is not None:
-            check_answers(file.document, file.answers, LeafWords(simulated))
+            check_answers(file.answers, LeafWords(file.document, simulated))
         return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})
 
 

@@ -97,7 +97,7 @@ class Simulated:
         run = self.run
         document = _document({"expect": expectations})
         said = document.validate("scenario").mapping["expect"]
-        expect = read_expectations(document, said, run.simulated, LeafWords(run.simulated))
+        expect = read_expectations(said, LeafWords(document, run.simulated))
         document.raise_findings()
         if "ends" not in expectations:
             expect = replace(expect, ends=run.ended)

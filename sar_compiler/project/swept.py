@@ -82,8 +82,8 @@ class ScenarioRuns:
         if not self.counted:
             return []
         document = document_of({"count": list(self.counted)}, "--count", "")
-        words = LeafWords(simulated)
-        found = [words.deed(document, item) for item in document.root.mapping["count"].listed]
+        words = LeafWords(document, simulated)
+        found = [words.deed(item) for item in document.root.mapping["count"].listed]
         document.raise_findings()
         return [each for each in found if each is not None]
 

@@ -134,11 +134,9 @@ class Scenario:
     unusual: float = 0.0
 
 
-def read_expectations(
-    document: Document, value: Value | None, simulated: SimulatedTree, words: LeafWords
-) -> Expectations:
+def read_expectations(value: Value | None, words: LeafWords) -> Expectations:
     """Read what a scenario expects; reports what cannot be expected."""
-    parts = {} if value is None else value.mapping
+    document, parts = words.document, {} if value is None else value.mapping
     plain = {} if value is None else value.data
     ticks, limit_sec = _within(parts["within"]) if "within" in parts else (None, None)
     return Expectations(
@@ -146,10 +144,10 @@ def read_expectations(
         ends=plain.get("ends", True),
         within_ticks=ticks,
         within_sec=limit_sec,
-        facts=_facts(document, parts["facts"], simulated.fact_values()) if "facts" in parts else {},
-        order=_deeds(document, parts.get("order"), words),
-        never=_deeds(document, parts.get("never"), words),
-        counts=_counts(document, parts["count"], words) if "count" in parts else (),
+        facts=_facts(document, parts["facts"], words.simulated.fact_values()) if "facts" in parts else {},
+        order=_deeds(parts.get("order"), words),
+        never=_deeds(parts.get("never"), words),
+        counts=_counts(parts["count"], words) if "count" in parts else (),
         trace=path_inside(document, Path(document.source.path).parent, parts["trace"], "trace")
         if "trace" in parts
         else None,
@@ -183,15 +181,15 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
     return facts
 
 
-def _deeds(document: Document, value: Value | None, words: LeafWords) -> tuple[EventPattern, ...]:
-    deeds = [] if value is None else [words.deed(document, item) for item in value.listed]
+def _deeds(value: Value | None, words: LeafWords) -> tuple[EventPattern, ...]:
+    deeds = [] if value is None else [words.deed(item) for item in value.listed]
     return tuple(deed for deed in deeds if deed is not None)
 
 
-def _counts(document: Document, value: Value, words: LeafWords) -> tuple[tuple[EventPattern, Bounds], ...]:
+def _counts(value: Value, words: LeafWords) -> tuple[tuple[EventPattern, Bounds], ...]:
     counts = []
     for key, inner in value.entries or ():
-        deed = words.deed(document, key)
+        deed = words.deed(key)
         if deed is not None:
             counts.append((deed, _bounds(inner.data)))
     return tuple(counts)
@@ -206,9 +204,7 @@ def _bounds(said: float | str) -> Bounds:
 _ALWAYS = "always"
 
 
-def read_scripts(
-    document: Document, value: Value, words: LeafWords
-) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
+def read_scripts(value: Value, words: LeafWords) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
     """Return the steps of each leaf of which a scenario says something.
 
     Where several keys name a leaf, its path counts before its name, and its name before its tag.
@@ -216,8 +212,8 @@ def read_scripts(
     scripts: dict[StubLeaf, tuple[AnswerStep, ...]] = {}
     ranks: dict[StubLeaf, int] = {}
     for key, inner in value.entries or ():
-        leaves = words.find(document, key)
-        steps = _steps(document, inner, words, leaves)
+        leaves = words.find(key)
+        steps = _steps(inner, words, leaves)
         for leaf in leaves:
             rank = match_rank(key.text or "", leaf.path, leaf.tag)
             if rank > ranks.get(leaf, 0):
@@ -225,33 +221,29 @@ def read_scripts(
     return scripts
 
 
-def _steps(
-    document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf]
-) -> tuple[AnswerStep, ...]:
+def _steps(value: Value, words: LeafWords, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
     """Read one step that is always taken, or a list of steps that are taken once each, but for those every n-th time."""
     one = value.items is None
-    steps = [_step(document, item, words, leaves, always=one) for item in value.listed]
+    steps = [_step(item, words, leaves, always=one) for item in value.listed]
     return tuple(step for step in steps if step is not None)
 
 
-def _step(
-    document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always: bool
-) -> AnswerStep | None:
+def _step(value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always: bool) -> AnswerStep | None:
     times = None if always else 1
     if value.entries is None:
-        answer = words.answer(document, value, leaves) if leaves else None
+        answer = words.answer(value, leaves) if leaves else None
         return None if answer is None else AnswerStep(answer, times=times)
     parts = value.mapping
-    answer = words.answer(document, parts["answer"], leaves) if leaves else None
+    answer = words.answer(parts["answer"], leaves) if leaves else None
     after = parts.get("after")
     if after is not None:
-        _check_running(document, after, leaves)
+        _check_running(words.document, after, leaves)
     least, longest = span_sec(after) if after else (0.0, 0.0)
     step = AnswerStep(
         answer or "",
         after_sec=least,
         longest_sec=longest,
-        when=words.condition(document, parts.get("when"), OWN),
+        when=words.condition(parts.get("when"), OWN),
         times=_times(parts["times"]) if "times" in parts else None if "every" in parts else times,
         every=int(parts["every"].data) if "every" in parts else 1,
         chance=float(parts["chance"].data) if "chance" in parts else 1.0,
@@ -365,17 +357,17 @@ def understand(document: Document, stage: Stage) -> Play:
         )
         for message in simulated.disputes.values():
             document.report("missing-value", message, facts or document.root)
-    words = LeafWords(simulated)
-    check_answers(document, answers, words)
+    words = LeafWords(document, simulated)
+    check_answers(answers, words)
     path = document.source.path
     scenario = Scenario(
         name=(parts["name"].text if "name" in parts else None) or Path(path).stem,
         path=path,
         period_sec=seconds(parts["period"]) if "period" in parts else start.period_sec or PERIOD_SEC,
         max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
-        until=words.condition(document, parts.get("until"), OWN),
-        scripts=read_scripts(document, parts["leaves"], words) if "leaves" in parts else {},
-        expect=read_expectations(document, parts.get("expect"), simulated, words),
+        until=words.condition(parts.get("until"), OWN),
+        scripts=read_scripts(parts["leaves"], words) if "leaves" in parts else {},
+        expect=read_expectations(parts.get("expect"), words),
     )
     document.raise_findings()
     return Play(simulated, scenario)

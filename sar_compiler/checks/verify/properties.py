@@ -490,9 +490,8 @@ class _Reading:
         self.names: list[str] = []
         self.guarded: dict[int, list[Guarded]] = {}
         self.left_out: list[LeftOut] = []
-        self._document = document
         self._alphabet = prepared.alphabet
-        self._words = LeafWords(prepared.simulated)
+        self._words = LeafWords(document, prepared.simulated)
         self._tags = tags
         self._surroundings = Surroundings(prepared.simulated)
 
@@ -522,7 +521,7 @@ class _Reading:
     def condition(self, value: Value, owner: str, *, after_a_tick: bool) -> Condition | None:
         """Return a condition; None if it makes no sense."""
         own, later = (AFTER_A_TICK, ()) if after_a_tick else ((), AFTER_A_TICK)
-        script = self._words.condition(self._document, value, own, later)
+        script = self._words.condition(value, own, later)
         return None if script is None else Condition(script, self._surroundings, owner)
 
     def _events(self, values: Sequence[Value]) -> _MeantEvents:
@@ -532,7 +531,7 @@ class _Reading:
             if absent is not None:
                 events.missing.append(absent)
                 continue
-            deed = self._words.deed(self._document, value)
+            deed = self._words.deed(value)
             if deed is not None:
                 events.numbers |= self._alphabet.meant_by(deed)
         return events

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector, file_of
-from sar_compiler.nodes.binding.references import Candidates, choose, report_missing
+from sar_compiler.nodes.binding.references import Candidates, report_missing
 from sar_compiler.nodes.btcpp import NAMES, NUMBERS
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import literal_value
@@ -120,7 +120,7 @@ class _Expansion:
         place = (bound, parameter.name)
         named = bound.element.attributes.get(parameter.name)
         for outer in list(instance.chain())[1:]:
-            found = choose(bound, parameter, self._nodes(outer.tree), self._collector)
+            found = self._nodes(outer.tree).choose(bound, parameter)
             if isinstance(found, BoundNode):
                 instance.references[place] = (outer, found)
                 self._report_circle(instance, bound, found, outer)
@@ -129,7 +129,7 @@ class _Expansion:
         if place not in reported:
             reported.add(place)
             within = [self._nodes(each.tree) for each in instance.chain()]
-            report_missing(bound, parameter, within, self._collector)
+            report_missing(bound, parameter, within)
 
     def _report_circle(self, instance: Instance, bound: BoundNode, found: BoundNode, outer: Instance) -> None:
         """Report a reference to a node that can only be created after the instance with the reference."""
@@ -147,7 +147,7 @@ class _Expansion:
 
     def _nodes(self, tree: BoundTree) -> Candidates:
         if tree not in self._candidates:
-            self._candidates[tree] = Candidates(tree.nodes)
+            self._candidates[tree] = Candidates(tree.nodes, self._collector)
         return self._candidates[tree]
 
 

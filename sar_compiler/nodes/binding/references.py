@@ -12,7 +12,8 @@ from sar_compiler.nodes.values import MOST_LISTED, join_words
 class Candidates:
     """The nodes of a tree, indexed by class and name."""
 
-    def __init__(self, nodes: list[BoundNode]) -> None:
+    def __init__(self, nodes: list[BoundNode], collector: Collector) -> None:
+        self.collector = collector
         self._nodes = nodes
         # Those of a class in their order, and those of a class (None: of any) by their names.
         self._fitting: dict[str, dict[BoundNode, None]] = {}
@@ -34,53 +35,48 @@ class Candidates:
                 by_name.setdefault(node.name, {})[node] = None
         return self._called[target]
 
+    def choose(self, bound: BoundNode, parameter: Parameter) -> BoundNode | bool | None:
+        """Return the node among these that a reference refers to.
+
+        Returns:
+            The node; None if there is none of that name and class; False if there is a finding about it.
+        """
+        named = bound.element.attributes.get(parameter.name)
+        found = self.of(parameter) if named is None else self.names(parameter).get(named, ())
+        count = len(found) - (bound in found)
+        first = list(itertools.islice((node for node in found if node is not bound), MOST_LISTED))
+        if not count:
+            return None
+        if count == 1:
+            return first[0]
+        element, what = bound.element, parameter.target_name
+        places = f"lines {join_words([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
+        if named is None:
+            message = f"<{bound.spec.tag}> can mean {count} {what} nodes ({places})"
+            hint = f'write {parameter.name}="{first[0].name}"'
+            self.collector.add("ambiguous-reference", message, element, hint=hint)
+        else:
+            message = f"{parameter.name}: {count} {what} nodes are called '{named}' ({places})"
+            hint = "give each a name of its own"
+            self.collector.add("ambiguous-reference", message, element, value=parameter.name, hint=hint)
+        return False
+
 
 def resolve_references(tree: BoundTree, collector: Collector) -> None:
     """Resolve the references of a tree; those to nodes outside it are left open."""
     referring = tree.referring
     if not referring:
         return
-    candidates = Candidates(tree.nodes)
+    candidates = Candidates(tree.nodes, collector)
     for bound in referring:
         for parameter in bound.spec.references:
-            _resolve(tree, bound, parameter, candidates, collector)
+            _resolve(tree, bound, parameter, candidates)
     _report_circles(referring, collector)
 
 
-def choose(
-    bound: BoundNode, parameter: Parameter, candidates: Candidates, collector: Collector
-) -> BoundNode | bool | None:
-    """Return the node among the candidates that a reference refers to.
-
-    Returns:
-        The node; None if there is none of that name and class; False if there is a finding about it.
-    """
-    named = bound.element.attributes.get(parameter.name)
-    found = candidates.of(parameter) if named is None else candidates.names(parameter).get(named, ())
-    count = len(found) - (bound in found)
-    first = list(itertools.islice((node for node in found if node is not bound), MOST_LISTED))
-    if not count:
-        return None
-    if count == 1:
-        return first[0]
-    element, what = bound.element, parameter.target_name
-    places = f"lines {join_words([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
-    if named is None:
-        message = f"<{bound.spec.tag}> can mean {count} {what} nodes ({places})"
-        hint = f'write {parameter.name}="{first[0].name}"'
-        collector.add("ambiguous-reference", message, element, hint=hint)
-    else:
-        message = f"{parameter.name}: {count} {what} nodes are called '{named}' ({places})"
-        hint = "give each a name of its own"
-        collector.add("ambiguous-reference", message, element, value=parameter.name, hint=hint)
-    return False
-
-
-def report_missing(
-    bound: BoundNode, parameter: Parameter, within: list[Candidates], collector: Collector
-) -> None:
+def report_missing(bound: BoundNode, parameter: Parameter, within: list[Candidates]) -> None:
     """Report a reference to a node that is not in any of the visible trees."""
-    element, what = bound.element, parameter.target_name
+    element, what, collector = bound.element, parameter.target_name, within[0].collector
     named = element.attributes.get(parameter.name)
     where = "this tree" if len(within) == 1 else "this tree or one around it"
     if named is None:
@@ -106,13 +102,11 @@ def report_missing(
     collector.add(code, message, element, value=parameter.name, suggestion=suggestion, hint=hint)
 
 
-def _resolve(
-    tree: BoundTree, bound: BoundNode, parameter: Parameter, candidates: Candidates, collector: Collector
-) -> None:
+def _resolve(tree: BoundTree, bound: BoundNode, parameter: Parameter, candidates: Candidates) -> None:
     named = bound.element.attributes.get(parameter.name)
     if named is None and not parameter.required:
         return  # a default is the author's word for "nothing unless it is written"
-    found = choose(bound, parameter, candidates, collector)
+    found = candidates.choose(bound, parameter)
     if isinstance(found, BoundNode):
         bound.references = {**bound.references, parameter.name: found}
     elif found is None and named not in tree.unknown_names:

@@ -9,7 +9,7 @@ from sar_compiler.nodes.declaring import ENUMS, attribute, input_port, node_spec
 from sar_compiler.nodes.language.attribute_readers import after_the_first, one_after_the_other
 from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
 from sar_compiler.nodes.language.node_rules import report_interruptions, report_out_of_reach, report_policy
-from sar_compiler.nodes.language.records import ALL, FROM_CHILD, own, stock
+from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
 from sar_compiler.nodes.semantics import Counterpart, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
 
@@ -41,7 +41,6 @@ def _in_order(
         doc if memory is None else f"{doc} {_REACTIVE}",
         parameter,
         fixed=implied,
-        outcomes=ALL,
         semantics=replace(means, counterpart=counterpart, with_memory=own_class),
         skipping=Skipping(Skips.FROM_CHILD, _own(tag, f"stock:{own_class}", doc)),
         former_tags=former_tags,

@@ -19,7 +19,7 @@ from sar_compiler.nodes.declaring import (
 )
 from sar_compiler.nodes.language.attribute_readers import failures, successes, within
 from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
-from sar_compiler.nodes.language.records import ALL, FROM_CHILD, own, stock
+from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
 from sar_compiler.nodes.outcome_sets import BITS, F, K, R, S
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
@@ -231,7 +231,6 @@ PY_TREES = [
         "Fails if its child is still running after a time, measured on the mission's clock.",
         attribute("duration", SECONDS, "How long the child may run, in seconds."),
         CLOCK,
-        outcomes=ALL,
         semantics=_with_rewrite(Semantics.limiting("duration"), rewrites.timeout),
         skipping=Skipping(advice='msec="..."'),
         variant=True,

@@ -7,7 +7,6 @@ from sar_compiler.nodes.declaring import node_spec
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Skipping, Skips
 
-ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 FROM_CHILD = Skipping(Skips.FROM_CHILD)
 _PLAIN = Semantics()
 
@@ -19,25 +18,17 @@ def own(
     doc: str,
     *parameters: Parameter,
     semantics: Semantics = _PLAIN,
-    outcomes: frozenset[str] = ALL,
     **more: Any,
 ) -> NodeSpec:
     """Return the record of a node of BehaviorTree.CPP's; *path* is that of its class in `runtime`, or in py_trees."""
     if not path.startswith("py_trees."):
         path = f"sar_compiler.runtime.{path}"
     means = replace(semantics, counterpart=semantics.counterpart._replace(built_in=True))
-    return node_spec(kind, tag, path, doc, *parameters, outcomes=outcomes, semantics=means, **more)
+    return node_spec(kind, tag, path, doc, *parameters, semantics=means, **more)
 
 
 def stock(
-    kind: Kind,
-    tag: str,
-    doc: str,
-    *parameters: Parameter,
-    made_by: str = "",
-    instead: str = "",
-    outcomes: frozenset[str] = ALL,
-    **more: Any,
+    kind: Kind, tag: str, doc: str, *parameters: Parameter, made_by: str = "", instead: str = "", **more: Any
 ) -> NodeSpec:
     """Return the record of a node of py_trees'.
 
@@ -48,13 +39,9 @@ def stock(
         *parameters: Its parameters.
         made_by: The function of `py_trees_nodes` that makes it, if not the usual one.
         instead: The node that takes children that can be skipped.
-        outcomes: The statuses that a tick can return.
         **more: Further fields of the record.
     """
     module = {Kind.CONTROL: "composites", Kind.DECORATOR: "decorators"}.get(kind, "behaviours")
     factory = f"sar_compiler.nodes.language.py_trees_nodes:{made_by or 'stock'}" if parameters else ""
-    skipping = Skipping(advice=instead)
-    path = f"py_trees.{module}:{tag}"
-    return node_spec(
-        kind, tag, path, doc, *parameters, factory=factory, outcomes=outcomes, skipping=skipping, **more
-    )
+    skipping, path = Skipping(advice=instead), f"py_trees.{module}:{tag}"
+    return node_spec(kind, tag, path, doc, *parameters, factory=factory, skipping=skipping, **more)
