@@ -164,7 +164,7 @@ def _not_installed(error: ImportError) -> str | None:
     if module in _ROS or module.endswith(_ROS_ENDINGS):
         return (
             f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
-            "`make env` in a checkout builds an environment with ROS 2 from PyPI"
+            "pip install 'sar_compiler[ros]' brings it from PyPI (in a checkout: `make env`)"
         )
     return None
 

@@ -6,9 +6,15 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FOLDER, TREE_INPUT, ArgumentKind, Parser, add_tree_id
-from sar_compiler.cli.loading import INPUT_HELP, add_project_options, add_vocabulary_options, workspace
-from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.arguments import FILE, FOLDER, TREE_INPUT, ArgumentKind, Parser, add_tree_id
+from sar_compiler.cli.loading import (
+    FORMAT_HELP,
+    INPUT_HELP,
+    add_project_options,
+    add_vocabulary_options,
+    workspace,
+)
+from sar_compiler.cli.terminal import findings_as_text, painter
 from sar_compiler.commands import (
     FINDINGS,
     OK,
@@ -22,6 +28,7 @@ from sar_compiler.commands import (
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
+    from sar_compiler.compiler import CompiledTree
     from sar_compiler.nodes.registry import Registry
     from sar_compiler.tree.diagnostic import TreeError
 
@@ -108,6 +115,8 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     )
     forms = ("unicode", "ascii", "json", *_PICTURES)
     parser.add_argument("--format", choices=forms, default="unicode", help=text)
+    text = "the file to write (default: standard output)"
+    parser.add_argument("-o", "--output", type=FILE, metavar="OUT", help=text)
     parser.set_defaults(run=_show)
 
 
@@ -115,6 +124,7 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `diff`."""
     parser.add_argument("old", type=TREE_INPUT, metavar="A", help=f"{INPUT_HELP}, before the change")
     parser.add_argument("new", type=TREE_INPUT, metavar="B", help=f"{INPUT_HELP}, after it")
+    parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=_diff)
 
 
@@ -146,27 +156,36 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 def _show(arguments: argparse.Namespace) -> int:
     # `validate` warns of the doubtful cases.
-    tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
-    form = arguments.format
+    text = _drawing(workspace(arguments).load(arguments.file).preview(arguments.tree), arguments.format)
+    if arguments.output is None:
+        print(text, end="")
+    else:
+        from sar_compiler.cli.writing import write_text
+
+        write_text(arguments.output, text)
+    return OK
+
+
+def _drawing(tree: "CompiledTree", form: str) -> str:
+    """Return a compiled tree in a form of `show`."""
     if form == "json":
         from sar_compiler.views.outline import outline
         from sar_compiler.views.plain import as_json
 
-        print(as_json(outline(tree)))
-    elif form in _PICTURES:
+        return f"{as_json(outline(tree))}\n"
+    if form in _PICTURES:
         from sar_compiler.views import drawing
 
-        picture = getattr(drawing, form)(tree)
-        print(picture, end="")
+        picture: str = getattr(drawing, form)(tree)
         if form == "mermaid" and drawing.too_large(picture):
             print_error(
                 f"{PROG}: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit"
             )
-    else:
-        from sar_compiler.views.outline import ascii_tree, unicode_tree, with_tags
+        return picture
+    from sar_compiler.tree.showing import visible
+    from sar_compiler.views.outline import ascii_tree, unicode_tree, with_tags
 
-        print_text(with_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree), end="")
-    return OK
+    return visible(with_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
 
 
 def _diff(arguments: argparse.Namespace) -> int:
@@ -176,12 +195,17 @@ def _diff(arguments: argparse.Namespace) -> int:
         TreeError: If a file is malformed.
         UnreadableFileError: If a file does not exist or cannot be read.
     """
-    from sar_compiler.tree.difference import difference, difference_as_text
+    from sar_compiler.tree.difference import difference, difference_as_text, difference_data
     from sar_compiler.tree.gathering import find_tree, read_tree_file
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
     differences = difference(old, new)
-    print_text(difference_as_text(differences), end="")
+    if arguments.format == "json":
+        from sar_compiler.views.plain import as_json
+
+        print(as_json([*map(difference_data, differences)]))
+    else:
+        print_text(difference_as_text(differences), end="")
     return FINDINGS if differences else OK
 
 
@@ -194,12 +218,13 @@ def _explain(arguments: argparse.Namespace) -> int:
     """
     from sar_compiler.tree.guessing import did_you_mean, nearest
     from sar_compiler.tree.kinds import KINDS
-    from sar_compiler.views.findings import page_of
+    from sar_compiler.views.findings import page_of, without_markdown
 
     if arguments.code not in KINDS:
         advice = did_you_mean(nearest(arguments.code, KINDS))
         raise SarError(f"no finding is called '{arguments.code}'{advice}")
-    print(page_of(arguments.code), end="")
+    page = page_of(arguments.code)
+    print(without_markdown(page, painter(sys.stdout)) if sys.stdout.isatty() else page, end="")
     return OK
 
 

@@ -245,7 +245,8 @@ class Arguments:
         if target in self._context or not parameter.required:
             return self._context.get(target, parameter.default)
         message = f"<{bound.spec.tag}> needs a {target.__name__}, which this mission does not have"
-        self._collector.add("missing-context", message, bound.element)
+        hint = "preview() makes a tree with stand-ins, to look at it without a mission"
+        self._collector.add("missing-context", message, bound.element, hint=hint)
         return None
 
     def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:

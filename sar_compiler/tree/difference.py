@@ -123,6 +123,14 @@ def difference_as_text(differences: Iterable[Difference]) -> str:
     return "".join(f"{_line(one)}\n" for one in differences)
 
 
+def difference_data(one: Difference) -> dict[str, object]:
+    """Return a difference as JSON values: what `Difference` has, with the places of both nodes."""
+    sides = {"old": one.old, "new": one.new}
+    places = {side: each and {"tag": each.tag, "place": each.file_and_line} for side, each in sides.items()}
+    words = {"what": one.what, "before": one.before, "after": one.after, "inner": one.inner}
+    return {"change": one.change.value, "path": one.path, **places, **words}
+
+
 def _line(one: Difference) -> str:
     elements = [element for element in (one.old, one.new) if element is not None]
     places = ", ".join(element.file_and_line for element in elements)

@@ -1,5 +1,6 @@
 """Findings: each cause once for people; for editors and continuous integration as JSON, SARIF and commands of GitHub Actions."""
 
+import re
 import urllib.parse
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -67,6 +68,30 @@ def page_of(code: str) -> str:
         ResourceError: If it is not installed.
     """
     return shipped("docs/findings", f"{code}.md").read_text("utf-8")
+
+
+def without_markdown(page: str, paint: Callable[[str, str], str]) -> str:
+    """Return a page in Markdown as it is read on a terminal: code is indented, and headings are bold.
+
+    Args:
+        page: The page.
+        paint: Returns a text in the colours of what it is.
+    """
+    lines, is_code = [], False
+    for line in page.splitlines():
+        if line.startswith("```"):
+            is_code = not is_code
+        else:
+            lines.append(f"    {line}".rstrip() if is_code else _plain_line(line, paint))
+    return "\n".join([*lines, ""])
+
+
+def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
+    """Return a line of Markdown without its marks, and a link by its text."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", line)
+    text = re.sub(r"\*\*?([^*]+)\*\*?", r"\1", text).replace("`", "")
+    heading = re.match(r"#+ (.*)", text)
+    return text if heading is None else paint(heading[1], "place")
 
 
 FEW = 3

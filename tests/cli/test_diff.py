@@ -1,5 +1,6 @@
 """`sar-compile diff`, and the ways to BehaviorTree.CPP and Groot2, as their users see them."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -30,6 +31,23 @@ def test_different_trees_have_status_1_and_a_line_for_each_difference(capsys, ch
     assert out.startswith(f'changed  {path}: memory "true" -> not written  (')
     assert out.endswith(f"search_and_rescue.xml:13, {changed}:13)\n")
     assert out.count("\n") == 1
+
+
+def test_differences_are_data_for_scripts(capsys, changed):
+    status, out, _ = run(capsys, "diff", SHIPPED, changed, "--format", "json")
+    (told,) = json.loads(out)
+    assert status == 1
+    assert told == {
+        "change": "changed",
+        "path": "SearchAndRescue/MissionOrReturnToBase/Patrol",
+        "old": {"tag": "Sequence", "place": f"{SHIPPED}:13"},
+        "new": {"tag": "Sequence", "place": f"{changed}:13"},
+        "what": "memory",
+        "before": "true",
+        "after": None,
+        "inner": 0,
+    }
+    assert run(capsys, "diff", SHIPPED, SHIPPED, "--format", "json") == (0, "[]\n", "")
 
 
 def test_a_file_that_is_not_there_has_status_2(capsys):

@@ -10,6 +10,7 @@ import pytest
 
 from sar_compiler.cli.compile import main
 from sar_compiler.testing import compiled
+from sar_compiler.views.findings import without_markdown
 from sar_compiler.views.outline import unicode_tree, with_tags
 from tests.cli.running import run
 from tests.trees import document
@@ -383,3 +384,16 @@ def test_the_installed_command_runs_and_bears_a_reader_that_leaves_early():
     pipe = f"{command} schema | head -1"
     done = subprocess.run(["/bin/sh", "-c", pipe], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ('<?xml version="1.0" encoding="UTF-8"?>\n', "")
+
+
+@pytest.mark.parametrize("form", ["unicode", "json", "svg"])
+def test_a_tree_is_shown_in_a_file_as_on_standard_output(capsys, tmp_path, form):
+    out = tmp_path / "out"
+    assert run(capsys, "show", SHIPPED, "--format", form, "-o", out) == (0, "", "")
+    assert run(capsys, "show", SHIPPED, "--format", form) == (0, out.read_text(encoding="utf-8"), "")
+
+
+def test_a_page_is_explained_on_a_terminal_without_the_marks_of_markdown():
+    page = '# `wrong-value`\n\n*error*\n\nAs [here](a.md#b) **it is**.\n\n```xml\n<A x="`"/>\n\n```\n'
+    said = without_markdown(page, lambda text, part: f"<{part} {text}>")
+    assert said == '<place wrong-value>\n\nerror\n\nAs here it is.\n\n    <A x="`"/>\n\n'

@@ -36,6 +36,10 @@ class Verdict:
     reason: str = ""
     trace: Trace | None = None
 
+    def __repr__(self) -> str:
+        """Return the question and its answer; a run has many lines of its own."""
+        return f"<{self.question}: {self.outcome.value}{f', {self.reason}' if self.reason else ''}>"
+
 
 @dataclass(frozen=True, repr=False)
 class Verification:
