@@ -1,0 +1,140 @@
+"""The operator's page in a browser: one state, orders apart, alarms until they are seen."""
+
+from concurrent.futures import Future
+
+import pytest
+from selenium.webdriver.common.keys import Keys
+
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.runtime.clock import ManualClock
+from tests.web.conftest import ABOUT
+from tests.web.flown import VERBS, drive
+
+pytestmark = pytest.mark.unmeasured
+
+
+class Crew:
+    """Heeds every order, and remembers by whom it was given."""
+
+    def __init__(self):
+        self.given = []
+
+    def give(self, verb, values, giver):
+        self.given.append((verb, giver.name))
+        answer: Future[tuple[bool, str]] = Future()
+        answer.set_result((True, "done"))
+        return answer
+
+
+@pytest.fixture
+def crew():
+    return Crew()
+
+
+@pytest.fixture
+def patrol(live, browser, crew):
+    """Open the operator's page of a patrol that has begun; nothing is remembered of other pages."""
+    run = live(orders=crew, verbs=VERBS)
+    run.journal.clock = ManualClock(100.0)
+    run.begin({**ABOUT})
+    browser.open(run.server.url)
+    browser.js("localStorage.clear()")
+    browser.open(run.server.url)
+    browser.wait(lambda: browser.js("return !document.querySelector('.stop').disabled"), "STOP")
+    return run
+
+
+def test_stop_has_the_robot_stand_at_once_and_asks_whether_that_is_the_end(patrol, crew, browser):
+    browser.click(".stop")
+    browser.wait(lambda: crew.given == [("pause", "")], "the pause")
+    assert "Sure?" in browser.text("#ask")
+    browser.type("#ask .no", Keys.ENTER)
+    browser.wait(lambda: not browser.js("return document.getElementById('ask').open"), "the end of it")
+    assert crew.given == [("pause", "")]
+    browser.click(".stop")
+    browser.click("#ask .yes")
+    browser.wait(lambda: ("abort", "") in crew.given, "the end of the mission")
+
+
+def test_one_button_pauses_and_resumes(patrol, crew, browser):
+    assert browser.text(".toggle") == "Pause"
+    browser.click(".toggle")
+    browser.wait(lambda: crew.given == [("pause", "")], "the pause")
+    patrol.journal.note("held", is_held=True)
+    browser.wait_for("#condition strong", "paused").wait_for(".toggle", "Resume")
+    browser.click(".toggle")
+    browser.wait(lambda: crew.given[-1] == ("resume", ""), "the order to go on")
+
+
+def test_who_gives_an_order_can_say_who_that_is(patrol, crew, browser):
+    browser.type("#by", "Ada ∀", Keys.TAB)
+    browser.click(".toggle")
+    browser.wait(lambda: crew.given == [("pause", "Ada ∀")], "the pause")
+    browser.open(patrol.server.url)
+    assert browser.js("return document.getElementById('by').value") == "Ada ∀"
+
+
+def test_a_run_that_has_ended_takes_no_orders_any_more(patrol, browser):
+    patrol.journal.end(Ending.OVER, 0)
+    browser.wait_for("#condition strong", "complete")
+    browser.wait(lambda: browser.js("return document.getElementById('orders').hidden"), "the end of orders")
+
+
+def alarms(browser):
+    """Return the alarms that are shown, the one that is not seen yet with its button."""
+    return browser.js("return [...document.querySelectorAll('#alarms li')].map((each) => each.textContent)")
+
+
+def test_an_alarm_stays_until_somebody_has_seen_it(patrol, browser):
+    patrol.journal.note("alarmed", text="no water")
+    browser.wait(lambda: alarms(browser) == ["■no waterat 0:00Seen"], "the alarm")
+    patrol.journal.note("alarmed", text="no water", is_over=True)
+    browser.wait(lambda: alarms(browser) == ["■no waterat 0:00, overSeen"], "its end")
+    browser.click("#alarms button")
+    browser.wait(lambda: alarms(browser) == [], "no alarm")
+    browser.open(patrol.server.url)
+    assert alarms(browser) == []
+
+
+def test_an_alarm_that_was_seen_is_there_as_long_as_its_reason(patrol, browser):
+    patrol.journal.note("alarmed", text="no water")
+    browser.wait(lambda: alarms(browser) == ["■no waterat 0:00Seen"], "the alarm")
+    browser.click("#alarms button")
+    browser.wait(lambda: alarms(browser) == ["■no waterat 0:00"], "the alarm that was seen")
+
+
+FIGURES = "return Object.fromEntries([...document.querySelectorAll('#figures div')].map((each) => [each.firstChild.textContent, each.lastChild.textContent]))"
+
+
+def test_how_long_it_takes_is_said_by_what_is_done(patrol, browser):
+    assert "about" not in browser.js(FIGURES)["to go"]
+    drive(patrol.journal)
+    browser.wait_for("#drive", "2.5 m, about 0:05")
+    # What is left of this drive, and the mean of what is done for the way to the dock.
+    browser.wait(lambda: browser.js(FIGURES)["to go"] == "about 0:47", "the estimate")
+    assert browser.js(FIGURES)["time"] == "1:24"
+    assert browser.js(FIGURES)["points visited"] == "1 of 2"
+
+
+def test_a_gauge_has_a_bar_and_the_legend_says_how_old_a_place_is(patrol, browser):
+    assert browser.js("return document.querySelector('#gauges meter').value") == 90
+    patrol.journal.watch("pose", x=1.0, y=2.0, yaw=0.5)
+    patrol.journal.clock.advance(65.0)
+    patrol.journal.note("came_back")
+    browser.wait_for("#legend table", "robot1:05 ago")
+
+
+def test_places_have_their_state_and_what_was_found_its_coordinates(patrol, browser):
+    patrol.journal.note("found", name="find_1", x=-2.0, y=2.25)
+    patrol.journal.note("point_reached", point="north", level="GIVEN_UP", state="given up", reason="no way")
+    browser.wait_for("#places", "north given up, no way")
+    browser.wait_for("#places", "find_1 seenx -2.00, y 2.25 · in north · found at 0:00")
+
+
+def test_events_are_facts_and_warnings_until_every_line_is_asked_for(patrol, browser):
+    patrol.journal.watch("log", node="patrol", level=20, text="a line")
+    patrol.journal.watch("log", node="patrol", level=30, text="a warning")
+    browser.wait_for("#log", "a warning")
+    assert "a line" not in browser.text("#log")
+    browser.click("#all")
+    browser.wait_for("#log", "a line")
