@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from itertools import takewhile
 from pathlib import Path
 from threading import Lock
@@ -195,15 +195,21 @@ class WhatIf:
         return self._known[key]
 
 
-def journal_tools(paths: Sequence[Path]) -> Tools:
-    """Return the tools of a page of journals."""
+def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object] | None = None) -> Tools:
+    """Return the tools of a page of journals.
+
+    Args:
+        paths: The journals.
+        reading: Is entered while one is read; by default nothing is.
+    """
+    alone = reading or nullcontext()
 
     def entries(robot: int, run: int) -> "Iterable[JournalEntry]":
         from sar_compiler.journal.database import JournalFile
 
         if not 0 <= robot < len(paths):
             raise ToolError("there is no such robot")
-        with closing(JournalFile.read(paths[robot])) as file:
+        with alone, closing(JournalFile.read(paths[robot])) as file:
             return [
                 each for each in file.stream() if each.run == run and each.kind in ("run_began", "status")
             ]

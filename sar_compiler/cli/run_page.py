@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import closing, contextmanager
 from pathlib import Path
-from threading import Thread
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
@@ -170,7 +170,8 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
         JournalError: If a file is no journal, or cannot be read.
         PageError: If the port cannot be had.
     """
-    team, tools = _Team(paths), journal_tools(paths)
+    team = _Team(paths)
+    tools = journal_tools(paths, team.reading)
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
     team.feed = feed = LiveFeed(hello, team.beat, len(paths))
     with (
@@ -191,6 +192,7 @@ class _Team:
     Attributes:
         feed: What the page is told.
         orders: What carries out orders; None where there is no ROS.
+        reading: Is held by whoever reads a journal: to see whether somebody writes it takes away the locks of other readers in this process.
     """
 
     feed: LiveFeed
@@ -199,6 +201,7 @@ class _Team:
         from sar_compiler.journal.following import JournalFollower
 
         self.orders: TeamOrders | None = None
+        self.reading = Lock()
         self._followers = [JournalFollower(path) for path in paths]
         self._heard = [time.monotonic() for _ in paths]
         self._last: dict[int, JournalEntry] = {}
@@ -209,10 +212,13 @@ class _Team:
         Raises:
             JournalError: If a file is no journal, or cannot be read.
         """
+        with self.reading:
+            self._look()
+
+    def _look(self) -> None:
         from sar_compiler.journal.database import is_locked
 
         for robot, follower in enumerate(self._followers):
-            # Between two looks, in this thread: it takes away the locks of whoever reads the file in this process.
             is_gone = not is_locked(follower.path)
             for entry in follower.news():
                 self._heard[robot], self._last[robot] = time.monotonic(), entry
