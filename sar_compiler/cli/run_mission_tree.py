@@ -287,7 +287,24 @@ class TreeRun:
         return OK
 
     def _tick(self) -> int:
-        """Tick the tree until it is over, and conclude; returns the exit status."""
+        """Tick the tree until it is over, and sum up; returns the exit status."""
+        texts: list[str] = []
+        try:
+            status = self._fly(texts)
+        finally:
+            self._output.leave()
+        if hint := self.companions.how_to_see_it_again:
+            print_error(hint)
+        for text in texts:
+            self._output.say(text)
+        return status
+
+    def _fly(self, texts: list[str]) -> int:
+        """Tick the tree until it is over, and end the journal; returns the exit status.
+
+        Args:
+            texts: Takes what is to be printed below the view.
+        """
         engine = self.engine
         engine.add_post_tick_handler(self._look_for_end)
         self.companions.begin_run()
@@ -310,9 +327,8 @@ class TreeRun:
             self._signals.last_words = None
             self._options.supervision.tell_end()
             engine.shutdown()
-            self._output.leave()
         try:
-            status = self._conclude(elapsed)
+            status = self._conclude(elapsed, texts)
         except MissionError as error:
             status = self._fail(str(error))
         is_over = engine.failure is None and (self._result is not None or self.end.complete)
@@ -401,21 +417,18 @@ class TreeRun:
         status = Status.INVALID if was_skipped(tree.root) else tree.root.status
         self._result = self.end.after_tick(status, self._clock.now() - self._started)
 
-    def _conclude(self, elapsed_sec: float) -> int:
-        """Print the summary; returns the exit status."""
+    def _conclude(self, elapsed_sec: float, texts: list[str]) -> int:
+        """Add the summary to texts; returns the exit status."""
         mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
         as_json = self._options.format == "json"
-        if hint := self.companions.how_to_see_it_again:
-            print_error(hint)
         if not as_json:
-            for text in filter(None, (mission.summary(elapsed_sec, ticks), supervision.in_words())):
-                self._output.say(text)
+            texts += filter(None, (mission.summary(elapsed_sec, ticks), supervision.in_words()))
         status = self._status()
         if as_json:
             said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": ticks}
             deaths = {"deaths": list(supervision.deaths)} if supervision.is_there else {}
             figures = {each.name: each.value for each in mission.display().figures}
-            self._output.say(json_text({**said, **deaths, "figures": figures}))
+            texts.append(json_text({**said, **deaths, "figures": figures}))
         return status
 
     def _status(self) -> int:

@@ -116,6 +116,15 @@ def test_at_the_end_the_view_stays_and_the_terminal_is_as_before(on_terminal):
     assert not any(terminal.rows[terminal.screen.cursor.y :])
 
 
+def test_the_last_picture_says_what_has_come_of_the_run(on_terminal):
+    terminal = on_terminal('<AlwaysFailure name="No"/>')
+    assert terminal.end() == 1
+    assert any(
+        row.startswith("No  0:0") and "FAILED: The root of the tree ended with FAILURE." in row
+        for row in terminal.rows
+    )
+
+
 def test_while_it_is_stopped_the_terminal_is_the_shell_s(tmp_path, begin):
     path = tmp_path / "tree.xml"
     path.write_text(document(WAIT), encoding="utf-8")
