@@ -60,7 +60,7 @@ def run(command: Callable[[], int], prog: str) -> int:
         print_error(str(error) if isinstance(error, TreeError) else f"{prog}: {error}")
         return USAGE
     except ImportError as error:
-        message = _not_installed(error)
+        message = not_installed(error)
         if message is None:
             raise
         print_error(f"{prog}: {message}")
@@ -141,7 +141,7 @@ def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
     )
 
 
-def _not_installed(error: ImportError) -> str | None:
+def not_installed(error: ImportError) -> str | None:
     """Return a message about a missing library and its source; None if it is not one to be installed."""
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:

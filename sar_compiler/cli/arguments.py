@@ -9,6 +9,7 @@ from typing import Any, NoReturn, TypeVar
 
 from sar_compiler.commands import CommandParser
 from sar_compiler.errors import SarError
+from sar_compiler.journal.georeference import Georeference
 
 REPORT_FORMS = "in the form of the file's ending: .html to print and hand on, .json, or in the world's coordinates .geojson, .cot, .cap"
 """What the help says of the files of reports: the endings of `views.mission_report.FORMS`, which take too long to import for it."""
@@ -82,6 +83,21 @@ def telling(read: Callable[[str], T]) -> Callable[[str], T]:
             raise argparse.ArgumentTypeError(str(error)) from error
 
     return parse
+
+
+def georeference(text: str) -> Georeference:
+    """Return where the frame `map` lies on the earth, of `LAT,LON,HEADING` in degrees.
+
+    Raises:
+        ArgumentTypeError: If that is no place on the earth.
+    """
+    try:
+        place = Georeference(*(float(number) for number in text.split(",")))
+    except (TypeError, ValueError):
+        raise argparse.ArgumentTypeError(f"'{text}' is not LAT,LON,HEADING in degrees") from None
+    for name, mistake in place.mistakes():
+        raise argparse.ArgumentTypeError(f"'{text}': {name} {mistake}")
+    return place
 
 
 def _whole(text: str) -> int:

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing, suppress
 
-from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_page_options
+from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_page_options, georeference
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
@@ -21,15 +21,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments without the command's name; by default the process's.
 
     Returns:
-        The exit status: 0; 2 for wrong usage, or a file that is no journal or cannot be read.
+        The exit status: 0; 1 if a report could not be written; 2 for wrong usage, or a file that is no journal or cannot be read.
     """
     return run(lambda: _command(sys.argv[1:] if argv is None else argv), "sar-journal")
 
 
 def _command(argv: Sequence[str]) -> int:
     options = _parser().parse_args(argv)
-    options.run(options)
-    return OK
+    status: int | None = options.run(options)
+    return status or OK
 
 
 def _parser() -> Parser:
@@ -49,6 +49,8 @@ def _parser() -> Parser:
     text = f"the files, each {REPORT_FORMS}"
     report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
     report.rename("--to", "--output")
+    text = "where the origin of the frame map lies, and where its x axis points, clockwise from north, in degrees (default: as the run knew it; with = if LAT is below 0: --georeference=-33.9,18.4,90)"
+    report.add_argument("--georeference", type=georeference, metavar="LAT,LON,HEADING", help=text)
     report.set_defaults(run=_report)
     text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
     add_why(commands.add_parser("why", help=text, description=text))
@@ -65,10 +67,10 @@ def _parser() -> Parser:
     return parser
 
 
-def _report(options: argparse.Namespace) -> None:
+def _report(options: argparse.Namespace) -> int:
     from sar_compiler.cli.run_report import report_journal
 
-    report_journal(options.journal, options.output)
+    return report_journal(options.journal, options.output, options.georeference)
 
 
 def _serve(options: argparse.Namespace) -> None:

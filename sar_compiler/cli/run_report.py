@@ -4,15 +4,16 @@ from collections.abc import Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
 
-from sar_compiler.cli.writing import WriteError, write_text
-from sar_compiler.commands import print_error
+from sar_compiler.cli.writing import write_text
+from sar_compiler.commands import FINDINGS, OK, not_installed, print_error
+from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.mission_report import georeference, report_text, require_form
-from sar_compiler.views.why import Inquiry
+from sar_compiler.views.why import Inquiry, Why
 
 
 class RunReport(Companion):
@@ -51,21 +52,48 @@ class RunReport(Companion):
         """Write them; what cannot be written is said, because the mission is over."""
         why = self._inquiry.why()
         for file in self._files:
-            try:
-                write_text(file, report_text(self._state, file, why))
-            except WriteError as error:  # noqa: PERF203 - the next one is tried as well
-                print_error(f"sar-run: {error}")
-            except Exception as error:  # noqa: BLE001 - nor does it change what the mission has come to
-                print_error(f"sar-run: the report {file} could not be made: {error!r}")
+            obstacle = _try_to_write(self._state, file, why)
+            if obstacle:
+                print_error(f"sar-run: {obstacle}")
 
 
-def report_journal(journal: Path, files: Sequence[Path]) -> None:
-    """Write the reports of the mission that a journal has.
+def _try_to_write(state: MissionState, file: Path, why: Why | None) -> str:
+    """Write a report; return why that is not possible, or an empty text. The next one is tried in any case."""
+    try:
+        write_text(file, report_text(state, file, why))
+    except SarError as error:
+        return str(error)
+    except Exception as error:  # noqa: BLE001 - nor does it change what the mission has come to
+        return f"the report {file} could not be made: {error!r}"
+    return ""
+
+
+def report_journal(journal: Path, files: Sequence[Path], place: Georeference | None = None) -> int:
+    """Write those reports of the mission in a journal that can be written, and tell why the others cannot.
+
+    Args:
+        journal: The journal.
+        files: Where to.
+        place: Where the map lies on the earth; by default what the journal says.
+
+    Returns:
+        The exit status: 1 if there are others.
 
     Raises:
-        SarError: If the journal cannot be read; if one of them cannot be asked for, and then none is written; or if a file cannot be written.
-        ImportError: If a library of theirs is not installed; then none is written.
+        SarError: If the journal cannot be read.
     """
+    state, why = _mission(journal)
+    known, state.place = georeference(state), place
+    if place and known and place != known:
+        told = f"--georeference {_words(place)} counts; the journal has {_words(known)}"
+        print_error(f"sar-journal: note: {told}")
+    obstacles = [_prohibition(state, file) or _try_to_write(state, file, why) for file in files]
+    for obstacle in filter(None, obstacles):
+        print_error(f"sar-journal: {obstacle}")
+    return FINDINGS if any(obstacles) else OK
+
+
+def _mission(journal: Path) -> tuple[MissionState, Why]:
     from sar_compiler.journal.database import JournalFile, is_locked
 
     is_gone = not is_locked(journal)
@@ -73,7 +101,19 @@ def report_journal(journal: Path, files: Sequence[Path]) -> None:
         state = MissionState.of(add_displays(file.stream()))
         why = Inquiry.of(file.last_run(without=OF_ROBOT)).why()
     state.look_at_process(is_gone=is_gone)
-    for each in files:
-        require_form(each, georeference(state))
-    for each, text in [(each, report_text(state, each, why)) for each in files]:
-        write_text(each, text)
+    return state, why
+
+
+def _words(place: Georeference) -> str:
+    return ",".join(map(str, place))
+
+
+def _prohibition(state: MissionState, file: Path) -> str:
+    """Return why a report cannot be asked for, or an empty text."""
+    try:
+        require_form(file, georeference(state))
+    except SarError as error:
+        return str(error)
+    except ImportError as error:
+        return f"{file}: {not_installed(error) or error}"
+    return ""

@@ -1,13 +1,13 @@
 """Where the frame `map` lies on the earth."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 GEOREFERENCE = "georeference"
 """The parameter, with `lat`, `lon` and `heading`."""
-# Its latitude, degrees.
-_POLE = 90.0
+# How far each of its numbers may be from 0, degrees.
+_MOST = (90, 180, 360)
 
 
 class Georeference(NamedTuple):
@@ -30,10 +30,13 @@ class Georeference(NamedTuple):
             place = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
         except (ArithmeticError, LookupError, TypeError, ValueError):
             return None
-        is_somewhere = (
-            abs(place.lat) <= _POLE and abs(place.lon) <= 2 * _POLE and math.isfinite(place.heading)
-        )
-        return place if is_somewhere else None
+        return None if any(place.mistakes()) else place
+
+    def mistakes(self) -> Iterator[tuple[str, str]]:
+        """Yield the name of each number that is out of its range, with what is wrong with it in words."""
+        for name, value, most in zip(self._fields, self, _MOST, strict=True):
+            if not abs(value) <= most:  # so that NaN is a mistake
+                yield name, f"must be degrees between -{most} and {most}, is {value:g}"
 
     def located(self, x: float, y: float) -> tuple[float, float]:
         """Return latitude and longitude of a position in the frame `map` (metres), along the ellipsoid.

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Any, ClassVar, NamedTuple
 
+from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
     GOAL_ENDED,
     GOAL_SENT,
@@ -233,11 +234,13 @@ class MissionState:
         since_phase: When the present phase began.
         finished: When each landmark was done or given up in the last run, by kind and name.
         process: The process that runs it; by default, that it is there and tells what happens.
+        place: Where the map lies on the earth, if somebody says so afterwards; else the parameters may.
     """
 
     def __init__(self) -> None:
         self.about: Mapping[str, Any] = {}
         self.process = RunProcess()
+        self.place: Georeference | None = None
         self.runs: list[RunState] = []
         self.nodes: list[NodeState] = []
         self.situation = Situation()

@@ -372,14 +372,8 @@ def _georeference(reader: ParameterReader) -> Georeference | None:
     reader.only(GEOREFERENCE, Georeference._fields)
     given = Georeference(**reader.point(GEOREFERENCE, Georeference._fields))
     if len(reader.problems) == before:
-        for name, value, most in (
-            ("lat", given.lat, 90),
-            ("lon", given.lon, 180),
-            ("heading", given.heading, 360),
-        ):
-            if abs(value) > most:
-                text = f"must be degrees between -{most} and {most}, is {value:g}"
-                reader.report(f"{GEOREFERENCE}.{name}", text)
+        for name, text in given.mistakes():
+            reader.report(f"{GEOREFERENCE}.{name}", text)
     return given
 
 

@@ -23,7 +23,7 @@ class ReportError(SarError):
 
 def georeference(state: MissionState) -> Georeference | None:
     """Return where the map of a mission lies on the earth; None if that is not known."""
-    return Georeference.among(state.parameters)
+    return state.place or Georeference.among(state.parameters)
 
 
 def to_visit(state: MissionState) -> list[Landmark]:
@@ -185,7 +185,7 @@ def require_form(file: Path, place: Georeference | None) -> None:
         raise ReportError(
             f"{file} has coordinates of the world, which takes {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} in the "
             "parameter file: where the origin of the frame map lies, in degrees, and where its x axis points, clockwise from "
-            "north"
+            "north. Of a journal, sar-journal report --georeference LAT,LON,HEADING makes it afterwards"
         )
     for library in (*(() if place is None else ("pyproj",)), *form.libraries):
         import_module(library)

@@ -1,11 +1,14 @@
 """The reports of a run, and of a journal: what becomes of the others if one of them cannot be made or written."""
 
+import json
 import re
+import sys
 
 import pytest
 
 from sar_compiler.cli.arguments import REPORT_FORMS
-from sar_compiler.cli.run_report import RunReport, report_journal
+from sar_compiler.cli.journal_command import main
+from sar_compiler.cli.run_report import RunReport
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.views.mission_report import FORMS
@@ -53,13 +56,103 @@ def test_a_run_that_has_not_begun_has_no_report(files):
     assert not any(file.exists() for file in files)
 
 
-def test_of_a_journal_none_is_written_if_one_cannot_be_made(breaking, files, tmp_path):
-    journal = open_journal(tmp_path / "m.journal")
-    journal.begin({"mission": "patrol"}, {})
-    journal.close()
-    with pytest.raises(ZeroDivisionError):
-        report_journal(tmp_path / "m.journal", files[::-1])
-    assert not any(file.exists() for file in files)
+PLACE = {"georeference.lat": 48.2, "georeference.lon": 16.37, "georeference.heading": 90.0}
+OPTION = "--georeference=-33.9,18.4,0"
+
+
+@pytest.fixture
+def journal_of(tmp_path):
+    """Return the file of a journal that a run with parameters has left."""
+
+    def write(**parameters):
+        journal = open_journal(tmp_path / "m.journal")
+        journal.begin({"mission": "patrol"}, {"parameters": parameters})
+        journal.note("survivor_named", survivor="survivor_1", x=0.0, y=0.0)
+        journal.close()
+        return str(tmp_path / "m.journal")
+
+    return write
+
+
+def written(tmp_path):
+    return {file.name for file in tmp_path.iterdir() if file.name.startswith("r.")}
+
+
+def test_of_a_journal_the_others_are_written_if_one_cannot_be_made(breaking, files, journal_of, capsys):
+    assert main(["report", journal_of(), "-o", *map(str, files)]) == 1
+    assert not files[0].exists()
+    assert files[1].exists()
+    assert capsys.readouterr().err == (
+        f"sar-journal: the report {files[0]} could not be made: ZeroDivisionError('no way')\n"
+    )
+
+
+def test_of_a_journal_each_form_that_can_be_written_is_and_the_others_are_told(journal_of, tmp_path, capsys):
+    out = [str(tmp_path / f"r.{ending}") for ending in ("geojson", "pdf", "html", "cot", "json")]
+    assert main(["report", journal_of(), "-o", *out]) == 1
+    assert written(tmp_path) == {"r.html", "r.json"}
+    told = capsys.readouterr().err.splitlines()
+    assert [
+        line.startswith(f"sar-journal: {out[at]} has coordinates")
+        for line, at in zip(told, (0, 1, 3), strict=True)
+    ] == [True, False, True]
+    assert "--georeference LAT,LON,HEADING" in told[0]
+    assert told[1].endswith("r.pdf does not")
+
+
+def test_of_a_journal_a_form_whose_library_is_missing_is_told(journal_of, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "geojson", None)
+    out = [str(tmp_path / "r.geojson"), str(tmp_path / "r.json")]
+    assert main(["report", journal_of(**PLACE), "-o", *out]) == 1
+    assert written(tmp_path) == {"r.json"}
+    assert f"sar-journal: {out[0]}: a report in coordinates of the world takes" in capsys.readouterr().err
+
+
+def place_in(file):
+    data = json.loads(file.read_text(encoding="utf-8"))
+    return [*data["georeference"].values()]
+
+
+def test_where_the_map_lies_can_be_said_afterwards(journal_of, tmp_path, capsys):
+    out = tmp_path / "r.json", tmp_path / "r.geojson"
+    assert main(["report", journal_of(), "-o", *map(str, out), OPTION]) == 0
+    assert place_in(out[0]) == [-33.9, 18.4, 0.0]
+    assert out[1].exists()
+    assert not capsys.readouterr().err
+
+
+def test_where_the_map_lies_is_as_it_was_said_last_and_that_is_told(journal_of, tmp_path, capsys):
+    out = tmp_path / "r.json"
+    assert main(["report", journal_of(**PLACE), "-o", str(out), OPTION]) == 0
+    assert place_in(out) == [-33.9, 18.4, 0.0]
+    assert capsys.readouterr().err == (
+        "sar-journal: note: --georeference -33.9,18.4,0.0 counts; the journal has 48.2,16.37,90.0\n"
+    )
+
+
+def test_what_the_journal_says_as_well_is_no_news(journal_of, tmp_path, capsys):
+    out = str(tmp_path / "r.json")
+    assert main(["report", journal_of(**PLACE), "-o", out, "--georeference", "48.2,16.37,90"]) == 0
+    assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("91,0,0", "'91,0,0': lat must be degrees between -90 and 90, is 91"),
+        ("0,-181,0", "'0,-181,0': lon must be degrees between -180 and 180, is -181"),
+        ("0,0,361", "'0,0,361': heading must be degrees between -360 and 360, is 361"),
+        ("nan,0,0", "'nan,0,0': lat must be degrees between -90 and 90, is nan"),
+        ("48.2,16.37", "'48.2,16.37' is not LAT,LON,HEADING in degrees"),
+        ("48.2,16.37,90,1", "'48.2,16.37,90,1' is not LAT,LON,HEADING in degrees"),
+        ("here", "'here' is not LAT,LON,HEADING in degrees"),
+    ],
+)
+def test_what_is_no_place_on_the_earth_is_wrong_usage(text, words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["report", "m.journal", "-o", "r.json", f"--georeference={text}"])
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err
 
 
 def test_the_help_names_every_form_of_a_report():
