@@ -169,8 +169,8 @@ def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, mo
 
     from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToZone
 
-    monkeypatch.setattr("sar_compiler.ros.leaves.goal._RESULT_SEC", 0.2)
-    monkeypatch.setattr("sar_compiler.ros.leaves.goal._CHASE_SEC", 0.1)
+    monkeypatch.setattr("sar_compiler.ros.leaves.goals._RESULT_SEC", 0.2)
+    monkeypatch.setattr("sar_compiler.ros.leaves.goals._CHASE_SEC", 0.1)
     babbler = Babbler(stage.host())
 
     @examples(rounds)
