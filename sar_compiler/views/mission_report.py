@@ -161,6 +161,7 @@ FORMS: Mapping[str, ReportForm] = {
     ".html": ReportForm("sar_compiler.views.report_html:html_report"),
     ".json": ReportForm("sar_compiler.views.mission_report:json_report"),
     ".geojson": ReportForm(f"{_EXCHANGE}:geojson_report", is_of_the_world=True, libraries=["geojson"]),
+    ".kml": ReportForm(f"{_EXCHANGE}:kml_report", is_of_the_world=True),
     ".cot": ReportForm(f"{_EXCHANGE}:cot_report", is_of_the_world=True),
     ".cap": ReportForm(f"{_EXCHANGE}:cap_report", is_of_the_world=True, libraries=["cap_tools", "xsdata"]),
 }

@@ -1,20 +1,22 @@
 """The report of a mission in the forms that maps and emergency services read, in coordinates of the world.
 
-GeoJSON by RFC 7946, Cursor on Target 2.0 as TAK reads it, the Common Alerting Protocol 1.2.
+GeoJSON by RFC 7946, KML 2.2 by the OGC, Cursor on Target 2.0 as TAK reads it, the Common Alerting Protocol 1.2.
 """
 
+import html
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta, timezone
 from typing import Any
 
 from lxml import etree
+from lxml.builder import ElementMaker
 
 from sar_compiler.journal.condition import condition_text
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.mission_state import Instant, MissionState
-from sar_compiler.journal.situation import FactTime, Landmark
+from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.mission_report import ReportError, georeference, report_data, to_visit
 from sar_compiler.views.plain import as_json, speakable
@@ -67,6 +69,88 @@ def geojson_report(state: MissionState) -> str:
             features.append(geojson.Feature(geometry=line, properties=about))
     about = {key: data[key] for key in ("mission", "simulated", "outcome", "reason")}
     return as_json(geojson.FeatureCollection(features, **about)) + "\n"
+
+
+_KML = "http://www.opengis.net/kml/2.2"
+_E = ElementMaker(namespace=_KML, nsmap={None: _KML})
+# The colours of the page's signs (`report.css`), as blue, green and red: by level, of finds by level and where they are certain, of the way.
+_LEVELS = {Level.TO_COME: "ffffff", Level.IN_HAND: "e9b456", Level.DONE: "b27200", Level.GIVEN_UP: "000000"}
+_FOUND, _CERTAIN, _WRONG, _WAY = "009fe6", "005ed5", "777777", "b27200"
+
+
+def kml_report(state: MissionState) -> str:
+    """Return a mission as a KML document: its landmarks in the colours of the page, and the way driven in each run.
+
+    Raises:
+        ReportError: If the map's place on the earth is not known.
+        ImportError: If a library is not installed.
+    """
+    reference, situation = _reference(state), state.situation
+    document = _E.Document(
+        _E.name(_text(state.title)),
+        _description(state, condition_text(state)),
+        *(
+            _placemark(state, each, reference)
+            for kind in situation.kinds.values()
+            for each in situation.of_kind(kind.name)
+        ),
+        *_ways(state, reference),
+    )
+    written: str = etree.tostring(_E.kml(document), encoding="unicode", pretty_print=True)
+    return written
+
+
+def _placemark(state: MissionState, landmark: Landmark, reference: Georeference) -> Any:
+    kind = state.situation.kind_of(landmark)
+    told = _remarks(landmark) if kind.is_found else ", ".join(filter(None, (landmark.state, landmark.reason)))
+    if landmark.corners:
+        ring = _coordinates((*landmark.corners, landmark.corners[0]), reference)
+        shape = _E.Polygon(_E.outerBoundaryIs(_E.LinearRing(ring)))
+    else:
+        shape = _E.Point(_coordinates([(landmark.x, landmark.y)], reference))
+    return _E.Placemark(
+        _E.name(_text(_name(state, landmark.name))),
+        _description(state, f"{kind.name}: {told}" if told else kind.name),
+        _style(_colour(landmark, is_found=kind.is_found)),
+        shape,
+    )
+
+
+def _ways(state: MissionState, reference: Georeference) -> Iterator[Any]:
+    for run in state.runs:
+        way = [(pose.x, pose.y) for pose in state.trail if pose.at.run == run.number]
+        if len(way) > 1:
+            line = _E.LineString(_E.tessellate("1"), _coordinates(way, reference))
+            told = _description(state, "the way that the robot has driven")
+            yield _E.Placemark(_E.name(_text(_name(state, f"run {run.number}"))), told, _style(_WAY), line)
+
+
+def _colour(landmark: Landmark, *, is_found: bool) -> str:
+    if not is_found:
+        return _LEVELS[Level(landmark.level)]
+    if landmark.level == Level.GIVEN_UP:
+        return _WRONG
+    return _CERTAIN if landmark.is_certain else _FOUND
+
+
+def _style(colour: str) -> Any:
+    return _E.Style(
+        _E.IconStyle(_E.color(f"ff{colour}")),
+        _E.LineStyle(_E.color(f"ff{colour}"), _E.width("3")),
+        _E.PolyStyle(_E.color(f"40{colour}")),  # so that what lies below an area is seen
+    )
+
+
+def _description(state: MissionState, text: str) -> Any:
+    """Return a description, which programs show as HTML: nothing in it is a mark."""
+    simulated = "SIMULATED. " if state.about.get("simulated") else ""
+    return _E.description(html.escape(_text(f"{simulated}{text}"), quote=False))
+
+
+def _coordinates(places: Iterable[tuple[float, float]], reference: Georeference) -> Any:
+    """Return positions in the frame `map` (metres) as longitude and latitude, on the ground."""
+    located = (reference.located(*place) for place in places)
+    return _E.coordinates(" ".join(f"{lon:.8f},{lat:.8f}" for lat, lon in located))
 
 
 def cot_report(state: MissionState, now: datetime | None = None) -> str:

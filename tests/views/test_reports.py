@@ -15,6 +15,7 @@ import geojson
 import pytest
 import takproto
 from cap_tools.models import Alert, Category, Certainty, ResponseType, Scope, Severity, Status, Urgency
+from lxml import etree
 from xsdata.formats.dataclass.parsers import XmlParser
 
 from sar_compiler.journal.georeference import Georeference
@@ -233,6 +234,99 @@ class TestGeoJson:
         text = report_text(mission(shown(name="\u202e\x1b[2J\ud800")), "r.geojson")
         assert r"\u202e\u001b[2J\ud800" in text
         assert text.encode().isascii()
+
+
+OGC = "{http://www.opengis.net/kml/2.2}"
+# What stands where by the norm, as far as it is used here.
+OGC_ORDER = {
+    "kml": ["Document"],
+    "Document": ["name", "description", "Placemark"],
+    "Placemark": ["name", "description", "Style", "Point", "LineString", "Polygon"],
+    "Style": ["IconStyle", "LineStyle", "PolyStyle"],
+    "IconStyle": ["color"],
+    "LineStyle": ["color", "width"],
+    "PolyStyle": ["color"],
+    "Point": ["coordinates"],
+    "LineString": ["tessellate", "coordinates"],
+    "Polygon": ["outerBoundaryIs"],
+    "outerBoundaryIs": ["LinearRing"],
+    "LinearRing": ["coordinates"],
+}
+
+
+class TestKml:
+    def read(self, *told, **about):
+        return etree.fromstring(report_text(mission(*told, **about), "r.kml").encode())
+
+    def placemarks(self, *told, **about):
+        return {
+            each.findtext(f"{OGC}name"): each for each in self.read(*told, **about).iter(f"{OGC}Placemark")
+        }
+
+    def test_its_elements_are_those_of_the_ogc_in_their_order(self):
+        for element in self.read().iter():
+            names = [each.tag.removeprefix(OGC) for each in element]
+            order = OGC_ORDER.get(element.tag.removeprefix(OGC), [])
+            assert names == sorted(names, key=order.index)
+
+    def test_there_is_a_placemark_for_each_landmark_and_way(self):
+        assert sorted(self.placemarks()) == [
+            f"robot1/{name}"
+            for name in ("base station", "geofence", "run 1", "survivor_1", "zone_a", "zone_b", "zone_c")
+        ]
+
+    def test_longitude_stands_first_and_an_area_is_closed(self):
+        marks = self.placemarks()
+        assert marks["robot1/survivor_1"].findtext(f".//{OGC}coordinates") == "16.37134523,48.19999999"
+        ring = marks["robot1/geofence"].findtext(f".//{OGC}coordinates").split()
+        assert (len(ring), ring[0]) == (4, ring[-1])
+        way = marks["robot1/run 1"].findtext(f".//{OGC}coordinates").split()
+        assert way == ["16.37000000,48.20000000", "16.37001345,48.20000000"]
+
+    def test_each_says_what_it_is(self):
+        said = {name: each.findtext(f"{OGC}description") for name, each in self.placemarks().items()}
+        assert said["robot1/survivor_1"].startswith(
+            "survivor: candidate; found in zone_a at (100.00, 0.00) m of the robot's map"
+        )
+        assert said["robot1/zone_b"] == "zone: abandoned, after attempt 2"
+        assert said["robot1/base station"] == "base"
+
+    @pytest.mark.parametrize(
+        ("told", "name", "sign"),
+        [
+            ([], "survivor_1", ".landmark.found {"),
+            ([CONFIRMED], "survivor_1", ".landmark.found.certain {"),
+            ([shown("zone", "zone_a", "searched", level=2)], "zone_a", ".landmark.done {"),
+            ([shown("zone", "zone_c", "under way", level=1)], "zone_c", ".landmark.in-hand {"),
+            ([], "zone_b", ".landmark.given-up {"),
+            ([], "zone_c", ".landmark {"),
+        ],
+    )
+    def test_each_has_the_colour_of_its_sign_on_the_page(self, told, name, sign):
+        style = html_report(mission()).partition("</style>")[0]
+        shade = style.partition(sign)[2].partition("fill: #")[2].partition(";")[0].partition(" ")[0]
+        red, green, blue = (
+            each * (2 if len(shade) == 3 else 1)
+            for each in re.findall(r"..?" if len(shade) == 6 else ".", shade)
+        )
+        colour = self.placemarks(*told)[f"robot1/{name}"].findtext(f".//{OGC}IconStyle/{OGC}color")
+        assert colour == f"ff{blue}{green}{red}"
+
+    def test_who_was_rejected_is_grey(self):
+        mark = self.placemarks(REJECTED)["robot1/survivor_1"]
+        assert mark.findtext(f".//{OGC}IconStyle/{OGC}color") == "ff777777"
+
+    def test_what_lies_below_an_area_is_seen(self):
+        assert self.placemarks()["robot1/geofence"].findtext(f".//{OGC}PolyStyle/{OGC}color")[:2] == "40"
+
+    def test_of_a_simulation_each_placemark_says_so(self):
+        marks = self.placemarks(simulated=True).values()
+        assert all(each.findtext(f"{OGC}description").startswith("SIMULATED. ") for each in marks)
+
+    def test_what_a_stranger_has_written_is_a_text_in_a_description_as_well(self):
+        marks = self.placemarks(shown(name=NASTY, state=NASTY))
+        mark = marks["robot1/" + NASTY.replace("\x1b", r"\x1b")]
+        assert "survivor: &lt;script&gt;alert('x')&lt;/script&gt;&amp;" in mark.findtext(f"{OGC}description")
 
 
 def as_tak_reads(line):
@@ -540,7 +634,7 @@ class TestWhatIsRefusedBeforehand:
     def test_each_form_can_be_asked_for(self, ending, tmp_path):
         require_form(tmp_path / f"report{ending}", Georeference(48.2, 16.37, 90.0))
 
-    @pytest.mark.parametrize("ending", [".geojson", ".cot", ".cap"])
+    @pytest.mark.parametrize("ending", [".geojson", ".kml", ".cot", ".cap"])
     def test_coordinates_of_the_world_take_the_place_of_the_map(self, ending, tmp_path):
         with pytest.raises(
             ReportError, match=r"takes georeference: {lat: …, lon: …, heading: …} in the parameter file"
@@ -549,7 +643,8 @@ class TestWhatIsRefusedBeforehand:
 
     def test_another_ending_is_no_form(self, tmp_path):
         with pytest.raises(
-            ReportError, match=r"ends in \.html, \.json, \.geojson, \.cot, \.cap, and .*report.pdf does not"
+            ReportError,
+            match=r"ends in \.html, \.json, \.geojson, \.kml, \.cot, \.cap, and .*report.pdf does not",
         ):
             require_form(tmp_path / "report.pdf", None)
 
