@@ -47,7 +47,9 @@ def patrol(live, browser, crew):
 def test_stop_has_the_robot_stand_at_once_and_asks_whether_that_is_the_end(patrol, crew, browser):
     browser.click(".stop")
     browser.wait(lambda: crew.given == [("pause", "")], "the pause")
+    assert "It stays paused unless the mission is ended here." in browser.text("#ask")
     assert "Sure?" in browser.text("#ask")
+    assert browser.text("#ask .no") == "Stay paused"
     browser.type("#ask .no", Keys.ENTER)
     browser.wait(lambda: not browser.js("return document.getElementById('ask').open"), "the end of it")
     assert crew.given == [("pause", "")]

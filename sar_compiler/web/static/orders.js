@@ -24,7 +24,7 @@ export class Orders {
     this.by = html("input", { id: "by", autocomplete: "off", maxlength: 60, value: remembered() });
     this.who = html("label", { class: "by" }, "Your name, for the log ", this.by);
     place.append(this.to, html("div", { class: "first" }, this.stop, this.toggle), this.answer, this.more, this.who);
-    this.ask = html("dialog", { id: "ask" }, html("form", { method: "dialog" }, html("h2"), html("div"), html("menu", {}, html("button", { type: "button", class: "no" }, "Leave it"), html("button", { value: "yes", class: "yes" }))));
+    this.ask = html("dialog", { id: "ask" }, html("form", { method: "dialog" }, html("h2"), html("div"), html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
     document.body.append(this.ask);
     // Not a button that submits: Enter in a field would press the first of these.
     this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
@@ -103,22 +103,25 @@ export class Orders {
   /** Have the robot stand at once, and ask whether that is the end. */
   halt() {
     const [hold, stop] = [this.of("hold"), this.of("stop")];
-    if (hold && this.now.has(hold.name) && !this.isHeld) this.give(hold, {});
-    if (stop && this.now.has(stop.name)) this.begin(stop);
+    const stays = this.isHeld || this.now.has(hold?.name);
+    if (stays && !this.isHeld) this.give(hold, {});
+    if (stop && this.now.has(stop.name)) this.begin(stop, stays ? "The robot is told to stand still. It stays paused unless the mission is ended here." : "");
   }
 
-  async begin(verb) {
+  /** Give an order, after the question that it needs; *before* stands ahead of that, and says that the robot stays paused. */
+  async begin(verb, before = "") {
     const robot = this.stream.chosen;
-    const values = verb.fields.length || verb.confirm ? await this.question(verb, {}) : {};
+    const values = verb.fields.length || verb.confirm ? await this.question(verb, {}, before) : {};
     if (values) this.give(verb, values, robot);
   }
 
-  question(verb, given) {
+  question(verb, given, before = "") {
     const fields = new Map(verb.fields.map((field) => [field.name, this.field(field, given[field.name])]));
     const [heading, body, yes] = [this.ask.querySelector("h2"), this.ask.querySelector("div"), this.ask.querySelector(".yes")];
     say(heading, this.stream.isTeam ? `${verb.label}: ${this.stream.names[this.stream.chosen]}` : verb.label);
     say(yes, verb.label);
-    body.replaceChildren(...(verb.confirm ? [html("p", {}, verb.confirm)] : []), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))));
+    say(this.ask.querySelector(".no"), before ? "Stay paused" : "Leave it");
+    body.replaceChildren(...[before, verb.confirm].filter(Boolean).map((text) => html("p", {}, text)), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))));
     const number = (text) => (text === "" ? null : Number(text));
     const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, (kind === "number" ? number : String)(fields.get(name).value)]));
     if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read));
