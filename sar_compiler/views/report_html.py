@@ -5,6 +5,7 @@ Its map, in SVG, shows what the mission shows, and the way of the robot.
 
 import itertools
 import math
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
@@ -17,7 +18,7 @@ from sar_compiler.journal.mission_state import Instant, MissionState, NodeState,
 from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.tree.showing import visible
-from sar_compiler.views.mission_report import georeference, not_done
+from sar_compiler.views.mission_report import georeference, not_done, to_visit
 from sar_compiler.views.mission_view import sign
 from sar_compiler.views.why import Why, first_to_look_at
 
@@ -41,14 +42,13 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
     title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
     found, others = (_landmarks(state, is_found=each) for each in (True, False))
     parts = (
-        _head(state, why),
+        _head(state),
         found,
         _map(state),
         others,
         _alarms(state),
-        _facts(state),
-        _faults(state),
-        _annex(state),
+        _next_steps(state),
+        _annex(state, why),
     )
     body = "".join(itertools.chain(*parts))
     style = files(__package__).joinpath("report.css").read_text("utf-8")
@@ -60,15 +60,13 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
     )
 
 
-def _head(state: MissionState, why: Why | None) -> Iterator[str]:
+def _head(state: MissionState) -> Iterator[str]:
     now = condition(state)
     yield f"<header><h1>{_text(state.title)}</h1>"
     if state.about.get("simulated"):
         seeks = any(kind.is_found for kind in state.situation.kinds.values())
         yield f'<p class="simulated">Simulated{": nobody was searched for, nobody was found" if seeks else ""}</p>'
     yield f'<p class="outcome{"" if now.level == GOOD else " bad"}">{_text(now.text(state.now.time))}</p>'
-    if why is not None and (first := first_to_look_at(why)):
-        yield f'<p class="first">{_text(first)}</p>'
     facts: list[tuple[str, str]] = [
         (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
         for run in state.runs
@@ -158,6 +156,30 @@ def _alarms(state: MissionState) -> Iterator[str]:
         yield _table(("since", "what", "now"), rows, "")
 
 
+def _next_steps(state: MissionState) -> Iterator[str]:
+    yield "<h2>What to do next</h2>"
+    items = "".join(f"<li>{_text(step)}</li>" for step in next_steps(state))
+    yield f"<ul>{items}</ul>" if items else "<p>The mission has left nothing to do.</p>"
+
+
+def next_steps(state: MissionState) -> Iterator[str]:
+    """Yield what a mission leaves to those who read its report: finds to go to, places to look at, what to ask for."""
+    finds = to_visit(state)
+    for find in finds:
+        known = "confirmed" if find.is_certain else "nobody has confirmed it"
+        late = "" if find.level == Level.DONE else ". The mission was not done with it: pass it on yourself"
+        yield f"Go to {find.name} at {_position(state, find.x, find.y)[-1]} ({known}){late}"
+    for place in not_done(state):
+        yield f"See to {place}"
+    if finds and georeference(state) is None:
+        yield (
+            "Have the report made with coordinates of the world, which these are not: sar-journal report … --georeference "
+            "LAT,LON,HEADING"
+        )
+    if state.runs and not state.runs[-1].ending:
+        yield f"Ask for a later report: this one is of {_day(state.now)}"
+
+
 def _facts(state: MissionState) -> Iterator[str]:
     if state.facts:
         yield "<h2>What has happened</h2>"
@@ -180,19 +202,32 @@ def _more(count: int) -> str:
     return f"<p class='quiet'>{count} more are in the journal.</p>" if count > 0 else ""
 
 
-def _annex(state: MissionState) -> Iterator[str]:
-    yield '<section class="annex"><h2>Parameters</h2>'
+def _annex(state: MissionState, why: Why | None) -> Iterator[str]:
+    yield '<section class="annex"><p class="quiet">From here on for engineers.</p>'
+    folder = _folder(state)
+    if why is not None and (first := first_to_look_at(why)):
+        yield f'<p class="first">{_text(first.replace(folder, ""))}</p>'
+    yield from _facts(state)
+    yield from _faults(state)
+    yield "<h2>Parameters</h2>"
     rows = (("", [name, _value(value)]) for name, value in sorted(state.parameters.items()))
     yield _table(("name", "value"), rows, "None were kept.")
     yield "<h2>Tree</h2><p class='quiet'>The last status of each node, and what it said then.</p><div class='wide'>"
-    yield f'<table class="tree"><tbody>{"".join(map(_node, state.nodes))}</tbody></table></div></section>'
+    yield f'<table class="tree"><tbody>{"".join(_node(each, folder) for each in state.nodes)}</tbody></table></div></section>'
     about = state.runs[-1].about if state.runs else {}
     yield f"<footer>sar_compiler {_text(str(about.get('version') or ''))}, node {_text(str(about.get('node') or _NONE))}</footer>"
 
 
-def _node(node: NodeState) -> str:
+def _folder(state: MissionState) -> str:
+    """Return the folder that all files of the tree are in, with a slash; empty if there is none. Where it was on the robot says nothing elsewhere."""
+    folders = {os.path.dirname(node.file) for node in state.nodes if os.path.isabs(node.file)}  # noqa: PTH117, PTH120 - of another machine
+    common = os.path.commonpath(folders) if folders else ""
+    return f"{common}/" if common.strip("/") else ""
+
+
+def _node(node: NodeState, folder: str) -> str:
     name = f"{'  ' * node.depth}{sign(node.status)} {node.name}".replace("  ", "\u00a0\u00a0")
-    cells = (name, node.message, node.place)
+    cells = (name, node.message.replace(folder, ""), node.place.replace(folder, ""))
     return f'<tr class="{_text(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
 
 

@@ -464,6 +464,67 @@ class TestThePage:
         for words in ("visited, not searched", "abandoned: after attempt 2"):
             assert words in texts(tables)
 
+    def steps(self, *told, **about):
+        part = html_report(mission(*told, **about)).partition("<h2>What to do next</h2>")[2]
+        return [html.unescape(each) for each in re.findall("<li>(.*?)</li>", part.partition("<section")[0])]
+
+    def test_what_there_is_to_do_next_is_who_to_go_to_and_where_nobody_has_looked(self):
+        assert self.steps() == [
+            "Go to survivor_1 at 48.2000000, 16.3713452 (nobody has confirmed it)",
+            "See to zone_b (abandoned: after attempt 2)",
+            "See to zone_c (open)",
+        ]
+
+    def test_who_was_confirmed_is_gone_to_as_such_and_who_was_rejected_is_not(self):
+        assert "(confirmed)" in self.steps(CONFIRMED)[0]
+        assert not any("survivor_1" in step for step in self.steps(REJECTED))
+
+    def test_whom_the_mission_was_not_done_with_must_be_passed_on(self):
+        step = self.steps(shown(name="survivor_2", level=1))[1]
+        assert step.endswith("The mission was not done with it: pass it on yourself")
+
+    def test_metres_of_the_map_are_no_coordinates_to_go_by(self):
+        first, *_, last = self.steps(parameters={})
+        assert first.startswith("Go to survivor_1 at 100.00, 0.00 (")
+        assert "--georeference LAT,LON,HEADING" in last
+        assert not any("--georeference" in step for step in self.steps(REJECTED, parameters={}))
+
+    def test_of_a_mission_that_is_not_over_a_later_report_is_asked_for(self):
+        assert self.steps(ended=False)[-1].startswith("Ask for a later report: this one is of 2023-11-1")
+
+    def test_a_mission_that_has_left_nothing_says_so(self):
+        assert "The mission has left nothing to do." in html_report(MissionState())
+
+    def test_what_engineers_read_begins_on_a_page_of_its_own_behind_what_a_coordinator_reads(self):
+        page = html_report(mission(alarm("low"), *PATROL))
+        first, engineers = page.split('<section class="annex">')
+        heads = [re.findall("<h2>(.*?)</h2>", part) for part in (first, engineers)]
+        assert heads == [
+            ["Survivors", "Map", "Zones", "Alarms", "What to do next"],
+            ["What has happened", "Faults met", "Parameters", "Tree"],
+        ]
+        assert ".annex { break-before: page }" in page.partition("@media print")[2]
+
+    @pytest.mark.parametrize(
+        ("files", "told"),
+        [
+            (["/home/robot/trees/m.xml", "/home/robot/trees/sub/n.xml"], ["m.xml:1", "sub/n.xml:1"]),
+            (["/home/robot/trees/m.xml", "/home/robot/more/n.xml"], ["trees/m.xml:1", "more/n.xml:1"]),
+            (["/m.xml", "/etc/n.xml"], ["/m.xml:1", "/etc/n.xml:1"]),
+            (["m.xml", ""], ["m.xml:1", ""]),
+        ],
+    )
+    def test_files_of_the_tree_are_named_from_the_folder_that_they_share(self, files, told):
+        first, other = (
+            {"class": "Sequence", "name": "n", "attributes": {}, "children": [], "file": file, "line": 1}
+            for file in files
+        )
+        tree = {**first, "children": [other]}
+        began = {"mission": "patrol", "tree": tree, "run": {}}
+        page = html_report(MissionState.of([JournalEntry(1, 1, 0.0, 0.0, "run_began", began)]))
+        rows = page.partition('<table class="tree">')[2]
+        assert re.findall("<td>([^<]*)</td></tr>", rows) == told
+
     def test_it_says_where_the_robot_is(self):
         def robot(*told):
             (said,) = re.findall("<dt>robot</dt><dd>([^<]*)</dd>", html_report(mission(*told)))
