@@ -4,6 +4,7 @@ import argparse
 import codecs
 import errno
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -207,6 +208,8 @@ class CommandParser(argparse.ArgumentParser):
         self._rare: dict[argparse.Action, str] = {}
         self._names_now: dict[str, str] = {}
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
+        # As of Python 3.14: a value of several numbers, such as -33.9,18.4,90, is no option either.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse a command line; if a shell asks what can come next in one, answer and exit."""

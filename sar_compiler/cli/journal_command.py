@@ -49,7 +49,7 @@ def _parser() -> Parser:
     text = f"the files, each {REPORT_FORMS}"
     report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
     report.rename("--to", "--output")
-    text = "where the origin of the frame map lies, and where its x axis points, clockwise from north, in degrees (default: as the run knew it; with = if LAT is below 0: --georeference=-33.9,18.4,90)"
+    text = "where the origin of the frame map lies, and where its x axis points, clockwise from north, in degrees (default: as the run knew it)"
     report.add_argument("--georeference", type=georeference, metavar="LAT,LON,HEADING", help=text)
     report.set_defaults(run=_report)
     text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."

@@ -57,7 +57,7 @@ def test_a_run_that_has_not_begun_has_no_report(files):
 
 
 PLACE = {"georeference.lat": 48.2, "georeference.lon": 16.37, "georeference.heading": 90.0}
-OPTION = "--georeference=-33.9,18.4,0"
+OPTION = ("--georeference", "-33.9,18.4,0")
 
 
 @pytest.fixture
@@ -115,7 +115,7 @@ def place_in(file):
 
 def test_where_the_map_lies_can_be_said_afterwards(journal_of, tmp_path, capsys):
     out = tmp_path / "r.json", tmp_path / "r.geojson"
-    assert main(["report", journal_of(), "-o", *map(str, out), OPTION]) == 0
+    assert main(["report", journal_of(), "-o", *map(str, out), *OPTION]) == 0
     assert place_in(out[0]) == [-33.9, 18.4, 0.0]
     assert out[1].exists()
     assert not capsys.readouterr().err
@@ -123,7 +123,7 @@ def test_where_the_map_lies_can_be_said_afterwards(journal_of, tmp_path, capsys)
 
 def test_where_the_map_lies_is_as_it_was_said_last_and_that_is_told(journal_of, tmp_path, capsys):
     out = tmp_path / "r.json"
-    assert main(["report", journal_of(**PLACE), "-o", str(out), OPTION]) == 0
+    assert main(["report", journal_of(**PLACE), "-o", str(out), *OPTION]) == 0
     assert place_in(out) == [-33.9, 18.4, 0.0]
     assert capsys.readouterr().err == (
         "sar-journal: note: --georeference -33.9,18.4,0.0 counts; the journal has 48.2,16.37,90.0\n"
