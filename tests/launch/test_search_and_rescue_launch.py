@@ -98,7 +98,10 @@ def test_every_word_for_the_journal_is_an_option_of_the_mission():
     assert isinstance(words, dict)
     known = subprocess.run([BIN / "sar-run", "--help"], capture_output=True, text=True, check=True).stdout
     assert ast.literal_eval(FILE.default("journal")) in words
-    assert all(f"{option} " in known for options in words.values() for option in options)
+    options = [word for each in words.values() for word in each if word.startswith("--")]
+    assert len(options) == 3
+    assert all(f"{option} " in known for option in options)
+    assert "to this file, or none" in known
 
 
 def test_every_parameter_given_to_the_mission_is_one_that_the_docs_list():
