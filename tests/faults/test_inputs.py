@@ -130,7 +130,8 @@ def limited(*command, kind=resource.RLIMIT_AS, most=2**31):
         check=False,
         timeout=120.0,
         preexec_fn=lambda: resource.setrlimit(kind, (most, most)),
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        # Bytecode that is cut off by a limit of a file's size would be read by whoever imports the module next.
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"},
     )
 
 
