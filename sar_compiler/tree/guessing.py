@@ -108,10 +108,19 @@ def likeness(word: str, other: str) -> float:
 
 def _is_near(written: str, meant: str, least: float) -> bool:
     """Return whether a name is near another one word by word: half of its letters say nothing (`CheckCondition`, `Condition`)."""
+    if _is_misspelt(written, meant):
+        return True
     words, others = (_WORDS.findall(each) for each in (written, meant))
     if len(words) != len(others):  # one too many or too few: all that is left has to be the same, nearly
         words, others, least = [_folded(written)], [_folded(meant)], max(least, _LIKE_WHOLE)
     return all(_is_like(*pair, least) for pair in zip(words, others, strict=True))
+
+
+def _is_misspelt(written: str, meant: str) -> bool:
+    """Return whether a name is another one with one letter too many, too few or swapped; with a wrong one it may be another."""
+    shorter = min(len(written), len(meant))
+    is_other = len(written) == len(meant) and sorted(written.lower()) != sorted(meant.lower())
+    return shorter > _SHORT and not is_other and is_slip(written, meant)
 
 
 def _is_like(word: str, other: str, least: float) -> bool:

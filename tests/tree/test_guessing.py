@@ -21,6 +21,8 @@ NEAR = [
     ("num_failure", "num_failures"),
     ("_failIf", "_failureIf"),
     ("goal_psoe", "goal_pose"),
+    ("BroadcastSurvivorF", "BroadcastSurvivorTF"),
+    ("BroadcastSurvivorFT", "BroadcastSurvivorTF"),
 ]
 # Most are of trees in public repositories, which were once said to be meant.
 NOT_NEAR = [
