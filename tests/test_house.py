@@ -13,6 +13,7 @@ import pytest
 
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.nodes.registry import load_registry
+from sar_compiler.signs import COLOURS
 
 PACKAGE = Path("sar_compiler")
 
@@ -35,7 +36,7 @@ MAY_IMPORT = {
     "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros", "missions", "views"},
     "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
 }
-COMMON = {"commands", "errors", "faces", "resources"}
+COMMON = {"commands", "errors", "faces", "resources", "signs"}
 ABOVE = {"__init__", "cli"}
 
 
@@ -278,6 +279,41 @@ def test_no_word_of_a_mission_stands_outside_its_folder():
         and (words := set(OF_A_MISSION.findall(path.read_text(encoding="utf-8"))))
     }
     assert said == SAID_ELSEWHERE
+
+
+NAMED_COLOURS = "white|black|gr[ae]y|red|green|blue|orange|yellow|cyan|gold|purple"
+COLOUR = re.compile(
+    r"#(?:[\da-f]{8}|[\da-f]{6}|[\da-f]{3,4})\b(?!;)|\b(?:rgb|hsl)a?\(\s*[\d{]"
+    rf"|\b(?:fill|fillcolor|color|stroke|background)[\"']?\s*[:=]\s*[\"']?(?:{NAMED_COLOURS})\b",
+    re.IGNORECASE,
+)
+"""A colour as CSS, SVG, Graphviz or Mermaid write it."""
+COLOURED_ELSEWHERE = {
+    "sar_compiler/web/static/icon.svg": "the tab of a browser draws it without the page's stylesheet",
+}
+
+
+def test_no_colour_stands_outside_its_home():
+    drawn = (
+        *(PACKAGE.rglob(f"*.{ending}") for ending in ("py", "css", "js", "html", "svg")),
+        Path("docs/pictures").glob("*.py"),
+    )
+    coloured = {
+        str(path) for path in itertools.chain(*drawn) if COLOUR.search(path.read_text(encoding="utf-8"))
+    }
+    assert coloured == {"sar_compiler/signs/__init__.py", *COLOURED_ELSEWHERE}
+
+
+def test_no_stylesheet_names_a_colour_that_there_is_not():
+    own = {"level", "map", *COLOURS}
+    used = {
+        (str(path), name)
+        for path in PACKAGE.rglob("*.css")
+        for name in re.findall(r"var\(--([a-z-]+)", path.read_text(encoding="utf-8"))
+    }
+    assert {(path, name) for path, name in used if name not in own} == set()
+    # The shapes of nodes are named by what draws them.
+    assert {*COLOURS} - {name for _, name in used} == set()
 
 
 def test_what_a_journal_takes_is_imported_only_where_one_is_kept():

@@ -11,6 +11,7 @@ from pathlib import Path
 import rclpy
 from nav_msgs.msg import Odometry
 
+from sar_compiler.signs import COLOURS, MARKS
 from sar_compiler.sim.world import find_world
 
 WORLD = "disaster_zone"
@@ -41,6 +42,10 @@ def driven() -> list[tuple[float, float, float]]:
     return way
 
 
+def _colour(name: str) -> str:
+    return COLOURS[name].light
+
+
 def picture(way: list[tuple[float, float, float]]) -> str:
     """Return the world and the way in it as SVG."""
     world = find_world(WORLD)
@@ -55,25 +60,28 @@ def picture(way: list[tuple[float, float, float]]) -> str:
     ]
     shapes += [f'<circle cx="{each.x}" cy="{each.y}" r="{each.radius}"/>' for each in world.cylinders]
     zones = [f'<circle cx="{x}" cy="{y}" r="0.45"/>' for x, y in world.zones.values()]
-    found = [f'<circle cx="{x}" cy="{y}" r="0.13"/>' for x, y in SURVIVORS.values()]
+    found = [
+        f'<path transform="translate({x} {y}) scale(0.015 -0.015)" d="{MARKS["triangle"]}"/>'
+        for x, y in SURVIVORS.values()
+    ]
     below = {name: (x, 0.75 - y) for name, (x, y) in {**world.zones, "base": (0.0, 0.0)}.items()}
     above = {name: (x, -0.25 - y) for name, (x, y) in SURVIVORS.items()}
     names = [f'<text x="{x:.2f}" y="{y:.2f}">{name}</text>' for name, (x, y) in {**below, **above}.items()]
     return f"""\
 <svg xmlns="http://www.w3.org/2000/svg" viewBox="-6.3 -5.3 12.6 10.6" width="630" height="530">
 <!-- Made by docs/pictures/mission.py; do not edit. -->
-<rect x="-6.3" y="-5.3" width="12.6" height="10.6" fill="#fafaf7"/>
+<rect x="-6.3" y="-5.3" width="12.6" height="10.6" fill="{_colour("ground")}"/>
 <g transform="scale(1 -1)">
-<g fill="#cfe3f5">{"".join(zones)}</g>
-<g fill="#4a4a4a">{"".join(shapes)}</g>
-<polyline points="{points}" fill="none" stroke="#e0a030" stroke-width="0.05"/>
-<g fill="#c03030">{"".join(found)}</g>
-<circle r="{world.robot_radius}" fill="#2060a0">
+<g fill="{_colour("chosen")}">{"".join(zones)}</g>
+<g fill="{_colour("halted")}">{"".join(shapes)}</g>
+<polyline points="{points}" fill="none" stroke="{_colour("trail")}" stroke-width="0.05"/>
+<g fill="{_colour("warning")}" stroke="{_colour("text")}" stroke-width="2">{"".join(found)}</g>
+<circle r="{world.robot_radius}" fill="{_colour("robot")}">
 <animateTransform attributeName="transform" type="translate" dur="{(end - start) / SPEED:.1f}s" repeatCount="indefinite"
  keyTimes="{times}" values="{values}"/>
 </circle>
 </g>
-<g font-family="sans-serif" font-size="0.3" text-anchor="middle" fill="#333333">{"".join(names)}</g>
+<g font-family="sans-serif" font-size="0.3" text-anchor="middle" fill="{_colour("text")}">{"".join(names)}</g>
 </svg>
 """
 

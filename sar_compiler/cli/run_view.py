@@ -17,21 +17,13 @@ from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.clock import mission_clock, steady_timer
 from sar_compiler.ros.companion import Companion
+from sar_compiler.signs import TERMINAL
 from sar_compiler.views.mission_view import Line, change_text, condition_change, full_height, screen
 
 # How often the screen is drawn, in seconds of the steady clock.
 _PERIOD_SEC = 0.2
 # The lines that are left to the log, and the fewest that a view is worth.
 _LOG_LINES, _LEAST = 4, 3
-_STYLES = {
-    "RUNNING": "bold cyan",
-    "SUCCESS": "green",
-    "FAILURE": "bold red",
-    "SKIPPED": "dim",
-    "title": "bold reverse",
-    "quiet": "dim",
-    "alarm": "bold red",
-}
 
 # For terminals of other encodings than UTF-8.
 _IN_ASCII = str.maketrans({"✓": "+", "✕": "x", "…": "~"})
@@ -208,7 +200,7 @@ def _painter() -> Paint:
     def paint(lines: Sequence[Line], width: int, height: int) -> Iterable[str]:
         for line in lines:
             text = Text.assemble(
-                *((piece.text.translate(signs), _STYLES.get(piece.style, "")) for piece in line), end=""
+                *((piece.text.translate(signs), TERMINAL.get(piece.style, "")) for piece in line), end=""
             )
             text.truncate(width, overflow="ellipsis")
             with console.capture() as painted:

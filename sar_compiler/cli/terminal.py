@@ -7,20 +7,13 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TextIO
 
 from sar_compiler.commands import columns, discard_output, print_error, print_text
+from sar_compiler.signs import TERMINAL
 
 if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import Diagnostic
 
-_SGR = {
-    "place": "1",
-    "error": "1;31",
-    "warning": "1;33",
-    "info": "1;36",
-    "margin": "2",
-    "carets": "1;31",
-    "advice": "32",
-}
-"""The parts of a text that are coloured, with the numbers by which terminals know the colours."""
+_SGR = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
+"""The numbers by which terminals know the words of a style."""
 
 
 def has_colours(stream: TextIO) -> bool:
@@ -46,10 +39,14 @@ def draws_in_place(stream: TextIO | None) -> bool:
 
 
 def painter(stream: TextIO) -> Callable[[str, str], str]:
-    """Return a function that colours a text by what it is (a key of `_SGR`), if the stream shows colours."""
+    """Return a function that colours a text by what it is (a key of `TERMINAL`), if the stream shows colours."""
     if not has_colours(stream):
         return lambda text, _part: text
-    return lambda text, part: f"\x1b[{_SGR[part]}m{text}\x1b[0m" if text else text
+    return lambda text, part: f"\x1b[{_sgr(TERMINAL[part])}m{text}\x1b[0m" if text else text
+
+
+def _sgr(style: str) -> str:
+    return ";".join(_SGR[word] for word in style.split())
 
 
 def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:

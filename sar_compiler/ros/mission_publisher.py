@@ -24,6 +24,7 @@ from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, St
 from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
+from sar_compiler.signs import colour_of, rgb
 
 TOPIC = "behavior_tree_log"
 
@@ -85,9 +86,6 @@ _PERIOD_SEC = 1.0
 # How long the readers of the last messages are waited for, together.
 _LAST_WORDS_SEC = 1.0
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# Of Okabe and Ito, whose colours differ for everybody: grey, orange, blue, vermilion; the plan is sky blue.
-_COLOURS = ((0.6, 0.6, 0.6), (0.9, 0.62, 0.0), (0.0, 0.45, 0.7), (0.84, 0.37, 0.0))
-_PLAN_COLOUR = (0.34, 0.71, 0.91)
 # By the shape of a kind, with the diameter in metres.
 _FORMS = {
     "circle": (Marker.CYLINDER, 1.0),
@@ -210,11 +208,12 @@ class MissionPublisher(Companion):
         self._are_markers_known = True
         made = [Marker(action=Marker.DELETEALL)]
         for number, landmark in enumerate(self._situation.landmarks.values()):
+            kind = self._situation.kind_of(landmark)
+            colour = _colour(colour_of(landmark.level, is_found=kind.is_found))
             if landmark.corners:
-                outline = (*landmark.corners, landmark.corners[0])
-                made.append(_strip(landmark.kind, number, _COLOURS[landmark.level], outline))
+                made.append(_strip(landmark.kind, number, colour, (*landmark.corners, landmark.corners[0])))
             else:
-                made += _shape(number, landmark, self._situation.kind_of(landmark).shape)
+                made += _shape(number, landmark, kind.shape, colour)
         made += _line(self._plan)
         for marker in made:
             marker.header.stamp = self._now()
@@ -225,30 +224,29 @@ class MissionPublisher(Companion):
         return self._node.get_clock().now().to_msg()
 
 
-def _colour(rgb: tuple[float, float, float]) -> ColorRGBA:
-    return ColorRGBA(r=rgb[0], g=rgb[1], b=rgb[2], a=0.8)
+def _colour(name: str) -> ColorRGBA:
+    red, green, blue = rgb(name)
+    return ColorRGBA(r=red, g=green, b=blue, a=0.8)
 
 
-def _strip(
-    kind: str, number: int, rgb: tuple[float, float, float], points: Iterable[Sequence[float]]
-) -> Marker:
+def _strip(kind: str, number: int, colour: ColorRGBA, points: Iterable[Sequence[float]]) -> Marker:
     """Return a line from place to place, x and y in metres."""
-    marker = Marker(ns=kind, id=number, type=Marker.LINE_STRIP, color=_colour(rgb))
+    marker = Marker(ns=kind, id=number, type=Marker.LINE_STRIP, color=colour)
     marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
     marker.points = [Point(x=float(x), y=float(y), z=0.05) for x, y in points]
     return marker
 
 
-def _shape(number: int, landmark: Landmark, shape: str) -> list[Marker]:
+def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> list[Marker]:
     """Return a form at a landmark's place, and its name and state above it."""
     kind, size = _FORMS.get(shape, _FORMS["circle"])
-    form = Marker(ns=landmark.kind, id=number, type=kind, color=_colour(_COLOURS[landmark.level]))
+    form = Marker(ns=landmark.kind, id=number, type=kind, color=colour)
     form.scale.x = form.scale.y = size
     # Flat, so that a robot on it can be seen.
     form.scale.z = 0.05 if kind == Marker.CYLINDER else size
     words = f"{landmark.name}\n{landmark.state}".rstrip()
     text = Marker(ns=f"{landmark.kind}_names", id=number, type=Marker.TEXT_VIEW_FACING, text=words)
-    text.color, text.scale.z = _colour((1.0, 1.0, 1.0)), 0.3
+    text.color, text.scale.z = _colour("ground"), 0.3
     for marker, height in ((form, form.scale.z / 2.0), (text, size + 0.4)):
         marker.pose.position = Point(x=float(landmark.x), y=float(landmark.y), z=height)
         marker.pose.orientation.w = 1.0
@@ -258,6 +256,6 @@ def _shape(number: int, landmark: Landmark, shape: str) -> list[Marker]:
 def _line(plan: Mapping[str, Any]) -> list[Marker]:
     """Return a plan's line; nothing for one of fewer than two points, which RViz calls an error."""
     points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
-    marker = _strip("plan", 0, _PLAN_COLOUR, points)
+    marker = _strip("plan", 0, _colour("plan"), points)
     marker.header.frame_id = str(plan.get("frame", ""))
     return [marker] if len(points) > 1 else []

@@ -20,6 +20,7 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
+from sar_compiler.signs import COLOURS, DECORATORS, literal
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.plain import plain, speakable
 
@@ -28,7 +29,7 @@ _LONGEST = 40
 
 
 class Shape(Enum):
-    """The shape of a node in a drawing; each format has a colour for it, after py_trees' drawings."""
+    """The shape of a node in a drawing."""
 
     SEQUENCE = "sequence"
     SELECTOR = "selector"
@@ -37,6 +38,11 @@ class Shape(Enum):
     DECORATOR = "decorator"
     CONDITION = "condition"
     ACTION = "action"
+
+    @property
+    def colour(self) -> str:
+        """Its colour, on light ground."""
+        return COLOURS[self.value if self.value in COLOURS else "leaf"].light
 
 
 class DrawnNode(NamedTuple):
@@ -130,8 +136,7 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, 
     )
 
 
-_OTHER = "◇"
-"""The sign of a decorator that has no other."""
+_REPEATS, _SUBTREE, _OTHER = DECORATORS
 
 
 def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
@@ -140,7 +145,7 @@ def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
     if kind.is_leaf:
         return (Shape.CONDITION if kind is Kind.CONDITION else Shape.ACTION), ""
     if kind is Kind.DECORATOR:
-        sign = "▣" if bound.subtree is not None else "↻" if semantics.repeats else _OTHER
+        sign = _SUBTREE if bound.subtree is not None else _REPEATS if semantics.repeats else _OTHER
         return Shape.DECORATOR, sign
     if semantics.order is Order.TOGETHER:
         return Shape.PARALLEL, "⇉"
@@ -173,14 +178,14 @@ def _cut(text: str) -> str:
 
 
 # Those of py_trees' own drawings.
-_DOT_LOOKS = {
-    Shape.SEQUENCE: ("box", "orange"),
-    Shape.SELECTOR: ("octagon", "cyan"),
-    Shape.PARALLEL: ("parallelogram", "gold"),
-    Shape.CONTROL: ("hexagon", "khaki"),
-    Shape.DECORATOR: ("ellipse", "ghostwhite"),
-    Shape.CONDITION: ("ellipse", "gray"),
-    Shape.ACTION: ("ellipse", "gray"),
+_DOT_SHAPES = {
+    Shape.SEQUENCE: "box",
+    Shape.SELECTOR: "octagon",
+    Shape.PARALLEL: "parallelogram",
+    Shape.CONTROL: "hexagon",
+    Shape.DECORATOR: "ellipse",
+    Shape.CONDITION: "ellipse",
+    Shape.ACTION: "ellipse",
 }
 
 
@@ -198,9 +203,8 @@ def dot(tree: CompiledTree) -> str:
 
 
 def _dot_node(number: int, node: DrawnNode) -> str:
-    shape, colour = _DOT_LOOKS[node.shape]
     label = "\\n".join(map(_dot_text, filter(None, (node.label, node.details))))
-    return f'  n{number} [label="{label}", shape={shape}, fillcolor={colour}, tooltip={_quote(node.title)}];'
+    return f'  n{number} [label="{label}", shape={_DOT_SHAPES[node.shape]}, fillcolor="{node.shape.colour}", tooltip={_quote(node.title)}];'
 
 
 def _quote(text: str) -> str:
@@ -212,16 +216,17 @@ def _dot_text(text: str) -> str:
     return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
 
 
-# What is before and behind a label, and the colours: those of py_trees' drawings, lighter.
-_MERMAID_LOOKS = {
-    Shape.SEQUENCE: ("[", "]", "#ffd08a"),
-    Shape.SELECTOR: ("{{", "}}", "#a5ecf2"),
-    Shape.PARALLEL: ("[/", "/]", "#ffe680"),
-    Shape.CONTROL: ("[[", "]]", "#f0e68c"),
-    Shape.DECORATOR: ("([", "])", "#f4f4fb"),
-    Shape.CONDITION: ("(", ")", "#dcdcdc"),
-    Shape.ACTION: ("[", "]", "#dcdcdc"),
+# What is before and behind a label.
+_BRACKETS = {
+    Shape.SEQUENCE: ("[", "]"),
+    Shape.SELECTOR: ("{{", "}}"),
+    Shape.PARALLEL: ("[/", "/]"),
+    Shape.CONTROL: ("[[", "]]"),
+    Shape.DECORATOR: ("([", "])"),
+    Shape.CONDITION: ("(", ")"),
+    Shape.ACTION: ("[", "]"),
 }
+_ON_SHAPES = f"stroke:{COLOURS['halted'].light},color:{COLOURS['text'].light}"
 # Everything that is a sign of Mermaid's, of Markdown's or of HTML's somewhere.
 _SIGN = re.compile(r"[^\w ?/=\x80-\U0010ffff]|(?<!\w)[_=]|_(?!\w)")
 # Those that mean something together with the next character even as entities (line breaks, formulas, icons): something unseen comes
@@ -239,10 +244,7 @@ def mermaid(tree: CompiledTree) -> str:
     lines = [
         "flowchart TD",
         *_graph_lines(nodes, '  subgraph s{}[" "]', _mermaid_node, "  end", f"  n{{}}{_EDGE}n{{}}"),
-        *(
-            f"  classDef {each.value} fill:{_MERMAID_LOOKS[each][2]},stroke:#555,color:#111"
-            for each in shapes
-        ),
+        *(f"  classDef {each.value} fill:{each.colour},{_ON_SHAPES}" for each in shapes),
     ]
     return "".join(f"{line}\n" for line in lines)
 
@@ -253,7 +255,7 @@ def too_large(flowchart: str) -> bool:
 
 
 def _mermaid_node(number: int, node: DrawnNode) -> str:
-    before, behind, _ = _MERMAID_LOOKS[node.shape]
+    before, behind = _BRACKETS[node.shape]
     label = "<br>".join(map(_as_entities, filter(None, (node.label, node.details))))
     return f'  n{number}{before}"{label}"{behind}:::{node.shape.value}'
 
@@ -336,7 +338,7 @@ def svg(tree: CompiledTree) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}" role="img">',
         f"<title>{_text(title)}</title>",
-        f"<style>\n{files(__package__).joinpath('drawing.css').read_text('utf-8')}</style>",
+        f"<style>\n{literal(files(__package__).joinpath('drawing.css').read_text('utf-8'))}</style>",
         f'<rect class="ground" {size}/>',
         *(_frame(block) for block in blocks if block.frame),
         f'<path class="line" d="{"".join(_connections(nodes, blocks))}"/>',

@@ -10,13 +10,13 @@ from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGA
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
 from sar_compiler.journal.situation import CHANGED, Landmark, fact_words
 from sar_compiler.runtime.clock import clock_text
+from sar_compiler.signs import IN_TEXT
 from sar_compiler.tree.showing import in_one_line, shortened
 
 # So many facts, and landmarks of a kind, have room in a line.
 _MOST_TOLD = 10
 # So many names of a chain of only children have room in a line.
 _MOST_NAMES = 4
-_SIGNS = {RUNNING: "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]"}
 
 # Entries that say nothing to people in a line.
 _PASSED_OVER = (
@@ -52,7 +52,7 @@ Line = list[Piece]
 
 def sign(status: str) -> str:
     """Return the sign of a status; for one outside the present activation, another sign."""
-    return _SIGNS.get(status, "[-]")
+    return IN_TEXT.get(status, IN_TEXT[""])
 
 
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:

@@ -16,7 +16,8 @@ from lxml.builder import ElementMaker
 from sar_compiler.journal.condition import condition_text
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.mission_state import Instant, MissionState
-from sar_compiler.journal.situation import FactTime, Landmark, Level
+from sar_compiler.journal.situation import FactTime, Landmark
+from sar_compiler.signs import TAK_CERTAIN, TAK_LIKELY, colour_of, rgb
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.mission_report import ReportError, georeference, report_data, to_visit
 from sar_compiler.views.plain import as_json, speakable
@@ -26,8 +27,8 @@ _RADIUS_M = 2.0
 _STALE = timedelta(days=1)
 # What Cursor on Target writes for a number that is not known.
 _UNKNOWN = "9999999.0"
-# A spot on the map, with the colours of it (ARGB as a signed number): red for what is certain, orange else.
-_SPOT, _RED, _ORANGE = "b-m-p-s-m", -65536, -35072
+# A spot on the map.
+_SPOT = "b-m-p-s-m"
 # A moment in an identifier, which has no colons.
 _STAMP = "%Y%m%dT%H%M%SZ"
 
@@ -73,9 +74,8 @@ def geojson_report(state: MissionState) -> str:
 
 _KML = "http://www.opengis.net/kml/2.2"
 _E = ElementMaker(namespace=_KML, nsmap={None: _KML})
-# The colours of the page's signs (`report.css`), as blue, green and red: by level, of finds by level and where they are certain, of the way.
-_LEVELS = {Level.TO_COME: "ffffff", Level.IN_HAND: "e9b456", Level.DONE: "b27200", Level.GIVEN_UP: "000000"}
-_FOUND, _CERTAIN, _WRONG, _WAY = "009fe6", "005ed5", "777777", "b27200"
+# The icon of somebody who is certainly there is so many times as large.
+_CERTAIN_SCALE = "1.4"
 
 
 def kml_report(state: MissionState) -> str:
@@ -111,7 +111,7 @@ def _placemark(state: MissionState, landmark: Landmark, reference: Georeference)
     return _E.Placemark(
         _E.name(_text(_name(state, landmark.name))),
         _description(state, f"{kind.name}: {told}" if told else kind.name),
-        _style(_colour(landmark, is_found=kind.is_found)),
+        _style(colour_of(landmark.level, is_found=kind.is_found), is_certain=landmark.is_certain),
         shape,
     )
 
@@ -122,20 +122,14 @@ def _ways(state: MissionState, reference: Georeference) -> Iterator[Any]:
         if len(way) > 1:
             line = _E.LineString(_E.tessellate("1"), _coordinates(way, reference))
             told = _description(state, "the way that the robot has driven")
-            yield _E.Placemark(_E.name(_text(_name(state, f"run {run.number}"))), told, _style(_WAY), line)
+            yield _E.Placemark(_E.name(_text(_name(state, f"run {run.number}"))), told, _style("trail"), line)
 
 
-def _colour(landmark: Landmark, *, is_found: bool) -> str:
-    if not is_found:
-        return _LEVELS[Level(landmark.level)]
-    if landmark.level == Level.GIVEN_UP:
-        return _WRONG
-    return _CERTAIN if landmark.is_certain else _FOUND
-
-
-def _style(colour: str) -> Any:
+def _style(name: str, *, is_certain: bool = False) -> Any:
+    """Return the style of a placemark; aerial pictures are dark."""
+    colour = "".join(f"{round(part * 255):02x}" for part in reversed(rgb(name, dark=True)))
     return _E.Style(
-        _E.IconStyle(_E.color(f"ff{colour}")),
+        _E.IconStyle(_E.color(f"ff{colour}"), *([_E.scale(_CERTAIN_SCALE)] if is_certain else [])),
         _E.LineStyle(_E.color(f"ff{colour}"), _E.width("3")),
         _E.PolyStyle(_E.color(f"40{colour}")),  # so that what lies below an area is seen
     )
@@ -235,7 +229,7 @@ def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
 def _event(state: MissionState, find: Landmark, number: int, reference: Georeference, now: datetime) -> Any:
     lat, lon = reference.located(find.x, find.y)
     stamp = "%Y-%m-%dT%H:%M:%S.000Z"
-    colour = str(_RED if find.is_certain else _ORANGE)
+    colour = str(TAK_CERTAIN if find.is_certain else TAK_LIKELY)
     uid = f"{_mission_id(state)}.{number}"
     event = etree.Element("event", version="2.0", uid=uid, type=_SPOT, how="m-g")
     times = (state.instant(each).utc for each in find.details.values() if isinstance(each, FactTime))

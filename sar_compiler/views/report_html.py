@@ -17,6 +17,7 @@ from sar_compiler.journal.condition import GOOD, condition
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, RobotPose
 from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.runtime.clock import clock_text
+from sar_compiler.signs import FOUND, LEVELS, MARKS, sign_of, style
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.mission_report import georeference, not_done, to_visit
 from sar_compiler.views.mission_view import sign
@@ -51,12 +52,12 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
         _annex(state, why),
     )
     body = "".join(itertools.chain(*parts))
-    style = files(__package__).joinpath("report.css").read_text("utf-8")
+    css = style() + files(__package__).joinpath("report.css").read_text("utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{_text(title)}</title><style>\n{style}</style></head>\n<body><main>{body}</main></body></html>\n"
+        f"<title>{_text(title)}</title><style>\n{css}</style></head>\n<body><main>{body}</main></body></html>\n"
     )
 
 
@@ -110,8 +111,8 @@ def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[str]:
 
 
 def _level(state: MissionState, landmark: Landmark) -> str:
-    found = " found" if state.situation.kind_of(landmark).is_found else ""
-    level = Level(landmark.level).name.lower().replace("_", "-")
+    found = f" {FOUND.word}" if state.situation.kind_of(landmark).is_found else ""
+    level = LEVELS[landmark.level].word
     return f"{level}{found}{' certain' if landmark.is_certain else ''}"
 
 
@@ -137,7 +138,7 @@ def _map(state: MissionState) -> Iterator[str]:
     drawing = report_map(state)
     if drawing:
         items = "".join(
-            f'<li><svg class="key" viewBox="-2 -2 4 4" aria-hidden="true">{drawn}</svg>{_text(text)}</li>'
+            f'<li><svg class="key" viewBox="-14 -14 28 28" aria-hidden="true">{drawn}</svg>{_text(text)}</li>'
             for drawn, text in legend(state)
         )
         yield f'<h2>Map</h2>{drawing}<ul class="legend">{items}</ul>'
@@ -294,6 +295,8 @@ _BASE64 = re.compile(r"[A-Za-z0-9+/]+=*", re.ASCII)
 # Symbols are this part of the longer edge.
 _SYMBOL = 1 / 90
 _MARGIN = 1 / 20
+# Marks, which are some 24 wide, are this much of a symbol in each unit.
+_MARK = 0.12
 # A label takes so many symbols' room.
 _LABEL = 20
 # How far below a place a label stands, in symbols: the name of a find hides neither another place's, nor what is said of that.
@@ -303,14 +306,8 @@ _JUMP_M = 5.0
 # A map that is turned by less is drawn as if it were not.
 _TURNED_RAD = 1e-3
 
-# As SVG around the origin, in units of a symbol; other shapes are drawn as a circle.
-_SHAPES = {
-    "triangle": '<polygon class="{}" points="0,-1.7 1.6,1.2 -1.6,1.2"/>',
-    "house": '<polygon class="{}" points="-1.1,1.1 -1.1,-0.3 0,-1.5 1.1,-0.3 1.1,1.1"/>',
-    "square": '<rect class="{}" x="-1.1" y="-1.1" width="2.2" height="2.2"/>',
-    "circle": '<circle class="{}" r="1.2"/>',
-}
-_AREA, _WAY = '<polyline class="{}" points="-2,0 2,0"/>', '<polyline class="path" points="-2,0 2,0"/>'
+# As SVG around the origin, as large as a mark.
+_AREA, _WAY = '<path class="{}" d="M-13 0 H13"/>', '<path class="trail" d="M-13 0 H13"/>'
 
 
 def legend(state: MissionState) -> Iterator[tuple[str, str]]:
@@ -322,14 +319,13 @@ def legend(state: MissionState) -> Iterator[tuple[str, str]]:
 
 
 def _symbol(state: MissionState, landmark: Landmark) -> str:
-    shape = (
-        _AREA if landmark.corners else _SHAPES.get(state.situation.kind_of(landmark).shape, _SHAPES["circle"])
-    )
-    return shape.format(_map_class(state, landmark))
-
-
-def _map_class(state: MissionState, landmark: Landmark) -> str:
-    return f"landmark {_level(state, landmark)}{' area' if landmark.corners else ''}"
+    """Return the mark of a landmark as SVG around the origin; of an area, a part of its line."""
+    kind, level = state.situation.kind_of(landmark), _level(state, landmark)
+    if landmark.corners:
+        return _AREA.format(f"area {level}")
+    told = sign_of(landmark.level, is_found=kind.is_found)
+    text = f'<text class="sign" y="5">{told}</text>' if told else ""
+    return f'<g class="mark {level}"><path d="{MARKS.get(kind.shape, MARKS["circle"])}"/>{text}</g>'
 
 
 def _words(state: MissionState, landmark: Landmark) -> str:
@@ -348,9 +344,12 @@ def report_map(state: MissionState) -> str:
     parts = [
         *_image(state),
         *_grid(extent, size),
-        *(f'<polygon class="{_map_class(state, each)}" points="{_points(each.corners)}"/>' for each in areas),
         *(
-            f'<polyline class="path" points="{_points((pose.x, pose.y) for pose in way)}"/>'
+            f'<polygon class="area {_level(state, each)}" points="{_points(each.corners)}"/>'
+            for each in areas
+        ),
+        *(
+            f'<polyline class="trail" points="{_points((pose.x, pose.y) for pose in way)}"/>'
             for way in _ways(state.trail)
         ),
         *_places(state, right, size),
@@ -413,7 +412,7 @@ def _grid(extent: tuple[float, float, float, float], size: float) -> Iterator[st
         yield f'<line class="grid" x1="{x:g}" y1="{-high:.3f}" x2="{x:g}" y2="{-low:.3f}"/>'
     for y in _multiples(low, high, step):
         yield f'<line class="grid" x1="{left:.3f}" y1="{-y:g}" x2="{right:.3f}" y2="{-y:g}"/>'
-    yield f'<text class="scale" x="{left + size:.3f}" y="{-low - size:.3f}">grid {step:g} m</text>'
+    yield f'<text class="label scale" x="{left + size:.3f}" y="{-low - size:.3f}">grid {step:g} m</text>'
 
 
 def _multiples(first: float, last: float, step: float) -> Iterable[float]:
@@ -437,7 +436,7 @@ def _places(state: MissionState, right: float, size: float) -> Iterator[str]:
         if each.corners:
             continue
         found, place = state.situation.kind_of(each).is_found, (each.x, each.y)
-        yield f'<g transform="translate({each.x:.3f} {-each.y:.3f}) scale({size:.4f})">{_symbol(state, each)}</g>'
+        yield f'<g transform="translate({each.x:.3f} {-each.y:.3f}) scale({size * _MARK:.5f})">{_symbol(state, each)}</g>'
         yield _map_label(place, right, size, each.name, "name" if found else "")
         if each.state and not found and each.level != Level.DONE:
             yield _map_label(place, right, size, each.state, "said")
@@ -449,9 +448,7 @@ def _map_label(place: tuple[float, float], right: float, size: float, text: str,
         ("end", place[0] - 2 * size) if place[0] > right - _LABEL * size else ("start", place[0] + 2 * size)
     )
     y = -place[1] + size * _BELOW[kind]
-    return (
-        f'<text class="{kind}" text-anchor="{anchor}" x="{x:.3f}" y="{y:.3f}">{escape(visible(text))}</text>'
-    )
+    return f'<text class="label {kind}" text-anchor="{anchor}" x="{x:.3f}" y="{y:.3f}">{escape(visible(text))}</text>'
 
 
 def _points(places: Iterable[tuple[float, float]]) -> str:

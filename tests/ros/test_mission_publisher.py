@@ -10,6 +10,7 @@ import sar_compiler
 from sar_compiler import TreeRunner
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.leaves import Clock
+from sar_compiler.signs import rgb
 from sar_compiler.testing import ManualClock
 from tests.monitoring.test_groot2 import Queue, main
 from tests.trees import write
@@ -172,6 +173,8 @@ def test_markers_show_landmarks_and_the_plan(publish, witness):
         2.0,
     )
     assert (text.ns, text.text) == ("zone_names", "zone_a\nvisited")
+    for marker, colour in ((form, "success"), (plan, "plan")):
+        assert (marker.color.r, marker.color.g, marker.color.b) == pytest.approx(rgb(colour))
     assert [(point.x, point.y) for point in plan.points] == [(0.0, 0.0), (1.0, 2.0)]
     assert {marker.header.frame_id for marker in (form, text, plan)} == {"map"}
 

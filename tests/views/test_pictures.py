@@ -301,8 +301,8 @@ flowchart TD
   n2["Sleep<br>msec=5"]:::action
   n0 --> n1
   n0 --> n2
-  classDef sequence fill:#ffd08a,stroke:#555,color:#111
-  classDef action fill:#dcdcdc,stroke:#555,color:#111
+  classDef sequence fill:#ffd9a0,stroke:#5b6470,color:#16191d
+  classDef action fill:#e4e6e9,stroke:#5b6470,color:#16191d
 """
     )
 
@@ -315,8 +315,8 @@ digraph "Main" {
   ordering=out;
   graph [fontname="sans-serif", style=dashed];
   node [fontname="sans-serif", fontsize=9, style=filled];
-  n0 [label="→ All", shape=box, fillcolor=orange, tooltip="test.xml:3 <Sequence> All"];
-  n1 [label="Sleep\\nmsec=5", shape=ellipse, fillcolor=gray, tooltip="test.xml:3 <Sleep> Sleep msec=5"];
+  n0 [label="→ All", shape=box, fillcolor="#ffd9a0", tooltip="test.xml:3 <Sequence> All"];
+  n1 [label="Sleep\\nmsec=5", shape=ellipse, fillcolor="#e4e6e9", tooltip="test.xml:3 <Sleep> Sleep msec=5"];
   n0 -> n1;
 }
 """

@@ -22,6 +22,7 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.missions.displaying import add_displays
+from sar_compiler.signs import COLOURS, MARKS
 from sar_compiler.views.mission_report import FORMS, ReportError, report_data, report_text, require_form
 from sar_compiler.views.report_exchange import cot_report
 from sar_compiler.views.report_html import html_report, report_map
@@ -243,7 +244,7 @@ OGC_ORDER = {
     "Document": ["name", "description", "Placemark"],
     "Placemark": ["name", "description", "Style", "Point", "LineString", "Polygon"],
     "Style": ["IconStyle", "LineStyle", "PolyStyle"],
-    "IconStyle": ["color"],
+    "IconStyle": ["color", "scale"],
     "LineStyle": ["color", "width"],
     "PolyStyle": ["color"],
     "Point": ["coordinates"],
@@ -292,29 +293,28 @@ class TestKml:
         assert said["robot1/base station"] == "base"
 
     @pytest.mark.parametrize(
-        ("told", "name", "sign"),
+        ("told", "name", "colour"),
         [
-            ([], "survivor_1", ".landmark.found {"),
-            ([CONFIRMED], "survivor_1", ".landmark.found.certain {"),
-            ([shown("zone", "zone_a", "searched", level=2)], "zone_a", ".landmark.done {"),
-            ([shown("zone", "zone_c", "under way", level=1)], "zone_c", ".landmark.in-hand {"),
-            ([], "zone_b", ".landmark.given-up {"),
-            ([], "zone_c", ".landmark {"),
+            ([], "survivor_1", "warning"),
+            ([REJECTED], "survivor_1", "quiet"),
+            ([shown("zone", "zone_a", "searched", level=2)], "zone_a", "success"),
+            ([shown("zone", "zone_c", "under way", level=1)], "zone_c", "running"),
+            ([], "zone_b", "failure"),
+            ([], "zone_c", "quiet"),
+            ([], "run 1", "trail"),
         ],
     )
-    def test_each_has_the_colour_of_its_sign_on_the_page(self, told, name, sign):
-        style = html_report(mission()).partition("</style>")[0]
-        shade = style.partition(sign)[2].partition("fill: #")[2].partition(";")[0].partition(" ")[0]
-        red, green, blue = (
-            each * (2 if len(shade) == 3 else 1)
-            for each in re.findall(r"..?" if len(shade) == 6 else ".", shade)
-        )
-        colour = self.placemarks(*told)[f"robot1/{name}"].findtext(f".//{OGC}IconStyle/{OGC}color")
-        assert colour == f"ff{blue}{green}{red}"
+    def test_each_has_the_colour_that_it_has_on_a_dark_page(self, told, name, colour):
+        red, green, blue = re.findall("[0-9a-f]{2}", COLOURS[colour].dark)
+        drawn = self.placemarks(*told)[f"robot1/{name}"].findtext(f".//{OGC}IconStyle/{OGC}color")
+        assert drawn == f"ff{blue}{green}{red}"
 
-    def test_who_was_rejected_is_grey(self):
-        mark = self.placemarks(REJECTED)["robot1/survivor_1"]
-        assert mark.findtext(f".//{OGC}IconStyle/{OGC}color") == "ff777777"
+    def test_who_is_certainly_there_is_larger(self):
+        scales = [
+            self.placemarks(*told)["robot1/survivor_1"].findtext(f".//{OGC}IconStyle/{OGC}scale")
+            for told in ([], [CONFIRMED])
+        ]
+        assert scales == [None, "1.4"]
 
     def test_what_lies_below_an_area_is_seen(self):
         assert self.placemarks()["robot1/geofence"].findtext(f".//{OGC}PolyStyle/{OGC}color")[:2] == "40"
@@ -538,7 +538,7 @@ class TestThePage:
         assert "as of" not in texts(html_report(mission()))
 
     def test_the_map_says_what_is_not_done(self):
-        said = re.findall(r'<text class="(?:said)?" [^>]*>([^<]*)</text>', report_map(mission()))
+        said = re.findall(r'<text class="label (?:said)?" [^>]*>([^<]*)</text>', report_map(mission()))
         assert said == ["zone_a", "zone_b", "abandoned", "zone_c", "open", "base station"]
 
     def test_somebody_whose_position_cannot_be_used_is_an_alarm_until_the_zone_is_searched_again(self):
@@ -556,17 +556,18 @@ class TestThePage:
         page = html_report(mission(found, REJECTED, ("zone_visited", {"zone": "zone_c"})))
         drawn, rest = page.split('<ul class="legend">')
         items = rest.split("</ul>")[0]
-        classes = set(re.findall(r'<(?:circle|polygon|rect|polyline) class="([^"]+)"', drawn))
+        known = r'<(?:g|polygon|path|polyline) class="([^"]+)"'
+        classes = set(re.findall(known, drawn))
         assert classes == {
-            "landmark done",
-            "landmark given-up",
-            "landmark given-up found",
-            "landmark in-hand found",
-            "landmark to-come",
-            "landmark to-come area",
-            "path",
+            "mark done",
+            "mark given-up",
+            "mark given-up found",
+            "mark in-hand found",
+            "mark to-come",
+            "area to-come",
+            "trail",
         }
-        assert set(re.findall(r'<(?:circle|polygon|rect|polyline) class="([^"]+)"', items)) == classes
+        assert set(re.findall(known, items)) == classes
         words = re.findall("</svg>([^<]*)</li>", items)
         assert words == [
             "zone, visited",
@@ -578,7 +579,7 @@ class TestThePage:
             "survivor, candidate",
             "way of the robot",
         ]
-        assert '<rect class="landmark' in html_report(mission(square, shown("box", "b", "")))
+        assert f'<path d="{MARKS["square"]}"/>' in html_report(mission(square, shown("box", "b", "")))
 
     def test_times_of_other_days_and_runs_say_so(self):
         began: dict[str, object] = {"run": {}}
@@ -598,7 +599,7 @@ class TestThePage:
         page = html_report(mission(found, kept))
         rows = dict(re.findall(r'<tr class="([^"]* found)"><td [^>]*>([^<]*)<', page))
         assert rows == {"done found": "survivor_1", "in-hand found": "survivor_2"}
-        assert "tr.found.in-hand td { color: var(--alarm) }" in page
+        assert "tr.found.in-hand td { color: var(--failure) }" in page
 
     def test_faults_alarms_and_orders_are_told(self):
         told = [
@@ -626,7 +627,7 @@ class TestThePage:
     def test_the_way_of_the_robot_is_drawn_over_the_map(self):
         page = html_report(mission())
         assert f"data:image/png;base64,{PNG}" in page
-        assert '<polyline class="path" points="0.000,-0.000 1.000,-0.000"/>' in page
+        assert '<polyline class="trail" points="0.000,-0.000 1.000,-0.000"/>' in page
 
     def test_a_picture_that_is_none_is_left_out(self):
         (change,) = [

@@ -1,8 +1,8 @@
 // The condition of a mission: what the server says of it, unless nothing is heard of the server.
 
 import { clock, html, say, set } from "./shapes.js";
+import { CONDITIONS } from "./signs.js";
 
-const SIGNS = { good: "●", quiet: "○", warning: "▲", error: "■" };
 const COUNTED = ["paused", "waiting", "lost"];
 
 /** The condition of a run as a page shows it: word, level, reason, and how many seconds it has lasted (null where nobody asks). */
@@ -21,7 +21,7 @@ export function showCondition(place, { word, level, reason, lasts }, isLong = tr
   if (!place.childElementCount) place.append(html("b", { "aria-hidden": "true" }), html("strong"), html("time"), html("span"));
   const [sign, name, time, why] = place.children;
   set(place, { "data-level": level, "data-word": word });
-  say(sign, SIGNS[level] ?? "");
+  say(sign, CONDITIONS[level] ?? "");
   say(name, word);
   say(time, lasts === null ? "" : clock(lasts));
   say(why, isLong ? reason : "");

@@ -1,7 +1,8 @@
 // The map from above: what the robots know, where they are, where they have been and go, and the landmarks of their missions.
 
 import { inWords } from "./places_view.js";
-import { LEVELS, clock, html, icon, mark, say, set, svg } from "./shapes.js";
+import { clock, html, icon, mark, say, set, svg } from "./shapes.js";
+import { LEVELS } from "./signs.js";
 
 const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
 // Where a label may be, beside its mark: x and y of its middle, in its own halves of width and height beyond the mark's radius.
@@ -110,7 +111,7 @@ export class MapView {
   areas(run) {
     return [...run.landmarks.values()].filter(({ corners }) => corners.length).map((each) => {
       const points = each.corners.map(([x, y]) => this.at(x, y).map((at) => at.toFixed(1)).join(",")).join(" ");
-      return svg("polygon", { class: `area ${LEVELS[each.level]}`, points }, svg("title", {}, titled(each)));
+      return svg("polygon", { class: `area ${LEVELS[each.level]?.word}`, points }, svg("title", {}, titled(each)));
     });
   }
 

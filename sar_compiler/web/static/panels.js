@@ -2,6 +2,7 @@
 
 import { conditionOf, showCondition } from "./condition_view.js";
 import { clock, html, say, set } from "./shapes.js";
+import { CONDITIONS } from "./signs.js";
 
 const SEEN = "sar-seen";
 // So many alarms are remembered as seen.
@@ -89,7 +90,8 @@ export class AlarmsView {
 
   item({ text, level, is_over: isOver, isSeen, time, who, id }, stream) {
     const said = [who, text].filter(Boolean).join(": ");
-    const item = html("li", { class: `${level >= 40 ? "error" : "warning"}${isSeen ? " seen" : ""}` }, html("b", { "aria-hidden": "true" }, level >= 40 ? "■" : "▲"), html("span", {}, said, html("small", {}, `at ${clock(time)}${isOver ? ", over" : ""}`)));
+    const serious = level >= 40 ? "error" : "warning";
+    const item = html("li", { class: `${serious}${isSeen ? " seen" : ""}` }, html("b", { "aria-hidden": "true" }, CONDITIONS[serious]), html("span", {}, said, html("small", {}, `at ${clock(time)}${isOver ? ", over" : ""}`)));
     if (isSeen) return item;
     const button = html("button", { type: "button", "aria-label": `Seen: ${said}` }, "Seen");
     button.addEventListener("click", () => {

@@ -1,5 +1,7 @@
 // Elements of the page, and what a status looks like: colour, shape and letter each say it alone.
 
+import { FOUND, LEVELS, MARKS, STATUSES } from "./signs.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 
 /** Make an element of HTML; a text among the children is text, whatever is in it. */
@@ -48,16 +50,6 @@ export function clock(seconds) {
   return hours ? `${hours}:${String(minutes % 60).padStart(2, "0")}:${rest}` : `${minutes}:${rest}`;
 }
 
-// Paths in a square of 16.
-const STATUSES = {
-  RUNNING: ["R", "M0.5 1.5 H10 L16 8 L10 14.5 H0.5 Z"],
-  SUCCESS: ["S", "M8 1 A7 7 0 1 1 7.99 1 Z"],
-  FAILURE: ["F", "M1.5 1.5 H14.5 V14.5 H1.5 Z"],
-  HALTED: ["H", "M5 1 H11 L15 5 V11 L11 15 H5 L1 11 V5 Z"],
-  SKIPPED: ["–", "M8 0.5 L15.5 8 L8 15.5 L0.5 8 Z"],
-  "": ["", "M8 4 A4 4 0 1 1 7.99 4 Z"],
-};
-
 /** The sign of a status, 16 wide: a shape with a letter. `former` ones are hollow: they are from an earlier activation. */
 export function badge(status, former = false) {
   const [letter, path] = STATUSES[status] ?? STATUSES[""];
@@ -69,29 +61,17 @@ export function badge(status, former = false) {
 /** What the signs of statuses mean, in words. */
 export const STATUS_WORDS = { RUNNING: "running", SUCCESS: "success", FAILURE: "failure", HALTED: "halted", SKIPPED: "skipped", "": "not ticked yet" };
 
-/** How far a landmark is, by its level. */
-export const LEVELS = ["to-come", "in-hand", "done", "given-up"];
-const SIGNS = ["", "▶", "✓", "✗"];
-
 /** The sign of a landmark: how far it is; of one that was found, that somebody must see to it. */
 export function sign({ level }, { is_found: isFound }) {
-  return isFound && level < 2 ? "!" : (SIGNS[level] ?? "");
+  return isFound && level < 2 ? FOUND.sign : (LEVELS[level]?.sign ?? "");
 }
-
-// What a landmark looks like, by the shape of its kind.
-const MARKS = {
-  circle: () => svg("circle", { r: 11 }),
-  triangle: () => svg("path", { d: "M0 -12 L12 9 H-12 Z" }),
-  house: () => svg("path", { d: "M-10 10 V-2 L0 -11 L10 -2 V10 Z" }),
-  square: () => svg("path", { d: "M-9 -9 H9 V9 H-9 Z" }),
-};
 
 /** The mark of a landmark, some 24 wide around its middle, as it is on the map and wherever it is named. */
 export function mark(landmark, kind) {
-  const known = [LEVELS[landmark.level], kind.is_found && "found", landmark.is_certain && "certain"].filter(Boolean).join(" ");
-  const group = svg("g", { class: `mark ${known}` }, (MARKS[kind.shape] ?? MARKS.circle)());
+  const known = [LEVELS[landmark.level]?.word, kind.is_found && FOUND.word, landmark.is_certain && "certain"].filter(Boolean).join(" ");
+  const group = svg("g", { class: `mark ${known}` }, svg("path", { d: MARKS[kind.shape] ?? MARKS.circle }));
   const text = sign(landmark, kind);
-  if (text) group.append(svg("text", { class: "sign", y: 5, "text-anchor": "middle" }, text));
+  if (text) group.append(svg("text", { class: "sign", y: 5 }, text));
   return group;
 }
 

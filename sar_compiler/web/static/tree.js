@@ -9,6 +9,7 @@ import { CardsView } from "./panels.js";
 import { PlacesView } from "./places_view.js";
 import { ReplayBar } from "./replay_bar.js";
 import { STATUS_WORDS, badge, clock, duration, html, say, svg } from "./shapes.js";
+import { DECORATORS } from "./signs.js";
 import { Stream, drawer } from "./stream.js";
 import { Tools } from "./tools.js";
 import { TreeView } from "./tree_view.js";
@@ -16,8 +17,6 @@ import { WhyView } from "./why_view.js";
 
 // Of more nodes that run at once, the first.
 const SHOWN = 6;
-// Signs of decorators, which all have one shape.
-const SIGNS = { "↻": "runs its child again", "▣": "subtree", "◇": "another decorator" };
 const at = (id) => document.getElementById(id);
 
 const stream = new Stream({ begin, change: drawer(show) });
@@ -82,7 +81,7 @@ function showSigns({ nodes }) {
   showSigns.nodes = nodes;
   const item = (sign, text) => html("li", {}, sign, ` ${text}`);
   const drawn = (...status) => svg("svg", { viewBox: "0 0 16 16", width: 14, height: 14, "aria-hidden": "true" }, badge(...status));
-  const kinds = new Map(nodes.filter(({ sign }) => sign).map(({ sign, shape }) => [sign, SIGNS[sign] ?? `${shape}${sign.endsWith("R") ? ", reactive" : ""}`]));
+  const kinds = new Map(nodes.filter(({ sign }) => sign).map(({ sign, shape }) => [sign, DECORATORS[sign] ?? `${shape}${sign.endsWith("R") ? ", reactive" : ""}`]));
   at("signs").lastElementChild.replaceChildren(
     ...Object.entries(STATUS_WORDS).map(([status, words]) => item(drawn(status), words)),
     item(drawn("SUCCESS", true), "hollow: of an earlier activation"),

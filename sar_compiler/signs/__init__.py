@@ -1,0 +1,197 @@
+"""The colours and signs of everything that is seen: pages, reports, drawings of trees, maps of other programs, terminals.
+
+The colours are those of Okabe and Ito, which colour-blind eyes tell apart. Nothing is said by colour alone.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import NamedTuple
+
+
+class Colour(NamedTuple):
+    """A colour: for light ground and for dark ground, as CSS writes it."""
+
+    light: str
+    dark: str
+
+    def on(self, *, dark: bool) -> str:
+        """Return it for one ground, `#rrggbb`."""
+        return self.dark if dark else self.light
+
+
+COLOURS: Mapping[str, Colour] = {
+    # what is written, and where
+    "ground": Colour("#ffffff", "#14171b"),
+    "raised": Colour("#f3f4f6", "#1e2329"),
+    "chosen": Colour("#dbe9f8", "#223a52"),
+    "line": Colour("#c6cad1", "#3c444e"),
+    "text": Colour("#16191d", "#e8eaed"),
+    "quiet": Colour("#545d69", "#a8b1bc"),
+    "mark": Colour("#0b57a4", "#7cc0f5"),
+    "veil": Colour("rgb(0 0 0 / .5)", "rgb(0 0 0 / .5)"),
+    # statuses, and how far something is; `on` is written upon them
+    "running": Colour("#005f9e", "#5db7f0"),
+    "success": Colour("#00694d", "#3fd0a4"),
+    "failure": Colour("#b03a00", "#ff8b4d"),
+    "halted": Colour("#5b6470", "#a2abb6"),
+    "skipped": Colour("#8a3f6d", "#dd9bc2"),
+    "none": Colour("#9aa2ad", "#66707c"),
+    "on": Colour("#ffffff", "#10131a"),
+    # what somebody must look at, what is wrong, what stops a robot
+    "warning": Colour("#e69f00", "#f0b429"),
+    "on-warning": Colour("#231800", "#1d1400"),
+    "error": Colour("#b03a00", "#ff8b4d"),
+    "on-error": Colour("#ffffff", "#1c0d03"),
+    "stop": Colour("#a83200", "#a83200"),
+    "on-stop": Colour("#ffffff", "#ffffff"),
+    # the map
+    "robot": Colour("#8a3f8a", "#e6a3e6"),
+    "trail": Colour("#0072b2", "#5db7f0"),
+    "plan": Colour("#b03a00", "#ff8b4d"),
+    "grid": Colour("rgb(20 30 45 / .09)", "rgb(220 230 245 / .1)"),
+    # the shapes of a tree's nodes: those of py_trees' drawings, lighter
+    "sequence": Colour("#ffd9a0", "#6b4408"),
+    "selector": Colour("#b5eff4", "#0d565e"),
+    "parallel": Colour("#ffec99", "#655300"),
+    "control": Colour("#ece6b0", "#54501f"),
+    "decorator": Colour("#f2f2fa", "#2b2d3d"),
+    "leaf": Colour("#e4e6e9", "#33373d"),
+}
+
+
+class Look(NamedTuple):
+    """The look of how far a landmark is.
+
+    Attributes:
+        word: What its drawings are marked with, in CSS.
+        colour: Its colour, of `COLOURS`.
+        sign: What stands in its mark.
+    """
+
+    word: str
+    colour: str
+    sign: str
+
+
+LEVELS = (
+    Look("to-come", "quiet", ""),
+    Look("in-hand", "running", "▶"),
+    Look("done", "success", "✓"),
+    Look("given-up", "failure", "✗"),
+)
+"""The looks by the numbers of `Level`."""
+FOUND = Look("found", "warning", "!")
+"""The look of a find to which somebody must go; its sign only until it is done with."""
+_DONE, _GIVEN_UP = 2, 3
+
+MARKS: Mapping[str, str] = {
+    "circle": "M0 -11 A11 11 0 1 1 -0.01 -11 Z",
+    "triangle": "M0 -12 L12 9 H-12 Z",
+    "house": "M-10 10 V-2 L0 -11 L10 -2 V10 Z",
+    "square": "M-9 -9 H9 V9 H-9 Z",
+}
+"""The outlines of landmarks by the shapes of their kinds, as paths of SVG, 24 wide around the origin; another shape is a circle."""
+
+# The letter of a status, and its outline in a square of 16.
+_STATUSES = {
+    "RUNNING": ("R", "M0.5 1.5 H10 L16 8 L10 14.5 H0.5 Z"),
+    "SUCCESS": ("S", "M8 1 A7 7 0 1 1 7.99 1 Z"),
+    "FAILURE": ("F", "M1.5 1.5 H14.5 V14.5 H1.5 Z"),
+    "HALTED": ("H", "M5 1 H11 L15 5 V11 L11 15 H5 L1 11 V5 Z"),
+    "SKIPPED": ("\u2013", "M8 0.5 L15.5 8 L8 15.5 L0.5 8 Z"),
+    "": ("", "M8 4 A4 4 0 1 1 7.99 4 Z"),
+}
+CONDITIONS = {"good": "●", "quiet": "○", "warning": "▲", "error": "■"}
+"""The signs of conditions and alarms, by how serious they are."""
+DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
+"""What the signs of decorators mean, which all have one shape."""
+IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}
+"""The signs of statuses in a text, as py_trees has them."""
+
+TERMINAL: Mapping[str, str] = {
+    "RUNNING": "bold cyan",
+    "SUCCESS": "green",
+    "FAILURE": "bold red",
+    "SKIPPED": "dim",
+    "title": "bold reverse",
+    "quiet": "dim",
+    "alarm": "bold red",
+    "place": "bold",
+    "error": "bold red",
+    "warning": "bold yellow",
+    "info": "bold cyan",
+    "margin": "dim",
+    "carets": "bold red",
+    "advice": "green",
+}
+"""The styles of a terminal's text, in rich's words; a terminal has colours of its own."""
+
+TAK_CERTAIN, TAK_LIKELY = -65536, -35072
+"""TAK's red and orange, of the few that its spots can have, for a find that is confirmed and for one that is not: ARGB as a signed number."""
+
+
+def colour_of(level: int, *, is_found: bool) -> str:
+    """Return the name of the colour of a landmark where it has but one.
+
+    Args:
+        level: How far it is, a `Level`.
+        is_found: Whether its kind is one that a robot finds.
+    """
+    if not is_found:
+        return LEVELS[level].colour
+    return LEVELS[0].colour if level == _GIVEN_UP else FOUND.colour
+
+
+def sign_of(level: int, *, is_found: bool) -> str:
+    """Return what stands in the mark of a landmark."""
+    return FOUND.sign if is_found and level < _DONE else LEVELS[level].sign
+
+
+def rgb(name: str, *, dark: bool = False) -> tuple[float, float, float]:
+    """Return a colour's red, green and blue, from 0 to 1."""
+    red, green, blue = (
+        int(part, 16) / 255 for part in re.findall("[0-9a-f]{2}", COLOURS[name].on(dark=dark))
+    )
+    return red, green, blue
+
+
+def style() -> str:
+    """Return the stylesheet that pages and reports have in common: the colours by name, and what marks on a map look like."""
+    light, dark = (
+        ";".join(f"--{name}:{each.on(dark=dark)}" for name, each in COLOURS.items()) for dark in (False, True)
+    )
+    levels = "".join(f".{each.word}{{--level:var(--{each.colour})}}" for each in (*LEVELS, FOUND))
+    # Paper is light.
+    return (
+        f":root{{color-scheme:light dark;{light};--map:none}}\n"
+        f"@media screen and (prefers-color-scheme:dark){{:root{{{dark};--map:invert(.88)}}}}\n"
+        f"{levels}\n{files(__package__).joinpath('marks.css').read_text('utf-8')}"
+    )
+
+
+def literal(css: str) -> str:
+    """Return a stylesheet with the colours themselves in place of their names, for what draws pictures and knows no `var()`."""
+    coloured = "\n".join(line for line in css.splitlines() if "var(" in line)
+    light, dark = _resolved(css, dark=False), _resolved(coloured, dark=True)
+    return f"{light}@media (prefers-color-scheme:dark){{\n{dark}\n}}\n"
+
+
+def _resolved(css: str, *, dark: bool) -> str:
+    return re.sub(r"var\(--([a-z-]+)\)", lambda name: COLOURS[name[1]].on(dark=dark), css)
+
+
+def script() -> str:
+    """Return the signs for the pages, as a module of JavaScript."""
+    told = {
+        "LEVELS": [each._asdict() for each in LEVELS],
+        "FOUND": FOUND._asdict(),
+        "MARKS": MARKS,
+        "STATUSES": _STATUSES,
+        "CONDITIONS": CONDITIONS,
+        "DECORATORS": DECORATORS,
+    }
+    return "".join(
+        f"export const {name} = {json.dumps(each, ensure_ascii=False)};\n" for name, each in told.items()
+    )

@@ -1,0 +1,45 @@
+"""The colours and signs of all that is seen."""
+
+import pytest
+
+from sar_compiler.journal.situation import Level
+from sar_compiler.signs import LEVELS, colour_of, literal, rgb, sign_of, style
+
+
+def test_each_level_has_a_look():
+    assert len(LEVELS) == len(Level)
+
+
+@pytest.mark.parametrize(
+    ("level", "is_found", "colour", "sign"),
+    [
+        (Level.TO_COME, False, "quiet", ""),
+        (Level.IN_HAND, False, "running", "▶"),
+        (Level.DONE, False, "success", "✓"),
+        (Level.GIVEN_UP, False, "failure", "✗"),
+        (Level.TO_COME, True, "warning", "!"),
+        (Level.IN_HAND, True, "warning", "!"),
+        (Level.DONE, True, "warning", "✓"),
+        (Level.GIVEN_UP, True, "quiet", "✗"),
+    ],
+)
+def test_a_find_is_amber_until_it_is_given_up_and_calls_until_it_is_done_with(level, is_found, colour, sign):
+    assert (colour_of(level, is_found=is_found), sign_of(level, is_found=is_found)) == (colour, sign)
+
+
+def test_a_colour_is_red_green_and_blue_from_0_to_1():
+    assert rgb("stop") == pytest.approx((168 / 255, 50 / 255, 0.0))
+    assert rgb("ground", dark=True) == pytest.approx((20 / 255, 23 / 255, 27 / 255))
+
+
+def test_paper_has_the_colours_of_light_ground():
+    light, dark = style().split("@media screen and (prefers-color-scheme:dark)")
+    assert "--ground:#ffffff" in light
+    assert "--ground:#14171b" in dark
+
+
+def test_in_a_picture_of_its_own_a_colour_has_no_name():
+    light, _, dark = literal("a{fill:var(--text)}\nb{stroke:0}\n").partition("@media")
+    assert light == "a{fill:#16191d}\nb{stroke:0}\n"
+    assert "a{fill:#e8eaed}" in dark
+    assert "b{" not in dark
