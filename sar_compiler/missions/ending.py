@@ -98,7 +98,7 @@ class EndCondition:
 
     def _mission_result(self, status: Status) -> RunResult | None:
         if self.complete:
-            return RunResult(achieved=True, reason="Mission complete.")
+            return RunResult(achieved=True, reason=" ".join(["Mission complete.", *self.mission.remarks()]))
         # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
         # that finishes the last piece of work succeeds before the way home was checked.
         nothing_left = self.mission.nothing_left()

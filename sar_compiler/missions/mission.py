@@ -192,6 +192,10 @@ class MissionRun:
         """
         return None
 
+    def remarks(self) -> list[str]:
+        """Return in sentences what a complete mission has left open all the same: they stand behind "Mission complete."."""
+        return []
+
     def nothing_left(self) -> str:
         """Return in words that nothing is left to do ("No zone is left"); empty while something is.
 

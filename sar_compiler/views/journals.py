@@ -67,9 +67,9 @@ def journal_lines(
     mission = about.get("mission") or "a tree of no mission"
     nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
     yield in_one_line(f"{mission}, {condition_text(state)}")
-    if condition(state).word != COMPLETE:
-        yield from (in_one_line(f"not done: {each}") for each in not_done(state))
-        yield from [in_one_line(why)] if why else []
+    yield from (in_one_line(f"{word}: {', '.join(places)}") for word, places in not_done(state).items())
+    if why and condition(state).word != COMPLETE:
+        yield in_one_line(why)
     for run in runs:
         width = file.widest_kind(run.number, with_watched=with_watched)
         entries = file.entries(run.number, with_watched=with_watched)

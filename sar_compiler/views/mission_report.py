@@ -31,13 +31,14 @@ def to_visit(state: MissionState) -> list[Landmark]:
     return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
 
 
-def not_done(state: MissionState) -> list[str]:
-    """Return the places that a mission had to go to and has not done, with the state of each and its reason."""
-    return [
-        f"{each.name} ({each.state}{f': {each.reason}' if each.reason else ''})"
-        for each in state.situation.landmarks.values()
-        if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found
-    ]
+def not_done(state: MissionState) -> dict[str, list[str]]:
+    """Return the places that a mission has not done, by their state: each with its reason, if it has one."""
+    places: dict[str, list[str]] = {}
+    for each in state.situation.landmarks.values():
+        if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found:
+            reason = f" ({each.reason})" if each.reason else ""
+            places.setdefault(each.state, []).append(f"{each.name}{reason}")
+    return places
 
 
 def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:

@@ -76,8 +76,7 @@ def _head(state: MissionState) -> Iterator[str]:
         facts.append(("as of", _day(state.now)))
     figures = state.situation.figures.values()
     facts += [(each.name, each.text.removeprefix(each.name).strip()) for each in figures]
-    if lacking := not_done(state):
-        facts.append(("not done", ", ".join(lacking)))
+    facts += [(word, ", ".join(places)) for word, places in not_done(state).items()]
     if state.is_told:
         facts.append(("robot", _robot(state)))
     place = georeference(state)
@@ -170,8 +169,8 @@ def next_steps(state: MissionState) -> Iterator[str]:
         known = "confirmed" if find.is_certain else "nobody has confirmed it"
         late = "" if find.level == Level.DONE else ". The mission was not done with it: pass it on yourself"
         yield f"Go to {find.name} at {_position(state, find.x, find.y)[-1]} ({known}){late}"
-    for place in not_done(state):
-        yield f"See to {place}"
+    for word, places in not_done(state).items():
+        yield f"See to {', '.join(places)}: {word}"
     if finds and georeference(state) is None:
         yield (
             "Have the report made with coordinates of the world, which these are not: sar-journal report … --georeference "

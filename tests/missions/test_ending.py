@@ -31,12 +31,21 @@ def record(mission):
 def test_a_mission_is_over_as_soon_as_it_is_complete(mission, zones, record):
     ending = EndCondition(Until.COMPLETE, mission)
     assert ending.after_tick(RUNNING, 1.0) is None
+    record.zone_searched("a", None)
     zones.advance()
     assert ending.after_tick(SUCCESS, 2.0) is None
     record.base_reached()
     result = ending.after_tick(SUCCESS, 3.0)
     assert result is not None
     assert (result.achieved, result.reason) == (True, "Mission complete.")
+
+
+def test_what_a_complete_mission_has_left_open_is_said_with_its_end(mission, zones, record):
+    zones.advance()
+    record.base_reached()
+    result = EndCondition(Until.COMPLETE, mission).after_tick(SUCCESS, 1.0)
+    assert result is not None
+    assert (result.achieved, result.reason) == (True, "Mission complete. a was visited, not searched.")
 
 
 def test_a_mission_that_can_no_longer_become_complete_is_over(mission, zones, record):

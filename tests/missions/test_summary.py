@@ -34,3 +34,17 @@ def test_a_mission_without_survivors_says_so():
         "  zones visited:   0 of 0",
         "  survivors found: none",
     ]
+
+
+def test_a_zone_where_no_search_has_ended_is_named_of_a_complete_mission_too():
+    search = Search(ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE))
+    search.zones.advance()
+    search.record.zone_searched("b", None)
+    search.zones.advance()
+    search.record.base_reached()
+    assert search.remarks() == ["a was visited, not searched."]
+    assert search.summary(0.0, 1).splitlines()[:3] == [
+        "Summary: the mission is complete.",
+        "  zones visited:   2 of 2 (a, b)",
+        "  visited, not searched: a",
+    ]

@@ -456,10 +456,10 @@ class TestThePage:
         ):
             assert words in read
 
-    def test_what_is_not_done_stands_at_the_top(self):
+    def test_what_is_not_done_stands_at_the_top_by_its_state(self):
         head, tables = html_report(mission(("zone_visited", {"zone": "zone_c"}))).split("</header>")
-        lacking = "zone_b (abandoned: after attempt 2), zone_c (visited, not searched)"
-        assert f"<dt>not done</dt><dd>{lacking}</dd>" in head
+        lacking = (("abandoned", "zone_b (after attempt 2)"), ("visited, not searched", "zone_c"))
+        assert "".join(f"<dt>{state}</dt><dd>{places}</dd>" for state, places in lacking) in head
         assert "<dt>zones visited</dt><dd>2 of 3</dd>" in head
         for words in ("visited, not searched", "abandoned: after attempt 2"):
             assert words in texts(tables)
@@ -471,8 +471,8 @@ class TestThePage:
     def test_what_there_is_to_do_next_is_who_to_go_to_and_where_nobody_has_looked(self):
         assert self.steps() == [
             "Go to survivor_1 at 48.2000000, 16.3713452 (nobody has confirmed it)",
-            "See to zone_b (abandoned: after attempt 2)",
-            "See to zone_c (open)",
+            "See to zone_b (after attempt 2): abandoned",
+            "See to zone_c: open",
         ]
 
     def test_who_was_confirmed_is_gone_to_as_such_and_who_was_rejected_is_not(self):

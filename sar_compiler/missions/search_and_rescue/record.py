@@ -16,6 +16,8 @@ from sar_compiler.missions import (
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 DUPLICATE_RADIUS_M = 3.0
+UNSEARCHED = "visited, not searched"
+"""The state of a zone where the robot was, and the tree has gone on without a finished search."""
 
 
 class Standing(str, Enum):
@@ -353,6 +355,15 @@ class MissionRecord:
             for zone_id, zone in self._zones.items()
             if zone.unplaced
         ]
+
+    @property
+    def unsearched(self) -> list[str]:
+        """The zones where the robot was, and no search has ended."""
+        return [zone for zone in self.zones_visited if self.of_zone(zone).searched is None]
+
+    def remarks(self) -> list[str]:
+        """Return in sentences what a complete mission has left open: it is complete where every zone was visited."""
+        return [f"{zone} was {UNSEARCHED}." for zone in self.unsearched]
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
         """Return in sentences what is missing for a complete mission; empty if it is complete."""

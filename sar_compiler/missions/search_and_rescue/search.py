@@ -21,6 +21,7 @@ from sar_compiler.missions import (
 )
 from sar_compiler.missions.search_and_rescue.orders import VERBS, OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import (
+    UNSEARCHED,
     DoneBefore,
     FoundSurvivor,
     KeptReports,
@@ -138,7 +139,7 @@ class Search(MissionRun):
         # A robot may have been there, and nobody has looked.
         is_searched = known.searched is not None
         if name in self.record.zones_visited:
-            state = "visited" if is_searched else "visited, not searched"
+            state = "visited" if is_searched else UNSEARCHED
             level = Level.DONE if is_searched else Level.GIVEN_UP
         elif known.given_up:
             state = "searched, abandoned" if is_searched else "abandoned"
@@ -208,6 +209,10 @@ class Search(MissionRun):
         """Return what is not yet visited, acknowledged, or home."""
         return self.record.shortfalls(self.zones)
 
+    def remarks(self) -> list[str]:
+        """Return which zones were visited and not searched."""
+        return self.record.remarks()
+
     def nothing_left(self) -> str:
         """Return that no zone is left, once that is so."""
         return "" if self.zones.has_remaining() else "No zone is left"
@@ -221,6 +226,7 @@ class Search(MissionRun):
             (
                 f"Summary: the mission is {'incomplete' if shortfalls else 'complete'}.",
                 f"  zones visited:   {len(visited)} of {self.zones.total_zones()}{names}",
+                *([f"  {UNSEARCHED}: {', '.join(record.unsearched)}"] if record.unsearched else []),
                 *_survivor_lines(record),
                 f"  back at base:    {'yes' if record.home else 'no'}",
                 f"  duration:        {clock_text(elapsed_sec)}, {ticks} ticks",
