@@ -406,11 +406,13 @@ class MissionState:
     def _breakpoint(self, text: str) -> None:
         self.breakpoint = str(text)
 
-    def _battery(self, share: float) -> None:
-        """A mission that has a gauge of this name says it itself."""
+    def _battery(self, share: float, at_least: float | None = None) -> None:
+        """A mission that has a gauge of this name says it itself; who knows its limit says that once."""
         if not math.isfinite(share):
             raise ValueError(share)
-        self.battery = Gauge("battery", round(100.0 * share), "%")
+        known = None if self.battery is None else self.battery.least
+        least = known if at_least is None else round(100.0 * at_least)
+        self.battery = Gauge("battery", round(100.0 * share), "%", least)
 
     def _map(self, **data: Any) -> None:
         self.map = data

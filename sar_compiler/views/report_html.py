@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from html import escape
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 from sar_compiler.journal.condition import GOOD, condition
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, RobotPose
@@ -296,10 +296,10 @@ _SYMBOL = 1 / 90
 _MARGIN = 1 / 20
 # Marks, which are some 24 wide, are this much of a symbol in each unit.
 _MARK = 0.12
-# A label takes so many symbols' room.
-_LABEL = 20
-# How far below a place a label stands, in symbols: the name of a find hides neither another place's, nor what is said of that.
-_BELOW = {"": 0.8, "name": -0.6, "said": 2.5}
+# The size of a label's letters in symbols, of a state's as a part of that, and the width of a letter as a part of its height.
+_LETTER, _SAID, _WIDE = 2.2, 0.7, 0.62
+# How far a label is from the middle of its mark, in symbols.
+_BESIDE = 1.9
 # A break of so many metres in the path is no way of a robot: it was carried, or the localisation has jumped.
 _JUMP_M = 5.0
 # A map that is turned by less is drawn as if it were not.
@@ -332,6 +332,15 @@ def _words(state: MissionState, landmark: Landmark) -> str:
     return visible(f"{kind.name}, {landmark.state}" if landmark.state else kind.name)
 
 
+class MapBox(NamedTuple):
+    """A part of the map, metres."""
+
+    left: float
+    low: float
+    right: float
+    high: float
+
+
 def report_map(state: MissionState) -> str:
     """Return the map as an SVG element; empty if no position is known."""
     extent = _extent(state)
@@ -351,18 +360,18 @@ def report_map(state: MissionState) -> str:
             f'<polyline class="trail" points="{_points((pose.x, pose.y) for pose in way)}"/>'
             for way in _ways(state.trail)
         ),
-        *_places(state, right, size),
+        *_places(state, extent, size),
     ]
     box = f"{left:.3f} {-high:.3f} {right - left:.3f} {high - low:.3f}"
     plurals = ", ".join(kind.plural for kind in state.situation.kinds.values())
     label = escape(visible(f"Map: the way of the robot{', ' if plurals else ''}{plurals}"))
     return (
         f'<svg class="map" viewBox="{box}" role="img" aria-label="{label}" '
-        f'style="stroke-width:{size / 4:.4f};font-size:{size * 2.2:.4f}px">{"".join(parts)}</svg>'
+        f'style="stroke-width:{size / 4:.4f};font-size:{size * _LETTER:.4f}px">{"".join(parts)}</svg>'
     )
 
 
-def _extent(state: MissionState) -> tuple[float, float, float, float] | None:
+def _extent(state: MissionState) -> MapBox | None:
     landmarks = state.situation.landmarks.values()
     places = [
         *((each.x, each.y) for each in landmarks),
@@ -374,7 +383,7 @@ def _extent(state: MissionState) -> tuple[float, float, float, float] | None:
         return None
     (left, low), (right, high) = (tuple(map(function, zip(*places, strict=True))) for function in (min, max))
     margin = max(right - left, high - low, 1.0) * _MARGIN
-    extent = left - margin, low - margin, right + margin, high + margin
+    extent = MapBox(left - margin, low - margin, right + margin, high + margin)
     # So far away that the numbers have no metres is nowhere.
     return extent if all(0.0 < extent[axis + 2] - extent[axis] < math.inf for axis in (0, 1)) else None
 
@@ -401,7 +410,7 @@ def _image(state: MissionState) -> Iterator[str]:
         )
 
 
-def _grid(extent: tuple[float, float, float, float], size: float) -> Iterator[str]:
+def _grid(extent: MapBox, size: float) -> Iterator[str]:
     """Yield lines in the distance of a round number of metres, which is said in a corner."""
     left, low, right, high = extent
     step = 10.0 ** math.floor(math.log10(max(right - left, high - low)))
@@ -430,24 +439,70 @@ def _ways(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
     yield way
 
 
-def _places(state: MissionState, right: float, size: float) -> Iterator[str]:
-    for each in state.situation.landmarks.values():
-        if each.corners:
-            continue
-        found, place = state.situation.kind_of(each).is_found, (each.x, each.y)
+def _places(state: MissionState, extent: MapBox, size: float) -> Iterator[str]:
+    places = [each for each in state.situation.landmarks.values() if not each.corners]
+    for each in places:
         yield f'<g transform="translate({each.x:.3f} {-each.y:.3f}) scale({size * _MARK:.5f})">{_symbol(state, each)}</g>'
-        yield _map_label(place, right, size, each.name, "name" if found else "")
-        if each.state and not found and each.level != Level.DONE:
-            yield _map_label(place, right, size, each.state, "said")
+    taken = [_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
+    for each in places:
+        found = state.situation.kind_of(each).is_found
+        said = each.state if not found and each.level != Level.DONE else ""
+        label = _label(each, said, size, taken, extent)
+        taken.append(label.box)
+        yield label.line(each.name, "name" if found else "", 0.8 * _LETTER * size)
+        if said:
+            yield label.line(said, "said", 1.6 * _LETTER * size)
 
 
-def _map_label(place: tuple[float, float], right: float, size: float, text: str, kind: str = "") -> str:
-    """Return a text beside a place; on the left of it where there would be no room."""
-    anchor, x = (
-        ("end", place[0] - 2 * size) if place[0] > right - _LABEL * size else ("start", place[0] + 2 * size)
+class _Label(NamedTuple):
+    """The place of a label: its box, and where along x its lines are held (metres), by which of their ends."""
+
+    box: MapBox
+    x: float
+    anchor: str
+
+    def line(self, text: str, kind: str, down: float) -> str:
+        """Return a line of it as SVG, so far below its upper edge, metres."""
+        at = f'text-anchor="{self.anchor}" x="{self.x:.3f}" y="{down - self.box.high:.3f}"'
+        return f'<text class="label {kind}" {at}>{escape(visible(text))}</text>'
+
+
+def _label(landmark: Landmark, said: str, size: float, taken: Sequence[MapBox], extent: MapBox) -> _Label:
+    """Return where the label of a landmark hides least: on the right of it, the left, below or above.
+
+    Args:
+        landmark: The landmark.
+        said: What stands below its name.
+        size: A symbol, metres.
+        taken: What must not be hidden.
+        extent: What is in sight.
+    """
+    x, y, away = landmark.x, landmark.y, _BESIDE * size
+    wide = max(len(landmark.name), len(said) * _SAID) * _WIDE * _LETTER * size / 2
+    high = (1.0 + (_SAID if said else 0.0)) * _LETTER * size / 2
+    sides = (
+        _Label(_around(x + away + wide, y, wide, high), x + away, "start"),
+        _Label(_around(x - away - wide, y, wide, high), x - away, "end"),
+        _Label(_around(x, y - away - high, wide, high), x, "middle"),
+        _Label(_around(x, y + away + high, wide, high), x, "middle"),
     )
-    y = -place[1] + size * _BELOW[kind]
-    return f'<text class="label {kind}" text-anchor="{anchor}" x="{x:.3f}" y="{y:.3f}">{escape(visible(text))}</text>'
+
+    def hidden(label: _Label) -> float:
+        outside = 4 * wide * high - _overlap(label.box, extent)
+        return outside + sum(_overlap(label.box, each) for each in taken)
+
+    return min(sides, key=hidden)
+
+
+def _around(x: float, y: float, wide: float, high: float) -> MapBox:
+    return MapBox(x - wide, y - high, x + wide, y + high)
+
+
+def _overlap(one: MapBox, other: MapBox) -> float:
+    """Return how much two boxes share, square metres."""
+    width = min(one.right, other.right) - max(one.left, other.left)
+    height = min(one.high, other.high) - max(one.low, other.low)
+    return max(0.0, width) * max(0.0, height)
 
 
 def _points(places: Iterable[tuple[float, float]]) -> str:

@@ -13,6 +13,7 @@ from py_trees.common import Status
 from sar_compiler import load
 from sar_compiler.cli.compile import main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZones
 from sar_compiler.missions.search_and_rescue.failsafes import (
     BaseInReach,
@@ -297,6 +298,16 @@ class TestConditions:
         leaf = listening.to(BatterySuffices("Battery?", record=record))
         assert leaf.on_message(SimpleNamespace(percentage=share)) is status
         assert record.alarm == alarm
+
+    def test_the_limit_of_the_battery_is_told_once_for_its_gauge(
+        self, listening: Listening, record: MissionRecord
+    ) -> None:
+        told: list[JournalEntry] = []
+        record.journal.listen(told.append)
+        leaf = listening.to(BatterySuffices("Battery?", record=record, at_least=0.3))
+        for share in (0.9, 0.8):
+            leaf.on_message(SimpleNamespace(percentage=share))
+        assert [(each.kind, each.data) for each in told] == [("battery", {"share": 0.9, "at_least": 0.3})]
 
     def test_a_battery_that_says_nothing_is_given_time_and_then_counts_as_low(
         self, listening: Listening, record: MissionRecord

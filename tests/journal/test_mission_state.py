@@ -164,6 +164,11 @@ def test_the_battery_is_what_the_robot_says_unless_the_mission_says_it():
     assert after(("battery", {"share": None})).gauges == []
 
 
+def test_the_limit_of_the_battery_is_said_once():
+    told = (("battery", {"share": 0.5, "at_least": 0.2}), ("battery", {"share": 0.186}))
+    assert after(*told).gauges == [Gauge("battery", 19, "%", 20)]
+
+
 def test_the_trail_has_every_pose():
     state = after(("pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}), ("pose", {"x": 2.0, "y": 2.0, "yaw": 0.5}))
     assert [(pose.at.time, pose.x) for pose in state.trail] == [(1.0, 1.0), (2.0, 2.0)]

@@ -99,7 +99,7 @@ class Patrol:
                 Landmark("fence", "fence", -5.0, -5.0, corners=((-5.0, -5.0), (5.0, -5.0), (0.0, 5.0))),
             ],
             [Figure("points visited", visited, len(self.points)), Figure("finds", len(self.finds))],
-            [Gauge("battery", 90.0 - visited, "%")],
+            [Gauge("battery", 90.0 - visited, "%", 20.0)],
             list(self.alarms.values()),
             self.phase,
         )

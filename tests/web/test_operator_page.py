@@ -118,8 +118,16 @@ def test_how_long_it_takes_is_said_by_what_is_done(patrol, browser):
     assert browser.js(FIGURES)["points visited"] == "1 of 2"
 
 
-def test_a_gauge_has_a_bar_and_the_legend_says_how_old_a_place_is(patrol, browser):
+LIMIT = """
+const [bar, line] = ['meter', 'i'].map((each) => document.querySelector(`#gauges ${each}`).getBoundingClientRect());
+return ((line.left + line.right) / 2 - bar.left) / bar.width;
+"""
+
+
+def test_a_gauge_has_a_bar_with_its_limit_and_the_legend_says_how_old_a_place_is(patrol, browser):
     assert browser.js("return document.querySelector('#gauges meter').value") == 90
+    assert browser.text("#gauges span") == "battery, low below 20 %"
+    assert browser.js(LIMIT) == pytest.approx(0.2, abs=0.02)
     patrol.journal.watch("pose", x=1.0, y=2.0, yaw=0.5)
     patrol.journal.clock.advance(65.0)
     patrol.journal.note("came_back")

@@ -131,6 +131,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         super().__post_init__()
         self.topic_name = self.topic
         self._silent_since: float | None = None
+        self._is_limit_told = False
 
     def on_message(self, message: Any) -> Status:
         """Look at the percentage."""
@@ -138,6 +139,9 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         share = float(message.percentage)
         if not math.isfinite(share):
             return self._judge(f"the battery's percentage on '{self.topic_name}' is {share}")
+        if not self._is_limit_told:  # for the gauge
+            self._is_limit_told = True
+            self.record.journal.watch("battery", share=share, at_least=self.at_least)
         low = f"the battery is at {share:.0%}, below {self.at_least:.0%}"
         return self._judge(low if share < self.at_least else "")
 

@@ -38,17 +38,21 @@ export function showGauges(place, run) {
   if (place.dataset.key !== key) {
     place.dataset.key = key;
     place.replaceChildren(...gauges.map(({ name, unit }) => {
-      const bar = unit === "%" ? html("meter", { min: 0, max: 100, "aria-label": name }) : "";
+      const bar = unit === "%" ? html("div", { class: "bar-of" }, html("meter", { min: 0, max: 100, "aria-label": name }), html("i", { "aria-hidden": "true" })) : "";
       return html("div", { class: "gauge" }, html("span", {}, name), bar, html("b"));
     }));
   }
-  gauges.forEach(({ value, unit, least }, index) => {
+  gauges.forEach(({ name, value, unit, least }, index) => {
     const gauge = place.children[index];
     const isLow = least != null && value < least;
     set(gauge, { class: `gauge${isLow ? " low" : ""}` });
     say(gauge.lastChild, `${isLow ? "▼ " : ""}${round(value)} ${unit}`.trim());
+    say(gauge.firstChild, least == null ? name : `${name}, low below ${round(least)} ${unit}`.trim());
     const bar = gauge.querySelector("meter");
-    if (bar) set(bar, { value, low: least ?? 0 });
+    if (!bar) return;
+    set(bar, { value, low: least ?? 0 });
+    bar.nextSibling.hidden = least == null;
+    bar.nextSibling.style.left = `${least ?? 0}%`;
   });
 }
 

@@ -1,0 +1,63 @@
+"""What eyes find on maps and on paper, in a real browser: labels that nothing hides, and sheets that nothing is cut from."""
+
+import base64
+
+import pytest
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.views.report_html import html_report
+from tests.web.conftest import ABOUT, KINDS, Patrol
+
+pytestmark = pytest.mark.unmeasured
+
+AROUND = ((0.5, 0.2), (-0.5, 0.2), (0.2, -0.6), (0.2, 0.6))
+"""Where finds are, from a point: where its name could stand. Metres."""
+
+
+def find_around(journal):
+    """Find somebody around each of the two points, on another side of it each time."""
+    places = [(-3.0 + AROUND[0][0], 3.0 + AROUND[0][1]), (3.5 + AROUND[1][0], 3.0 + AROUND[1][1])]
+    for number, (x, y) in enumerate(places, 1):
+        journal.note("found", name=f"find_{number}", x=x, y=y)
+
+
+HIDDEN = """
+const boxes = (selector) => [...document.querySelectorAll(selector)].map((each) => [each.textContent, each.getBoundingClientRect()]);
+const share = (a, b) => Math.max(0, Math.min(a.right, b.right) - Math.max(a.left, b.left)) * Math.max(0, Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top));
+const labels = boxes(`${arguments[0]} .label:not(.scale, .said)`);
+const others = [...labels, ...boxes(`${arguments[0]} .mark > path`)];
+return labels.flatMap(([text, box]) => others.filter(([, other]) => other !== box && share(box, other) > 4).map(([other]) => [text, other]));
+"""
+"""The labels of which more than 4 square pixels share their place with a mark or with another label."""
+
+
+def report(tell):
+    """Return the report of a patrol, as an address."""
+    entries: list[JournalEntry] = []
+    journal = Journal()
+    journal.clock = ManualClock(100.0)
+    journal.listen(entries.append)
+    journal.attach(Patrol(), KINDS)
+    journal.begin(ABOUT, {"node": "/patrol"})
+    tell(journal)
+    journal.end(Ending.OVER, 0)
+    page = html_report(MissionState.of(entries))
+    return f"data:text/html;base64,{base64.b64encode(page.encode()).decode()}"
+
+
+def test_no_label_of_a_report_is_hidden(browser):
+    browser.driver.get(report(find_around))
+    assert browser.js(HIDDEN, ".map") == []
+
+
+@pytest.mark.parametrize("width", [400, 1600])
+def test_no_label_of_the_page_is_hidden(live, browser, width):
+    run = live().begin()
+    find_around(run.journal)
+    browser.size(width, 800)
+    browser.open(run.server.url)
+    browser.wait_for("#map", "find_2")
+    assert browser.js(HIDDEN, "#map") == []
