@@ -51,6 +51,7 @@ class Browser:
         self.driver.get_log("browser")
         self._allowed = ()
         self.size(1400, 900)
+        self.touch(is_touched=False)
 
     def size(self, width, height, *, dark=False):
         """Have a window of some size, in light or in dark."""
@@ -58,6 +59,10 @@ class Browser:
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+
+    def touch(self, *, is_touched):
+        """Have a screen that is touched, or a mouse."""
+        self.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": is_touched})
 
     def open(self, url):
         """Open a page, and wait until it shows what the server had to say."""

@@ -132,14 +132,42 @@ return all.map(area).filter(small).map((each) => each.outerHTML);
 """
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_a_finger_hits_what_is_meant(told, browser, page):
-    browser.open(address(told("failed"), page))
+@pytest.fixture(params=[(400, False), (400, True), (1000, True), (1600, True)], ids=str)
+def touched(browser, request):
+    """A browser on a telephone, or on a larger screen that is touched."""
+    width, is_touched = request.param
+    browser.touch(is_touched=is_touched)
+    browser.size(width, 900)
+    assert browser.js("return matchMedia('(pointer: coarse)').matches") is is_touched
+    return browser
+
+
+def require_large(browser):
+    """Fail with all that a finger could miss, in each part of a page."""
     open_all(browser)
-    browser.size(400, 900)
     for view in ("tree", "map", "log"):
         browser.js("document.querySelector(`nav [data-view=${arguments[0]}]`)?.click()", view)
         assert browser.js(SMALL, FINGER) == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_finger_hits_what_is_meant(told, touched, page):
+    touched.open(address(told("failed"), page))
+    require_large(touched)
+
+
+def test_a_finger_hits_the_answer_to_a_question(told, touched):
+    touched.open(address(told("driving"), ""))
+    touched.wait(lambda: touched.js("return !document.querySelector('.stop').disabled"), "STOP")
+    touched.click(".stop")
+    require_large(touched)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_finger_hits_a_robot_and_a_moment_of_a_replay(two, touched, page):
+    touched.open(f"{two.url}{page}")
+    touched.wait(lambda: len(touched.js("return document.querySelectorAll('.card')")) == 2, "two cards")
+    require_large(touched)
 
 
 REACHED = """
