@@ -1,13 +1,17 @@
 """The operator's page in a browser: one state, orders apart, alarms until they are seen."""
 
 from concurrent.futures import Future
+from contextlib import closing
 
 import pytest
 from selenium.webdriver.common.keys import Keys
 
+from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.runtime.clock import ManualClock
-from tests.web.conftest import ABOUT
+from sar_compiler.web.feed import LiveFeed
+from sar_compiler.web.page_server import PageServer
+from tests.web.conftest import ABOUT, KINDS, Patrol
 from tests.web.flown import VERBS, drive
 
 pytestmark = pytest.mark.unmeasured
@@ -148,3 +152,87 @@ def test_events_are_facts_and_warnings_until_every_line_is_asked_for(patrol, bro
     assert "a line" not in browser.text("#log")
     browser.click("#all")
     browser.wait_for("#log", "a line")
+
+
+class Team:
+    """Two robots on one page, which heed every order; each order is remembered with its robot."""
+
+    def __init__(self):
+        self.given = []
+        names = [verb["name"] for verb in VERBS]
+        self.heeded = [names, names]
+        hello = {"robots": ["robot1", "robot2"], "verbs": [VERBS, VERBS]}
+        self.feed = LiveFeed(hello, lambda: {"verbs": self.heeded}, 2)
+        self.journals = [self._journal(robot) for robot in range(2)]
+        self.server = PageServer(self.feed, 0, self)
+        self.server.start()
+
+    def _journal(self, robot):
+        journal = Journal()
+        journal.attach(Patrol(), KINDS)
+        journal.listen(lambda entry: self.feed.take(entry, robot))
+        journal.clock = ManualClock(100.0)
+        journal.begin(ABOUT, {"node": f"/robot{robot + 1}/patrol"})
+        return journal
+
+    def give(self, verb, values, giver):
+        self.given.append((verb, giver.robot))
+        answer: Future[tuple[bool, str]] = Future()
+        answer.set_result((giver.robot == 0, "" if giver.robot == 0 else "not now"))
+        return answer
+
+
+@pytest.fixture
+def team():
+    made = Team()
+    with closing(made.server):
+        yield made
+
+
+ALL = ".stop-all"
+
+
+def open_team(browser, team):
+    browser.open(team.server.url)
+    browser.wait(lambda: browser.js("return document.querySelector('.stop-all').disabled === false"), "STOP")
+
+
+def test_one_stop_has_all_robots_stand_and_asks_whether_that_is_the_end_of_all(team, browser):
+    open_team(browser, team)
+    assert browser.text(".stop") == "STOP robot1"
+    browser.click(ALL)
+    browser.wait(lambda: sorted(team.given) == [("pause", 0), ("pause", 1)], "both pauses")
+    assert browser.text("#ask h2") == "Abort: all robots"
+    assert "They stay paused unless their missions are ended here." in browser.text("#ask")
+    browser.click("#ask .no")
+    browser.wait_for("#answer", "robot1: Pause: done; robot2: Pause: refused: not now")
+    assert len(team.given) == 2
+    browser.click(ALL)
+    browser.click("#ask .yes")
+    browser.wait(lambda: {("abort", 0), ("abort", 1)} <= {*team.given}, "the end of both missions")
+
+
+def test_what_stops_all_passes_over_who_stands_or_has_ended(team, browser):
+    team.journals[0].note("held", is_held=True)
+    open_team(browser, team)
+    browser.wait_for("#condition strong", "paused")
+    browser.click(ALL)
+    browser.wait(lambda: team.given == [("pause", 1)], "the pause of robot2")
+    browser.click("#ask .no")
+    team.journals[0].end(Ending.STOPPED, 130)
+    browser.wait_for("#condition strong", "stopped")
+    browser.click(ALL)
+    browser.click("#ask .yes")
+    browser.wait(lambda: team.given == [("pause", 1), ("pause", 1), ("abort", 1)], "the end of robot2")
+
+
+def test_without_anybody_who_heeds_it_there_is_nothing_to_stop(team, browser):
+    open_team(browser, team)
+    for journal in team.journals:
+        journal.end(Ending.OVER, 0)
+    browser.wait(lambda: browser.js("return document.getElementById('orders').hidden"), "the end of orders")
+
+
+def test_one_robot_has_one_stop(patrol, browser):
+    assert browser.text(".stop") == "STOP"
+    assert browser.js("return document.querySelector('.stop-all').hidden")

@@ -17,18 +17,20 @@ export class Orders {
   constructor(place, stream, pick) {
     Object.assign(this, { place, stream, pick });
     this.stop = html("button", { type: "button", class: "stop", disabled: true }, "STOP");
+    this.stopAll = html("button", { type: "button", class: "stop-all", disabled: true, hidden: true }, "STOP ALL");
     this.toggle = html("button", { type: "button", class: "toggle", disabled: true });
     this.more = html("div", { id: "verbs", role: "group", "aria-label": "Other orders" });
     this.answer = html("p", { id: "answer", role: "status" });
     this.to = html("h2", { class: "to" });
     this.by = html("input", { id: "by", autocomplete: "off", maxlength: 60, value: remembered() });
     this.who = html("label", { class: "by" }, "Your name, for the log ", this.by);
-    place.append(this.to, html("div", { class: "first" }, this.stop, this.toggle), this.answer, this.more, this.who);
+    place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.more, this.who);
     this.ask = html("dialog", { id: "ask" }, html("form", { method: "dialog" }, html("h2"), html("div"), html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
     document.body.append(this.ask);
     // Not a button that submits: Enter in a field would press the first of these.
     this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
     this.stop.addEventListener("click", () => this.halt());
+    this.stopAll.addEventListener("click", () => this.haltAll());
     this.toggle.addEventListener("click", () => this.begin(this.toggled()));
     this.by.addEventListener("change", () => remember(this.by.value));
     this.buttons = new Map();
@@ -49,17 +51,20 @@ export class Orders {
 
   /** Show the orders to the robot that is chosen: those that its tree has heeded, and can be given just now. */
   show() {
-    const { chosen, run, verbs, available, names, isTeam, isConnected, isReplay } = this.stream;
-    const now = isConnected && this.token && !run.run.ended ? (available[chosen] ?? []) : [];
+    const { chosen, run, runs, verbs, available, names, isTeam, isReplay } = this.stream;
     const offered = this.offered.get(chosen) ?? new Set();
     for (const name of available[chosen] ?? []) offered.add(name);
     this.offered.set(chosen, offered);
-    this.now = new Set(now);
+    this.now = this.heeded(chosen);
     this.verbs = (verbs[chosen] ?? []).filter(({ name }) => offered.has(name));
-    this.isHeld = run.condition.word === "paused";
-    // To a run that has ended there is nothing more to order; the answer to what has ended it stays.
-    this.place.hidden = isReplay || !(verbs[chosen] ?? []).length || (Boolean(run.run.ended) && !this.answer.dataset.kind);
+    this.isHeld = isHeld(run);
+    // To runs that have ended there is nothing more to order; the answer to what has ended them stays.
+    const isOver = runs.every((each) => each.run.ended);
+    this.place.hidden = isReplay || !verbs.some((each) => each.length) || (isOver && !this.answer.dataset.kind);
     say(this.to, isTeam ? `Orders to ${names[chosen]}` : "Orders");
+    say(this.stop, isTeam ? `STOP ${names[chosen]}` : "STOP");
+    this.stopAll.hidden = !isTeam;
+    this.stopAll.disabled = !isTeam || (!this.able("hold").length && !this.able("stop").length);
     const key = `${chosen} ${this.verbs.map(({ name }) => name).join(" ")}`;
     if (key !== this.key) this.draw(key);
     const may = (verb) => Boolean(verb && this.now.has(verb.name));
@@ -85,6 +90,20 @@ export class Orders {
     else if (!this.answer.dataset.kind) say(this.answer, "");
   }
 
+  /** The names of the verbs that a robot heeds just now. */
+  heeded(robot) {
+    const { runs, available, isConnected } = this.stream;
+    return new Set(isConnected && this.token && !runs[robot].run.ended ? (available[robot] ?? []) : []);
+  }
+
+  /** The robots that heed their verb of a role just now, each with that verb. */
+  able(wanted) {
+    return this.stream.runs.flatMap((_, robot) => {
+      const verb = (this.stream.verbs[robot] ?? []).find(({ role }) => role === wanted);
+      return verb && this.heeded(robot).has(verb.name) ? [[robot, verb]] : [];
+    });
+  }
+
   /** The verb of a role. */
   of(wanted) {
     return this.verbs?.find(({ role }) => role === wanted);
@@ -108,6 +127,16 @@ export class Orders {
     if (stop && this.now.has(stop.name)) this.begin(stop, stays ? "The robot is told to stand still. It stays paused unless the mission is ended here." : "");
   }
 
+  /** Have every robot stand at once, and ask whether that is the end of their missions. */
+  async haltAll() {
+    const standing = this.able("hold").filter(([robot]) => !isHeld(this.stream.runs[robot]));
+    if (standing.length) this.giveEach(standing);
+    const [first] = this.able("stop");
+    if (!first) return;
+    const before = "All robots are told to stand still. They stay paused unless their missions are ended here.";
+    if (await this.question(first[1], {}, before, "all robots")) this.giveEach(this.able("stop"));
+  }
+
   /** Give an order, after the question that it needs; *before* stands ahead of that, and says that the robot stays paused. */
   async begin(verb, before = "") {
     const robot = this.stream.chosen;
@@ -115,10 +144,10 @@ export class Orders {
     if (values) this.give(verb, values, robot);
   }
 
-  question(verb, given, before = "") {
+  question(verb, given, before = "", to = this.stream.names[this.stream.chosen]) {
     const fields = new Map(verb.fields.map((field) => [field.name, this.field(field, given[field.name])]));
     const [heading, body, yes] = [this.ask.querySelector("h2"), this.ask.querySelector("div"), this.ask.querySelector(".yes")];
-    say(heading, this.stream.isTeam ? `${verb.label}: ${this.stream.names[this.stream.chosen]}` : verb.label);
+    say(heading, this.stream.isTeam ? `${verb.label}: ${to}` : verb.label);
     say(yes, verb.label);
     say(this.ask.querySelector(".no"), before ? "Stay paused" : "Leave it");
     body.replaceChildren(...[before, verb.confirm].filter(Boolean).map((text) => html("p", {}, text)), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))));
@@ -163,8 +192,26 @@ export class Orders {
   }
 
   async give(verb, values, robot = this.stream.chosen) {
-    const to = this.stream.isTeam ? `${this.stream.names[robot]}: ${verb.label}` : verb.label;
+    const to = this.addressed(verb, robot);
     this.tell(`${to} …`, "asked");
+    const [text, kind] = await this.send(verb, values, robot);
+    this.tell(`${to}: ${text}`, kind);
+  }
+
+  /** Give several robots an order each, at once; what they answer is told together. */
+  async giveEach(orders) {
+    this.tell(`${orders.map(([robot, verb]) => this.addressed(verb, robot)).join("; ")} …`, "asked");
+    const answers = await Promise.all(orders.map(([robot, verb]) => this.send(verb, {}, robot)));
+    const told = answers.map(([text], index) => `${this.addressed(orders[index][1], orders[index][0])}: ${text}`);
+    this.tell(told.join("; "), answers.some(([, kind]) => kind === "trouble") ? "trouble" : "done");
+  }
+
+  addressed(verb, robot) {
+    return this.stream.isTeam ? `${this.stream.names[robot]}: ${verb.label}` : verb.label;
+  }
+
+  /** Send an order; return what is said to it, and whether it is done or there is trouble. */
+  async send(verb, values, robot) {
     try {
       const response = await fetch(`orders/${encodeURIComponent(verb.name)}?robot=${robot}`, {
         method: "POST",
@@ -173,10 +220,10 @@ export class Orders {
         signal: AbortSignal.timeout(ANSWER_MS),
       });
       const { accepted, message } = await response.json();
-      if (accepted) this.tell(`${to}: ${message || "done"}`, "done");
-      else this.tell(`${to}: ${response.status >= 500 ? message : `refused: ${message}`}`, "trouble");
+      if (accepted) return [message || "done", "done"];
+      return [response.status >= 500 ? message : `refused: ${message}`, "trouble"];
     } catch (error) {
-      this.tell(`${to}: ${error.name === "TimeoutError" ? "no answer: look at the log whether it was given" : "the run cannot be reached"}`, "trouble");
+      return [error.name === "TimeoutError" ? "no answer: look at the log whether it was given" : "the run cannot be reached", "trouble"];
     }
   }
 
@@ -187,6 +234,10 @@ export class Orders {
     this.answer.dataset.kind = kind;
     if (kind === "done") this.fading = setTimeout(() => this.tell(""), READ_MS);
   }
+}
+
+function isHeld(run) {
+  return run.condition.word === "paused";
 }
 
 /** What the operator is called, as said before. */
