@@ -300,6 +300,8 @@ _MARK = 0.12
 _LETTER, _SAID, _WIDE = 2.2, 0.7, 0.62
 # How far a label is from the middle of its mark, in symbols.
 _BESIDE = 1.9
+# To be cut off hides more than to lie on something: by this factor.
+_OUTSIDE = 4
 # A break of so many metres in the path is no way of a robot: it was carried, or the localisation has jumped.
 _JUMP_M = 5.0
 # A map that is turned by less is drawn as if it were not.
@@ -489,7 +491,7 @@ def _label(landmark: Landmark, said: str, size: float, taken: Sequence[MapBox], 
 
     def hidden(label: _Label) -> float:
         outside = 4 * wide * high - _overlap(label.box, extent)
-        return outside + sum(_overlap(label.box, each) for each in taken)
+        return _OUTSIDE * outside + sum(_overlap(label.box, each) for each in taken)
 
     return min(sides, key=hidden)
 

@@ -53,12 +53,12 @@ class Browser:
         self.size(1400, 900)
         self.touch(is_touched=False)
 
-    def size(self, width, height, *, dark=False):
-        """Have a window of some size, in light or in dark."""
+    def size(self, width, height, *, dark=False, media=""):
+        """Have a window of some size, in light or in dark, or what comes out of a printer."""
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": scheme})
 
     def touch(self, *, is_touched):
         """Have a screen that is touched, or a mouse."""

@@ -9,6 +9,7 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.views.report_html import html_report
+from tests.views.test_reports import CONFIRMED, alarm, mission
 from tests.web.conftest import ABOUT, KINDS, Patrol
 
 pytestmark = pytest.mark.unmeasured
@@ -34,6 +35,11 @@ return labels.flatMap(([text, box]) => others.filter(([, other]) => other !== bo
 """The labels of which more than 4 square pixels share their place with a mark or with another label."""
 
 
+def address(page):
+    """Return a report as an address."""
+    return f"data:text/html;base64,{base64.b64encode(page.encode()).decode()}"
+
+
 def report(tell):
     """Return the report of a patrol, as an address."""
     entries: list[JournalEntry] = []
@@ -44,8 +50,7 @@ def report(tell):
     journal.begin(ABOUT, {"node": "/patrol"})
     tell(journal)
     journal.end(Ending.OVER, 0)
-    page = html_report(MissionState.of(entries))
-    return f"data:text/html;base64,{base64.b64encode(page.encode()).decode()}"
+    return address(html_report(MissionState.of(entries)))
 
 
 def test_no_label_of_a_report_is_hidden(browser):
@@ -61,3 +66,43 @@ def test_no_label_of_the_page_is_hidden(live, browser, width):
     browser.open(run.server.url)
     browser.wait_for("#map", "find_2")
     assert browser.js(HIDDEN, "#map") == []
+
+
+A4 = (688, 1001)
+"""What is within the margins of a sheet, pixels: 182 by 265 mm."""
+MOST_SHEETS = 2
+"""So many sheets are for who coordinates."""
+
+
+@pytest.fixture
+def large():
+    """The report of a search with coordinates of the world, six survivors, three zones, and alarms that somebody has to see."""
+    named = [
+        ("survivor_named", {"survivor": f"survivor_{number}", "x": 10.0 * number, "y": 1.0, "possibly": None})
+        for number in range(2, 7)
+    ]
+    alarms = [alarm(f"There is a survivor at no usable position in zone_{each}") for each in "abc"]
+    return address(html_report(mission(*named, CONFIRMED, *alarms, ("zone_visited", {"zone": "zone_c"}))))
+
+
+def test_what_a_coordinator_reads_is_on_two_sheets(browser, large):
+    browser.driver.get(large)
+    browser.js("document.querySelector('.annex').remove()")
+    printed = browser.driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
+    pdf = base64.b64decode(printed["data"])
+    assert 1 <= pdf.count(b"/Type /Page\n") <= MOST_SHEETS
+
+
+CUT = """
+const edge = document.documentElement.clientWidth;
+const cut = (each) => each.getBoundingClientRect().right > edge + 1 || (each.scrollWidth > each.clientWidth + 1 && each.clientWidth && getComputedStyle(each).display !== 'inline');
+return [...document.querySelectorAll('main *:not(svg *)')].filter(cut).map((each) => each.outerHTML.slice(0, 200));
+"""
+"""What goes beyond the right margin, or is wider than what it stands in."""
+
+
+def test_nothing_of_a_sheet_is_cut_at_its_right_margin(browser, large):
+    browser.size(*A4, media="print")
+    browser.driver.get(large)
+    assert browser.js("return matchMedia('print').matches")
+    assert browser.js(CUT) == []
