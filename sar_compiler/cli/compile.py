@@ -115,6 +115,8 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     )
     forms = ("unicode", "ascii", "json", *_PICTURES)
     parser.add_argument("--format", choices=forms, default="unicode", help=text)
+    text = "in a picture, draw each subtree as one node; --tree has what is in it"
+    parser.add_argument("--fold", action="store_true", help=text)
     text = "the file to write (default: standard output)"
     parser.add_argument("-o", "--output", type=FILE, metavar="OUT", help=text)
     parser.set_defaults(run=_show)
@@ -155,8 +157,12 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 
 def _show(arguments: argparse.Namespace) -> int:
+    if arguments.fold and arguments.format not in _PICTURES:
+        print_error(f"{PROG}: --fold is for pictures: --format {', '.join(_PICTURES)}")
+        return USAGE
     # `validate` warns of the doubtful cases.
-    text = _drawing(workspace(arguments).load(arguments.file).preview(arguments.tree), arguments.format)
+    tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
+    text = _drawing(tree, arguments.format, folded=arguments.fold)
     if arguments.output is None:
         print(text, end="")
     else:
@@ -166,7 +172,7 @@ def _show(arguments: argparse.Namespace) -> int:
     return OK
 
 
-def _drawing(tree: "CompiledTree", form: str) -> str:
+def _drawing(tree: "CompiledTree", form: str, *, folded: bool) -> str:
     """Return a compiled tree in a form of `show`."""
     if form == "json":
         from sar_compiler.views.outline import outline
@@ -176,7 +182,7 @@ def _drawing(tree: "CompiledTree", form: str) -> str:
     if form in _PICTURES:
         from sar_compiler.views import drawing
 
-        picture: str = getattr(drawing, form)(tree)
+        picture: str = getattr(drawing, form)(tree, folded=folded)
         if form == "mermaid" and drawing.too_large(picture):
             print_error(
                 f"{PROG}: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit"

@@ -4,6 +4,7 @@ All formats share one list of nodes. In the picture, children stand side by side
 below the other, indented: a small tree looks as in a book, and a wide one stays narrow. Lengths are in pixels.
 """
 
+import itertools
 import math
 import re
 from collections import Counter
@@ -14,6 +15,8 @@ from importlib.resources import files
 from typing import NamedTuple
 from unicodedata import combining, east_asian_width
 from xml.sax.saxutils import escape
+
+from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler import CompiledTree, Origin
 from sar_compiler.nodes.binding.bound import BoundNode
@@ -76,11 +79,17 @@ class DrawnNode(NamedTuple):
         return f"{self.sign} {self.name}".lstrip()
 
 
-def drawn_nodes(tree: CompiledTree) -> list[DrawnNode]:
-    """Return the nodes of a compiled tree for a drawing, in pre-order."""
-    behaviours = list(pre_order(tree.root))
+def drawn_nodes(tree: CompiledTree, *, folded: bool = False) -> list[DrawnNode]:
+    """Return the nodes of a compiled tree for a drawing, in pre-order.
+
+    Args:
+        tree: The tree.
+        folded: Whether a subtree is one node, without what is in it.
+    """
+    inside = {id(each) for each in _inside_subtrees(tree)} if folded else set()
+    behaviours = [each for each in pre_order(tree.root) if id(each) not in inside]
     place = {each.id: number for number, each in enumerate(behaviours)}
-    below = [tuple(place[child.id] for child in each.children) for each in behaviours]
+    below = [tuple(place[child.id] for child in each.children if child.id in place) for each in behaviours]
     parents, ends = [-1] * len(below), [*range(1, len(below) + 1)]
     for number in reversed(range(len(below))):
         for child in below[number]:
@@ -91,7 +100,15 @@ def drawn_nodes(tree: CompiledTree) -> list[DrawnNode]:
         # What conditions and `oneshot` put around a node was made from the same element.
         is_wrapper = any(origins[child].bound is origin.bound for child in children)
         drawn.append(DrawnNode(parent, children, end, *_looks(each.name, origin, is_wrapper=is_wrapper)))
-    return drawn
+    # What there is a line around is unfolded.
+    return [each._replace(is_subtree=False) for each in drawn] if folded else drawn
+
+
+def _inside_subtrees(tree: CompiledTree) -> Iterator[Behaviour]:
+    """Yield what is in a subtree of the tree that is shown."""
+    for each in pre_order(tree.root):
+        if tree.origins[each.id].bound.subtree is not None:
+            yield from itertools.islice(pre_order(each), 1, None)
 
 
 def _graph_lines(
@@ -189,14 +206,16 @@ _DOT_SHAPES = {
 }
 
 
-def dot(tree: CompiledTree) -> str:
-    """Return a compiled tree as a digraph; subtrees are clusters."""
+def dot(tree: CompiledTree, *, folded: bool = False) -> str:
+    """Return a compiled tree as a digraph; subtrees are clusters, or single nodes if they are folded."""
     lines = [
         f"digraph {_quote(in_one_line(tree.instance.tree.name))} {{",
         "  ordering=out;",
         '  graph [fontname="sans-serif", style=dashed];',
         '  node [fontname="sans-serif", fontsize=9, style=filled];',
-        *_graph_lines(drawn_nodes(tree), "  subgraph cluster_{} {{", _dot_node, "  }", "  n{} -> n{};"),
+        *_graph_lines(
+            drawn_nodes(tree, folded=folded), "  subgraph cluster_{} {{", _dot_node, "  }", "  n{} -> n{};"
+        ),
         "}",
     ]
     return "".join(f"{line}\n" for line in lines)
@@ -237,9 +256,9 @@ _MOST_EDGES, _LONGEST_CHART = 499, 50_000
 _EDGE = " --> "
 
 
-def mermaid(tree: CompiledTree) -> str:
-    """Return a compiled tree as a flowchart from top to bottom; subtrees are boxes."""
-    nodes = drawn_nodes(tree)
+def mermaid(tree: CompiledTree, *, folded: bool = False) -> str:
+    """Return a compiled tree as a flowchart from top to bottom; subtrees are boxes, or single nodes if they are folded."""
+    nodes = drawn_nodes(tree, folded=folded)
     shapes = sorted({node.shape for node in nodes}, key=list(Shape).index)
     lines = [
         "flowchart TD",
@@ -328,9 +347,9 @@ class Block:
         return self.top + self.high
 
 
-def svg(tree: CompiledTree) -> str:
-    """Return a compiled tree as a picture."""
-    nodes = drawn_nodes(tree)
+def svg(tree: CompiledTree, *, folded: bool = False) -> str:
+    """Return a compiled tree as a picture, with subtrees as single nodes if they are folded."""
+    nodes = drawn_nodes(tree, folded=folded)
     blocks = _place_blocks(nodes)
     width, height = (math.ceil(size + 2 * _MARGIN) for size in (blocks[0].width, blocks[0].height))
     size = f'width="{width}" height="{height}"'

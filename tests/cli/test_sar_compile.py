@@ -397,3 +397,12 @@ def test_a_page_is_explained_on_a_terminal_without_the_marks_of_markdown():
     page = '# `wrong-value`\n\n*error*\n\nAs [here](a.md#b) **it is**.\n\n```xml\n<A x="`"/>\n\n```\n'
     said = without_markdown(page, lambda text, part: f"<{part} {text}>")
     assert said == '<place wrong-value>\n\nerror\n\nAs here it is.\n\n    <A x="`"/>\n\n'
+
+
+def test_subtrees_are_folded_in_pictures_alone(capsys):
+    assert main(["show", "search_and_rescue_guarded", "--format", "dot", "--fold"]) == 0
+    picture = capsys.readouterr().out
+    assert "ResilientSearchAndRescue" in picture
+    assert "NavigateToZone" not in picture
+    assert main(["show", "search_and_rescue_guarded", "--fold"]) == 2
+    assert "--fold is for pictures: --format svg, mermaid, dot" in capsys.readouterr().err

@@ -149,6 +149,23 @@ def test_a_node_says_where_it_stands_in_its_file():
     assert nodes[1].title == "trees/search_and_rescue.xml:13 <Sequence> Patrol"
 
 
+def test_a_folded_subtree_is_one_node_without_a_line_around_it():
+    drawn = tree(
+        ("Main", '<Sequence><SubTree ID="Inner" name="Here"/><AlwaysFailure/></Sequence>'),
+        ("Inner", '<Sequence><SubTree ID="Deeper"/></Sequence>'),
+        ("Deeper", "<AlwaysSuccess/>"),
+    )
+    nodes = drawn_nodes(drawn, folded=True)
+    assert [(each.name, each.parent, each.children, each.end) for each in nodes] == [
+        ("Sequence", -1, (1, 2), 3),
+        ("Here", 0, (), 2),
+        ("AlwaysFailure", 0, (), 3),
+    ]
+    assert [each for each in parsed(svg(drawn, folded=True)) if each.get("class") == "frame"] == []
+    assert "subgraph" not in dot(drawn, folded=True)
+    assert "subgraph" not in mermaid(drawn, folded=True)
+
+
 def test_a_subtree_has_a_line_around_all_that_is_in_it():
     drawn = tree(
         ("Main", '<Sequence><SubTree ID="Inner" name="Here"/><AlwaysFailure/></Sequence>'),
