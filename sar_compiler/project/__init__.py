@@ -332,6 +332,15 @@ class LoadedTree:
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.path}>"
 
+    def _repr_svg_(self) -> str | None:
+        """Return a picture for a notebook; None, so that it shows the text, if the tree has errors."""
+        from sar_compiler.views.drawing import svg
+
+        try:
+            return svg(self.preview())
+        except TreeError:
+            return None
+
     @property
     def is_malformed(self) -> bool:
         """Whether the file cannot be understood at all."""

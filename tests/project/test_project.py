@@ -278,6 +278,11 @@ def test_what_a_command_prints_is_what_a_program_gets(capsys):
     assert isinstance(load("search_and_rescue").preview().root, py_trees.composites.Selector)
 
 
+def test_a_notebook_draws_a_tree_that_has_no_errors(tmp_path):
+    assert (load("search_and_rescue")._repr_svg_() or "").startswith("<svg ")
+    assert load(write(tmp_path, document("<Nope/>")))._repr_svg_() is None
+
+
 def test_a_script_may_use_a_list_twice_and_statuses_of_py_trees():
     once = [Status.FAILURE, "arrived"]
     run = simulate("search_and_rescue", NavigateToZone=once, NavigateToBase=once).tick()
