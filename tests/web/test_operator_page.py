@@ -236,3 +236,12 @@ def test_without_anybody_who_heeds_it_there_is_nothing_to_stop(team, browser):
 def test_one_robot_has_one_stop(patrol, browser):
     assert browser.text(".stop") == "STOP"
     assert browser.js("return document.querySelector('.stop-all').hidden")
+
+
+def test_that_a_tree_takes_no_orders_is_said_once_that_is_known(team, browser):
+    team.heeded = []
+    browser.open(team.server.url)
+    browser.wait_for("#orders .to", "Orders to robot1")
+    assert browser.text("#answer") == ""
+    team.heeded = [[], []]
+    browser.wait_for("#answer", "This tree takes no orders.")

@@ -65,7 +65,9 @@ export class Orders {
     say(this.stop, isTeam ? `STOP ${names[chosen]}` : "STOP");
     this.stopAll.hidden = !isTeam;
     this.stopAll.disabled = !isTeam || (!this.able("hold").length && !this.able("stop").length);
-    const key = `${chosen} ${this.verbs.map(({ name }) => name).join(" ")}`;
+    // What a robot heeds is told a moment after what can be ordered.
+    this.isKnown = Boolean(available[chosen]);
+    const key = `${chosen} ${this.isKnown} ${this.verbs.map(({ name }) => name).join(" ")}`;
     if (key !== this.key) this.draw(key);
     const may = (verb) => Boolean(verb && this.now.has(verb.name));
     this.stop.disabled = !may(this.of("stop")) && !may(this.of("hold"));
@@ -86,7 +88,7 @@ export class Orders {
     this.more.replaceChildren(...this.buttons.values());
     this.who.hidden = !this.verbs.length || !this.token;
     if (!this.token) say(this.answer, "To give orders, open the address that the run has printed.");
-    else if (!this.verbs.length) say(this.answer, "This tree takes no orders.");
+    else if (this.isKnown && !this.verbs.length) say(this.answer, "This tree takes no orders.");
     else if (!this.answer.dataset.kind) say(this.answer, "");
   }
 
