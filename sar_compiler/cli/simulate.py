@@ -89,6 +89,7 @@ def _play(
     from sar_compiler.checks.simulate.running import ScenarioPlayer, failures
     from sar_compiler.checks.simulate.scenario_files import read_scenario
     from sar_compiler.compiler.simulated_tree import OnlyDescribedError
+    from sar_compiler.runtime.evaluation import Program
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.views.runs import PlayedScenario
 
@@ -102,7 +103,8 @@ def _play(
     if unknown is not None:
         print_error(f"sar-compile: {unknown}")
         return PlayedScenario(str(path or arguments.file), problem=unknown)
-    until, most = arguments.until or play.scenario.until, arguments.ticks or play.scenario.max_ticks
+    until = Program(arguments.until) if arguments.until else play.scenario.until
+    most = arguments.ticks or play.scenario.max_ticks
     scenario = replace(play.scenario, until=until, max_ticks=most, seed=arguments.seed)
     run = ScenarioPlayer(play.simulated, scenario).go()
     coverage.add(run)

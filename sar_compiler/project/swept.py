@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.checks.leaf_words import EventPattern, LeafWords
-from sar_compiler.checks.simulate.running import Drawn, Failure, ScenarioPlayer, failures
+from sar_compiler.checks.simulate.replaying import ReusedTree
+from sar_compiler.checks.simulate.running import Drawn, Failure, Player, ScenarioPlayer, failures
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
 from sar_compiler.checks.sweep import Played
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml
-from sar_compiler.errors import SarError
+from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.project import Additions, LoadedTree, Workspace
 
 # py_trees' blackboard is the process's, and a worker of a cluster may have several threads.
@@ -54,7 +55,8 @@ class ScenarioRuns:
     def __call__(self, seeds: Sequence[int]) -> list[Played]:
         """Return what comes of a run for each seed."""
         with _ALONE:
-            return [self._outcome(seed) for seed in seeds]
+            replays = _replays(self)
+            return [replays.outcome(seed) for seed in seeds]
 
     def understood(self) -> Play:
         """Return the tree and the scenario.
@@ -94,18 +96,47 @@ class ScenarioRuns:
         player.go()
         return player
 
-    def _outcome(self, seed: int) -> Played:
-        player = self.play(seed)
+
+class _Replays:
+    """What a worker keeps of some runs: their tree, compiled once.
+
+    Args:
+        runs: The runs.
+    """
+
+    def __init__(self, runs: ScenarioRuns) -> None:
+        self._runs = runs
+        self._compile()
+
+    def _compile(self) -> None:
+        play = self._runs.understood()
+        self._scenario = replace(play.scenario, unusual=self._runs.unusual)
+        self._events = self._runs.events(play.simulated)
+        try:
+            self._tree: ReusedTree | None = ReusedTree(play.simulated)
+        except UndecidableError:
+            self._tree = None
+
+    def outcome(self, seed: int) -> Played:
+        """Return what comes of a run."""
+        player = self._player(seed)
         run, choices = player.run, player.scripted.choices
-        happened = Counter(
-            pattern.text
-            for pattern in self.events(run.simulated)
-            for event in run.events
-            if pattern.matches(event)
-        )
+        counts = {each.text: sum(map(each.matches, run.events)) for each in self._events}
         size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))
         missed = "; ".join(f"{each.expected}: {each.message}" for each in failures(run))
-        return Played(seed, missed, run.time_sec, {each: happened[each] for each in self.counted}, size)
+        return Played(seed, missed, run.time_sec, counts, size)
+
+    def _player(self, seed: int) -> Player:
+        """Return a run that was played."""
+        if self._tree is None:
+            return self._runs.play(seed)
+        if self._tree.is_worn:
+            self._compile()
+        return self._tree.play(replace(self._scenario, seed=seed))
+
+
+# A row comes again after all others; of very many, some trees are compiled again.
+_replays = functools.lru_cache(maxsize=16)(_Replays)
 
 
 def content_of(tree: LoadedTree) -> str:

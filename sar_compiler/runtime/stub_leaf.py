@@ -4,8 +4,9 @@ It has no state of its own but py_trees' status. What the answers change are fac
 tree's, so that scripts and snapshots work on them as on any entry.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from py_trees.common import Status
 
@@ -14,11 +15,16 @@ from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event, FactChanges, changes_in
-from sar_compiler.runtime.expressions import name_uses
+from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.scripting import ScopeVariables
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
 from sar_compiler.runtime.variables import Enums, ScriptValue
+
+if TYPE_CHECKING:
+    from sar_compiler.runtime.kernel.entry_cells import Memo
+
+T = TypeVar("T")
 
 STATUSES: Mapping[str, Status] = {
     "SUCCESS": Status.SUCCESS,
@@ -93,6 +99,13 @@ class FactVariables:
         entries = [self.entry(name) for name in names if self._of(name) is self._facts]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
+    def memo(self, scripts: Iterable[Script]) -> "Memo | None":
+        """Return what remembers the effect of some scripts; None unless the boards are numbered."""
+        board = self._scope.board
+        if not board.is_numbered:
+            return None
+        return board.memo([self.entry(use.name) for each in scripts for use in name_uses(each)])
+
     def _of(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
         if known is None:
@@ -135,6 +148,7 @@ class StubLeaf(SkippableLeaf):
         self._variables = variables
         self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
         self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.answers if a.then}
+        self._memos: dict[Answer | None, Memo | None] = {}
 
     def options(self) -> tuple[Answer, ...]:
         """Return the answers that are possible now.
@@ -178,12 +192,9 @@ class StubLeaf(SkippableLeaf):
         Raises:
             StubLeafError: If no answer is possible, or a script cannot be run.
         """
-        answer = self.policy.choose(self, self.options())
-        before = self._facts_of(answer)
-        try:
-            self.change(answer)
-        finally:
-            self.events.append(self.event(ANSWERED, answer, changes_in(before, self._facts_of(answer))))
+        answer = self.policy.choose(self, self._recall(None, self._conditions.values(), self.options))
+        scripts = [self._effects[answer]] if answer in self._effects else []
+        self.events.append(self._recall(answer, scripts, partial(self._give, answer)))
         self.feedback_message, self.answer_label = answer.name, answer.label
         return STATUSES[answer.status]
 
@@ -196,6 +207,27 @@ class StubLeaf(SkippableLeaf):
         """Return an event of this leaf."""
         status, label = ("", "") if answer is None else (answer.status, answer.label)
         return Event(self.path, self.number, what, status, label, facts)
+
+    def _recall(self, what: Answer | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
+        """Run code that uses the entries of some scripts; on numbered boards not twice where these hold the same."""
+        if what not in self._memos:
+            self._memos[what] = self._variables.memo(each.script for each in programs)
+        memo = self._memos[what]
+        answer: T = run() if memo is None else memo.call(run)
+        return answer
+
+    def _give(self, answer: Answer) -> Event:
+        """Change what an answer changes, and return its event; what goes wrong on the way is an event as well."""
+        before = self._facts_of(answer)
+        try:
+            self.change(answer)
+        except StubLeafError:
+            self.events.append(self._answered(answer, before))
+            raise
+        return self._answered(answer, before)
+
+    def _answered(self, answer: Answer, before: Mapping[str, object]) -> Event:
+        return self.event(ANSWERED, answer, changes_in(before, self._facts_of(answer)))
 
     def _facts_of(self, answer: Answer) -> dict[str, object]:
         """Return the facts of which the script of an answer speaks, as they are now."""

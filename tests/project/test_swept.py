@@ -6,11 +6,18 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.decorators import Decorator as StockDecorator
 
+from sar_compiler.checks.simulate import replaying
+from sar_compiler.checks.simulate.running import failures
+from sar_compiler.leaves import Decorator, Kind, Tick, register
 from sar_compiler.project import Additions, load
 from sar_compiler.project.swept import (
     ChangedTreeError,
     ScenarioRuns,
+    _replays,
     _stage,
     change_scenario,
     content_of,
@@ -48,6 +55,63 @@ def missed(play, seed=0):
 def test_what_comes_of_a_seed_does_not_depend_on_the_seeds_before_it():
     copied = pickle.loads(pickle.dumps(runs()))  # noqa: S301 - it is ours
     assert runs()(range(6)) == [outcome for seed in reversed(range(6)) for outcome in copied([seed])][::-1]
+
+
+def outcomes_alone(play, seeds):
+    """Return what comes of each seed where its run is the only one of a worker."""
+    outcomes = []
+    for seed in seeds:
+        _replays.cache_clear()
+        outcomes += play([seed])
+    return outcomes
+
+
+def test_a_tree_that_remembers_too_much_is_made_anew(monkeypatch):
+    expected = outcomes_alone(runs(), range(5))
+    monkeypatch.setattr(replaying, "_MOST_CHOICES", 1)
+    _replays.cache_clear()
+    assert runs()(range(5)) == expected
+
+
+@register("CountsItself", kind=Kind.DECORATOR)
+class CountsItself(Decorator):
+    """Fails from its third tick on, which it counts where nobody sees it."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+        self.ticks = [[0]]
+
+    def resume(self, tick: Tick, outcome: Status) -> Behaviour | Status:
+        self.ticks[0][0] += 1
+        return super().resume(tick, outcome) if self.ticks[0][0] < 3 else Status.FAILURE
+
+
+@register("CountsByItself", kind=Kind.DECORATOR)
+class CountsByItself(StockDecorator):
+    """Does the same, ticked by methods of its own."""
+
+    ticks = 0
+
+    def update(self) -> Status:
+        self.ticks += 1
+        return self.decorated.status if self.ticks < 3 else Status.FAILURE
+
+
+@pytest.mark.parametrize("cls", [CountsItself, CountsByItself])
+def test_what_a_node_of_the_users_keeps_to_itself_is_gone_with_its_run(tmp_path, cls):
+    tree = tmp_path / "tree.xml"
+    tree.write_text(document(f"<{cls.__name__}><NavigateToZone/></{cls.__name__}>"), encoding="utf-8")
+    added = Additions(nodes=(cls,))
+    content = content_of(load(tree, nodes=[cls]))
+    play = ScenarioRuns(tree, content, added, "expect: {root: SUCCESS}", "day.yaml", 0.1)
+    assert not any(outcome.failure for outcome in play([3, 3, 3, 3]))
+
+
+def test_a_run_that_cannot_be_finished_says_why_as_simulate_does():
+    play = runs("facts: {zones_left: 0}\nleaves: {ZonesRemaining: SUCCESS}", 0.1)
+    (outcome,) = play([0])
+    assert outcome.failure == "run: " + failures(play.play(0).run)[0].message
+    assert "'ZonesRemaining?' cannot answer 'SUCCESS' here" in outcome.failure
 
 
 def test_the_events_asked_for_are_counted():
@@ -119,6 +183,7 @@ def test_a_tree_that_has_changed_since_the_sweep_began_is_not_played(tmp_path):
     tree.write_text(document("<NavigateToBase/>"), encoding="utf-8")
     again = runs("ticks: 9", 0.1, (), tree)
     assert len(again([1])) == 1
+    _replays.cache_clear()
     _stage.cache_clear()
     with pytest.raises(ChangedTreeError, match="has changed since the sweep began"):
         play([2])

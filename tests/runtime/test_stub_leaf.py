@@ -90,6 +90,16 @@ def test_what_a_leaf_does_is_noted(made):
     assert deeds(leaf) == [(STARTED, None), (ANSWERED, "driving"), (ANSWERED, "driving"), (HALTED, None)]
 
 
+def test_an_answer_whose_script_cannot_be_run_is_noted_with_what_it_has_changed(made):
+    leaf = made(Answer("SUCCESS", "yes", then="at = 'zone'; left = 'x'"))
+    with pytest.raises(StubLeafError):
+        leaf.tick_once()
+    assert [(event.deed, event.facts) for event in leaf.events] == [
+        (STARTED, ()),
+        ("yes", (("at", "zone"),)),
+    ]
+
+
 def test_a_leaf_that_has_finished_is_not_halted(made):
     leaf = made(ARRIVED)
     leaf.tick_once()

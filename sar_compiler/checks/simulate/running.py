@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from random import Random
 from typing import NamedTuple
 from uuid import UUID
@@ -163,9 +164,9 @@ class _Plan:
         if step.when is None:
             return True
         try:
-            return Program(step.when).holds(self.variables)
+            return step.when.holds(self.variables)
         except EvaluationError as error:
-            raise ScriptedError(f"'{self.leaf.name}': when '{step.when.text}': {error}") from error
+            raise ScriptedError(f"'{self.leaf.name}': when '{step.when.script.text}': {error}") from error
 
 
 def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:
@@ -199,7 +200,7 @@ class _Left:
         return True
 
 
-_ROOT_IS_DONE = parse("root == 'SUCCESS' || root == 'FAILURE'")
+_ROOT_IS_DONE = Program(parse("root == 'SUCCESS' || root == 'FAILURE'"))
 
 
 class UntilError(SarError):
@@ -240,24 +241,34 @@ class Run:
         return self.ticks[-1].time_sec if self.ticks else 0.0
 
 
-class ScenarioPlayer:
-    """Ticks a tree by a scenario, tick by tick.
+class Player:
+    """Ticks a simulated tree by a scenario, tick by tick.
+
+    Args:
+        simulated: The tree.
+        scenario: The scenario.
+        variables: What its conditions see.
+        tick_tree: Ticks the tree, and returns the number of the outcome.
 
     Attributes:
         run: What has come of it so far.
         scripted: What has chosen the answers.
     """
 
-    def __init__(self, simulated: SimulatedTree, scenario: Scenario) -> None:
+    def __init__(
+        self,
+        simulated: SimulatedTree,
+        scenario: Scenario,
+        variables: RunVariables,
+        tick_tree: Callable[[], int],
+    ) -> None:
         self.run = Run(simulated, scenario)
         self._simulated = simulated
-        self._tree = LiveTree(simulated.root, is_strict=True)
+        self._variables = variables
+        self._tick_tree = tick_tree
         self._start_sec = simulated.clock.now()
-        self._variables = RunVariables(simulated)
-        self._until = Program(scenario.until or _ROOT_IS_DONE)
-        self._facts: Mapping[str, object] = dict(simulated.fact_values())
-        self._keys = _keys(simulated)
-        self.scripted = Scripted(scenario, self._variables, simulated.clock)
+        self._until = scenario.until or _ROOT_IS_DONE
+        self.scripted = Scripted(scenario, variables, simulated.clock)
         simulated.policy = self.scripted
 
     def tick(self) -> TickRecord:
@@ -271,20 +282,19 @@ class ScenarioPlayer:
             simulated.clock.advance(run.scenario.period_sec)
         number, time_sec = len(run.ticks) + 1, round(simulated.clock.now() - self._start_sec, 6)
         self._variables.now = {"root": run.root, "tick": number, "time": time_sec}
-        visits: list[Visit] = []
         simulated.events.clear()
         root = ""
         try:
-            root = WORDS[self._tree.tick_and_visit(visits)]
+            root = WORDS[self._tick_tree()]
         finally:
-            statuses = {visit.behaviour.id: WORDS[visit.outcome] for visit in visits}
-            facts, keys = dict(simulated.fact_values()), _keys(simulated)
             events = with_end(simulated.events, simulated.root.name, root, number, time_sec)
-            changed, written = value_changes(self._facts, facts), value_changes(self._keys, keys)
-            self._facts, self._keys = facts, keys
-            run.ticks.append(TickRecord(events, changed, written, statuses))
+            run.ticks.append(self._record(events))
         self._variables.now = {"root": root, "tick": number, "time": time_sec}
         return run.ticks[-1]
+
+    def _record(self, events: tuple[Event, ...]) -> TickRecord:
+        """Return what a tick has come to, of which leaves have done something."""
+        return TickRecord(events, {}, {})
 
     def is_over(self) -> bool:
         """Return whether the condition for the end is true now.
@@ -309,6 +319,32 @@ class ScenarioPlayer:
         except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
             run.trouble = self._simulated.explain(error)
         return run
+
+
+class ScenarioPlayer(Player):
+    """Ticks a tree that was compiled for one run, and records everything that changes.
+
+    Args:
+        simulated: The tree.
+        scenario: The scenario.
+    """
+
+    def __init__(self, simulated: SimulatedTree, scenario: Scenario) -> None:
+        tree = LiveTree(simulated.root, is_strict=True)
+        self._visits: list[Visit] = []
+        tick_tree = partial(tree.tick_and_visit, self._visits)
+        super().__init__(simulated, scenario, RunVariables(simulated), tick_tree)
+        self._facts: Mapping[str, object] = dict(simulated.fact_values())
+        self._keys = _keys(simulated)
+
+    def _record(self, events: tuple[Event, ...]) -> TickRecord:
+        simulated = self._simulated
+        statuses = {visit.behaviour.id: WORDS[visit.outcome] for visit in self._visits}
+        self._visits.clear()
+        facts, keys = dict(simulated.fact_values()), _keys(simulated)
+        changed, written = value_changes(self._facts, facts), value_changes(self._keys, keys)
+        self._facts, self._keys = facts, keys
+        return TickRecord(events, changed, written, statuses)
 
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
@@ -367,7 +403,7 @@ def _ending(run: Run) -> Iterator[tuple[str, str]]:
     expect, last = run.scenario.expect, f"tick {len(run.ticks)} ({run.time_sec:g} s)"
     if run.ended != expect.ends:
         until = run.scenario.until
-        what = f"until '{until.text}' is" if until else "the root has"
+        what = f"until '{until.script.text}' is" if until else "the root has"
         how = "true" if until else "succeeded or failed"
         if run.ended:
             yield "ends", f"the run ends with {last}: {what} {how}"

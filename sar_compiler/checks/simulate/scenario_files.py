@@ -21,6 +21,7 @@ from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.evaluation import Program
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.forest import Forest
@@ -53,7 +54,7 @@ class AnswerStep:
     answer: str
     after_sec: float = 0.0
     longest_sec: float = 0.0
-    when: Script | None = None
+    when: Program | None = None
     times: int | None = 1
     every: int = 1
     chance: float = 1.0
@@ -127,7 +128,7 @@ class Scenario:
     path: str = ""
     period_sec: float = PERIOD_SEC
     max_ticks: int = MAX_TICKS
-    until: Script | None = None
+    until: Program | None = None
     scripts: Mapping[StubLeaf, tuple[AnswerStep, ...]] = field(default_factory=dict)
     expect: Expectations = field(default_factory=Expectations)
     seed: int = 0
@@ -243,12 +244,16 @@ def _step(value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always:
         answer or "",
         after_sec=least,
         longest_sec=longest,
-        when=words.condition(parts.get("when"), OWN),
+        when=_program(words.condition(parts.get("when"), OWN)),
         times=_times(parts["times"]) if "times" in parts else None if "every" in parts else times,
         every=int(parts["every"].data) if "every" in parts else 1,
         chance=float(parts["chance"].data) if "chance" in parts else 1.0,
     )
     return step if answer is not None else None
+
+
+def _program(condition: Script | None) -> Program | None:
+    return None if condition is None else Program(condition)
 
 
 def _times(value: Value) -> int | None:
@@ -365,7 +370,7 @@ def understand(document: Document, stage: Stage) -> Play:
         path=path,
         period_sec=seconds(parts["period"]) if "period" in parts else start.period_sec or PERIOD_SEC,
         max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
-        until=words.condition(parts.get("until"), OWN),
+        until=_program(words.condition(parts.get("until"), OWN)),
         scripts=read_scripts(parts["leaves"], words) if "leaves" in parts else {},
         expect=read_expectations(parts.get("expect"), words),
     )
