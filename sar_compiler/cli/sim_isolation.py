@@ -1,4 +1,4 @@
-"""Looking around before a simulation begins, which takes some seconds, so that it is said."""
+"""Looking around before a simulation begins, which takes some seconds where others are there, so that it is said."""
 
 import sys
 import time
@@ -19,14 +19,16 @@ def look_around(signals: StopSignals, **options: Any) -> None:
     Raises:
         IsolationError: If somebody is there.
     """
-    print(LOOKING_AROUND, file=sys.stderr, flush=True)
     line, ends = ProgressLine(), time.monotonic() + LOOK_AROUND_SEC
+
+    def begin() -> None:
+        print(LOOKING_AROUND, file=sys.stderr, flush=True)
 
     def should_stop() -> bool:
         line.show(lambda: f"{max(0.0, ends - time.monotonic()):.0f} s left")
         return signals.came
 
     try:
-        refuse_company(should_stop=should_stop, **options)
+        refuse_company(on_waiting=begin, should_stop=should_stop, **options)
     finally:
         line.clear()

@@ -2,10 +2,13 @@
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
 
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from sar_compiler.errors import SarError
 from sar_compiler.ros.readiness import services_by_node
@@ -17,7 +20,8 @@ _ACTION = "navigate_to_pose"
 _GOALS = "/_action/send_goal"
 # How long to look around before concluding that no other node is there, seconds. Half of the participants on one
 # machine see each other within 0.3 s; where the first announcements get lost, they meet with the next
-# periodic one, which Fast DDS sends every 3 s (up to 3.1 s were seen).
+# periodic one, which Fast DDS sends every 3 s (up to 3.1 s were seen). Where no other process can be heard at all, there
+# is nothing to wait for.
 LOOK_AROUND_SEC = 4.0
 _LOOK_EVERY_SEC = 0.02
 
@@ -55,6 +59,7 @@ def refuse_company(
     namespace: str | None = None,
     actions: Sequence[str] = (_ACTION,),
     look_around_sec: float = LOOK_AROUND_SEC,
+    on_waiting: Callable[[], object] = lambda: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> None:
     """Check that no other node provides `/clock` or `navigate_to_pose`.
@@ -63,7 +68,8 @@ def refuse_company(
         context: An initialised context; the default context if None.
         namespace: Namespace of relative names; that of the command line if None.
         actions: Names of the navigation actions of all robots.
-        look_around_sec: How long to look, seconds; ends at once when another node is found.
+        look_around_sec: How long to look, seconds; ends at once when another node is found, or where there can be none.
+        on_waiting: Called before it waits for others.
         should_stop: Returns whether to stop looking; the function then just returns.
 
     Raises:
@@ -71,7 +77,11 @@ def refuse_company(
     """
     node = Node("look_around", context=context, namespace=namespace, start_parameter_services=False)
     try:
-        # Absence can only be concluded from waiting: discovery has no end that could be waited for.
+        # What this process has itself is in the graph already.
+        if _company(node, actions) is None and _is_alone(node.context.get_domain_id()):
+            return
+        # Absence among others can only be concluded from waiting: discovery has no end that could be waited for.
+        on_waiting()
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
             found = _company(node, actions)
@@ -83,6 +93,55 @@ def refuse_company(
             raise found
     finally:
         node.destroy_node()
+
+
+# What has DDS meet by other ways than those that `_is_alone` looks at, in this process or in all of its environment.
+_OTHER_WAYS = (
+    "CYCLONEDDS_URI",
+    "FASTDDS_BUILTIN_TRANSPORTS",
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "ROS_DISCOVERY_SERVER",
+    "ROS_STATIC_PEERS",
+)
+_PROFILES = Path("DEFAULT_FASTRTPS_PROFILES.xml")  # in the current folder
+_SOCKETS = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
+# The ports of a domain, by the standard (DDSI-RTPS, 9.6.1.1): of each participant there are two of its own among them.
+_FIRST_PORT, _PORTS_OF_A_DOMAIN = 7400, 250
+_PORTS_OF_A_PARTICIPANT = 2
+
+
+def _is_alone(domain: int) -> bool:
+    """Return whether this process has the only participant in a ROS domain that it could hear; False where that is not known.
+
+    One that is heard on this machine alone hears who listens at the domain's ports here: every participant of DDS does.
+    """
+    here_only = os.environ.get(_RANGE) == "LOCALHOST" and not any(map(os.environ.get, _OTHER_WAYS))
+    by_dds = get_rmw_implementation_identifier().startswith(("rmw_fastrtps", "rmw_cyclonedds"))
+    if not here_only or not by_dds or _PROFILES.exists():
+        return False
+    try:
+        sockets, own = set(_sockets_of(domain)), set(_own_sockets())
+    except OSError:
+        return False
+    return 0 < len(sockets) <= _PORTS_OF_A_PARTICIPANT and sockets <= own
+
+
+def _sockets_of(domain: int) -> Iterator[str]:
+    """Yield the numbers of the sockets of this machine at the ports of a domain."""
+    first = _FIRST_PORT + _PORTS_OF_A_DOMAIN * domain
+    for path in _SOCKETS:
+        for line in path.read_text(encoding="ascii").splitlines()[1:]:
+            _, local, *others = line.split()
+            if first <= int(local.rpartition(":")[2], 16) < first + _PORTS_OF_A_DOMAIN:
+                yield others[7]
+
+
+def _own_sockets() -> Iterator[str]:
+    """Yield the numbers of the sockets of this process."""
+    for descriptor in Path("/proc/self/fd").iterdir():
+        with suppress(FileNotFoundError):  # that of this loop
+            yield str(descriptor.readlink()).removeprefix("socket:[").removesuffix("]")
 
 
 def refuse_rivals(node: Node, actions: Sequence[str] = (_ACTION,)) -> None:

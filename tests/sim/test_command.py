@@ -45,6 +45,7 @@ def test_a_signal_ends_the_simulation_with_its_status_and_no_traceback(
 
 
 @pytest.mark.ros
+@pytest.mark.usefixtures("client")
 def test_a_signal_during_the_look_around_ends_it_before_a_world_is_there() -> None:
     process = started("--robot", "r1")
     try:

@@ -1,8 +1,11 @@
 """A simulated robot does not mix with others."""
 
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,10 +16,92 @@ from tests.sim.conftest import Client
 pytestmark = pytest.mark.ros
 
 
-def test_an_empty_graph_is_fine(ros_context: Any) -> None:
+def waits(context: Any) -> bool:
+    """Return whether the absence of others has to be waited for."""
     from sar_compiler.sim.isolation import refuse_company
 
-    refuse_company(context=ros_context, look_around_sec=0.2)
+    waited: list[bool] = []
+    refuse_company(context=context, look_around_sec=0.2, on_waiting=lambda: waited.append(True))
+    return bool(waited)
+
+
+def test_alone_in_its_domain_nobody_has_to_be_waited_for(ros_context: Any) -> None:
+    assert not waits(ros_context)
+
+
+BYSTANDER = """
+import rclpy
+rclpy.init()
+node = rclpy.create_node("bystander")
+print("is there", flush=True)
+input()
+"""
+
+
+def test_others_are_waited_for_where_another_process_is_in_the_domain(ros_context: Any) -> None:
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", BYSTANDER], stdin=pipe, stdout=pipe) as bystander:
+        assert bystander.stdout is not None
+        assert bystander.stdout.readline() == b"is there\n"
+        assert waits(ros_context)
+        bystander.communicate(b"\n")
+    assert not waits(ros_context)
+
+
+def test_others_are_waited_for_where_this_process_has_another_participant(ros_context: Any) -> None:
+    import rclpy
+    from rclpy.context import Context
+
+    context = Context()
+    rclpy.init(context=context, args=[])
+    node = rclpy.create_node("other", context=context)
+    try:
+        assert waits(ros_context)
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"),
+        ("ROS_STATIC_PEERS", "192.168.1.7"),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "profiles.xml"),
+    ],
+)
+def test_others_are_waited_for_where_they_may_be_met_elsewhere_than_here(
+    ros_context: Any, monkeypatch: pytest.MonkeyPatch, name: str, value: str
+) -> None:
+    monkeypatch.setenv(name, value)
+    assert waits(ros_context)
+
+
+def test_others_are_waited_for_where_a_file_says_how_to_meet_them(
+    ros_context: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "DEFAULT_FASTRTPS_PROFILES.xml").touch()
+    monkeypatch.chdir(tmp_path)
+    assert waits(ros_context)
+
+
+@pytest.mark.parametrize("tables", [(Path("no/such/file"),), ()])
+def test_others_are_waited_for_where_the_system_does_not_say_who_listens(
+    ros_context: Any, monkeypatch: pytest.MonkeyPatch, tables: tuple[Path, ...]
+) -> None:
+    from sar_compiler.sim import isolation
+
+    monkeypatch.setattr(isolation, "_SOCKETS", tables)
+    assert waits(ros_context)
+
+
+def test_others_are_waited_for_with_a_middleware_that_has_ports_of_its_own(
+    ros_context: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sar_compiler.sim import isolation
+
+    monkeypatch.setattr(isolation, "get_rmw_implementation_identifier", lambda: "rmw_zenoh_cpp")
+    assert waits(ros_context)
 
 
 def test_a_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client) -> None:
