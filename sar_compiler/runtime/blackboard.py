@@ -51,22 +51,21 @@ class Board:
 
     Attributes:
         is_numbered: Whether what its entries hold are numbers; see `NumberedBoard`.
+        stamps: How often each entry was written; an entry is there if it has a number here.
+        kinds: The entries that somebody has named, written or not, with their types; None for those of any type.
     """
 
-    is_numbered = False
-
     def __init__(self, name: str) -> None:
+        self.is_numbered = False
+        self.stamps: dict[str, int] = {}
+        self.kinds: dict[str, type | None] = {}
         self._name = name
-        # How often each entry was written; an entry is there if it has a number here.
-        self._stamps: dict[str, int] = {}
-        # The entries that somebody has named, written or not, with their types; None for those of any type.
-        self._kinds: dict[str, type | None] = {}
         # The entries of which it counts how often they were written.
         self._watched: set[str] = set()
-        weakref.finalize(self, _forget, self._stamps)
+        weakref.finalize(self, _forget, self.stamps)
 
     @functools.cached_property
-    def _storage(self) -> dict[str, Any]:
+    def storage(self) -> dict[str, Any]:
         """py_trees' blackboard, which need not be imported to check a tree."""
         return _storage()
 
@@ -78,48 +77,48 @@ class Board:
 
     def has(self, name: str) -> bool:
         """Return whether there is an entry with an absolute name."""
-        return name in self._storage
+        return name in self.storage
 
     def get(self, name: str) -> object:
         """Return an entry's value; a `KeyError` if there is none."""
-        return self._storage[name]
+        return self.storage[name]
 
     def set(self, name: str, value: object) -> None:
         """Write an entry, which is made if there is none."""
-        self._storage[name] = value
-        self._stamps[name] = self._stamps.get(name, 0) + 1
+        self.storage[name] = value
+        self.stamps[name] = self.stamps.get(name, 0) + 1
 
     def declare(self, name: str, kind: type | None) -> None:
         """Name an entry, which stays empty until it is written; the first type that it is given counts."""
-        if name not in self._kinds:
-            self._kinds[name] = kind
+        if name not in self.kinds:
+            self.kinds[name] = kind
 
     def settle(self, name: str, kind: type) -> None:
         """Give an entry a type, if it has none of its own."""
-        if self._kinds.get(name) is None:
-            self._kinds[name] = kind
+        if self.kinds.get(name) is None:
+            self.kinds[name] = kind
 
     def is_declared(self, name: str) -> bool:
         """Return whether an entry is named."""
-        return name in self._kinds
+        return name in self.kinds
 
     def kind(self, name: str) -> type | None:
         """Return the type of an entry; None if it has none of its own."""
-        return self._kinds.get(name)
+        return self.kinds.get(name)
 
     def remove(self, name: str) -> None:
         """Remove an entry, if there is one, and forget its type."""
-        self._storage.pop(name, None)
-        self._stamps.pop(name, None)
-        self._kinds.pop(name, None)
+        self.storage.pop(name, None)
+        self.stamps.pop(name, None)
+        self.kinds.pop(name, None)
 
     def stamp(self, name: str) -> int:
         """Return how often an entry was written; 0 if there is none."""
-        return self._stamps.get(name, 0)
+        return self.stamps.get(name, 0)
 
     def names(self) -> Iterator[str]:
         """Yield the absolute names of all entries."""
-        yield from list(self._stamps)
+        yield from list(self.stamps)
 
     def values(self) -> dict[str, object]:
         """Return its entries by their names below the prefix, in the order in which they were made."""
@@ -136,8 +135,8 @@ class Board:
 
     def restamp(self, name: str, stamp: int) -> None:
         """Have an entry, if there is one, count as written so often."""
-        if self._stamps.get(name, stamp) != stamp:
-            self._stamps[name] = stamp
+        if self.stamps.get(name, stamp) != stamp:
+            self.stamps[name] = stamp
 
 
 @dataclass(frozen=True)

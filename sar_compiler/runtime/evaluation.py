@@ -55,12 +55,16 @@ class Program:
     Args:
         script: The script.
         enums: The numbers that names stand for; such a name is never a variable where it is read.
+
+    Attributes:
+        script: The script.
+        statements: What evaluates each statement.
     """
 
     def __init__(self, script: Script, enums: Mapping[str, int] = _NO_ENUMS) -> None:
         self.script = script
         maker = _Maker(script.text, enums)
-        self._statements = tuple(maker.make(statement) for statement in script.statements)
+        self.statements = tuple(maker.make(statement) for statement in script.statements)
 
     def run(self, variables: Variables) -> ScriptValue:
         """Evaluate the script.
@@ -72,7 +76,7 @@ class Program:
             EvaluationError: If a variable is missing or a value does not fit. What was assigned before stays.
         """
         value: ScriptValue = 0.0
-        for statement in self._statements:
+        for statement in self.statements:
             value = statement(variables)
         return value
 
@@ -82,7 +86,14 @@ class Program:
         Raises:
             EvaluationError: As `run`, and if its value is neither 0 nor 1.
         """
-        value = self.run(variables)
+        return self.as_condition(self.run(variables))
+
+    def as_condition(self, value: ScriptValue) -> bool:
+        """Return the script's value as the answer to a condition.
+
+        Raises:
+            EvaluationError: If it is neither 0 nor 1.
+        """
         try:
             return operators.as_condition(value)
         except RefusedValueError as error:

@@ -19,6 +19,9 @@ from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
 from sar_compiler.runtime.variables import Enums, RefusedValueError, describe_value
 
+# Looked up once: Python takes a while to find a member of an enumeration.
+_SUCCESS, _FAILURE = Status.SUCCESS, Status.FAILURE
+
 
 class EntryTypeError(SarError):
     """An entry is given a value that it cannot take."""
@@ -41,7 +44,7 @@ class RunScript(Behaviour):
     def update(self) -> Status:
         """Run the script."""
         self._script.run()
-        return Status.SUCCESS
+        return _SUCCESS
 
 
 class ScriptCondition(Behaviour):
@@ -63,7 +66,7 @@ class ScriptCondition(Behaviour):
 
     def update(self) -> Status:
         """Run the script."""
-        return Status.SUCCESS if self.script.holds() else Status.FAILURE
+        return _SUCCESS if self.script.holds() else _FAILURE
 
 
 class SetBlackboard(Behaviour):
@@ -95,7 +98,7 @@ class SetBlackboard(Behaviour):
         if source is not None and source.is_declared and not source.exists:
             entry.declare(source.kind)
             self.feedback_message = f"nothing has been written to '{source.key}' yet"
-            return Status.FAILURE
+            return _FAILURE
         self.feedback_message = ""
         value = self._value.get()
         entry.declare(str if source is None else source.kind)
@@ -103,7 +106,7 @@ class SetBlackboard(Behaviour):
             entry.write(value if entry.kind is None else self._as_before(entry, entry.kind, value))
         except RefusedValueError as error:
             raise EntryTypeError(f"'{self.name}': {entry.key}: {error}") from error
-        return Status.SUCCESS
+        return _SUCCESS
 
     def _target(self) -> Entry:
         key = self._output_key.get()
@@ -140,10 +143,10 @@ class UnsetBlackboard(Behaviour):
             self.feedback_message = (
                 f"'{key}' stays: only keys of its own tree are removed, written without {ROOT_SIGN}"
             )
-            return Status.SUCCESS
+            return _SUCCESS
         # The same instance without its remapping.
         Scope(self._scope.board, self._scope.path).resolve(key).remove()
-        return Status.SUCCESS
+        return _SUCCESS
 
 
 class Conditions(Decorator):

@@ -32,7 +32,6 @@ class NumberedBoard(Board):
         cells: Where they are, perhaps beside those of other boards.
     """
 
-    is_numbered = True
     cells: EntryCells
 
     @classmethod
@@ -42,10 +41,11 @@ class NumberedBoard(Board):
         Raises:
             FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
         """
-        kinds, values = dict(board._kinds), {name: board.get(name) for name in board.names()}
+        kinds, values = dict(board.kinds), {name: board.get(name) for name in board.names()}
         for name in values:
             board.remove(name)
         board.__class__ = cls
+        board.is_numbered = True
         assert isinstance(board, NumberedBoard)  # noqa: S101 - the line above says so
         board.cells = cells
         cells.freeze = board._freeze_lent

@@ -1,5 +1,6 @@
 """Scripts of nodes: where their variables are, and what is said if one cannot be run."""
 
+import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -9,6 +10,7 @@ from sar_compiler.runtime.entry_types import value_of, value_to_assign
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.ports import Input, PortError
+from sar_compiler.runtime.script_code import quick_script
 from sar_compiler.runtime.variables import Enums, ScriptValue, UnknownVariableError, VariableError
 
 if TYPE_CHECKING:
@@ -114,7 +116,9 @@ class NodeScript:
         self._attribute = attribute
         self._enums = enums
         self._variables = ScopeVariables(scope, enums)
-        self._program: Program | None = Program(code.get(), enums.numbers) if code.entry is None else None
+        self._program: Program | None = None
+        self._run: Callable[[], ScriptValue] | None = None
+        self._holds: Callable[[], bool] | None = None
         self._board = scope.board
         self.is_remembered = False
         self._memos: dict[Callable[..., Any], Memo] = {}
@@ -134,7 +138,12 @@ class NodeScript:
         Raises:
             NodeScriptError: If it cannot be run; names the node, the attribute and the place.
         """
-        return self._recall(Program.run)
+        if self._board.is_numbered:
+            return self._recall(Program.run)
+        try:
+            return (self._run or self._bind(Program.run))()
+        except EvaluationError as error:
+            raise self._failure(error, self._code.get().text) from error
 
     def holds(self) -> bool:
         """Run it and return whether its value is true.
@@ -142,11 +151,31 @@ class NodeScript:
         Raises:
             NodeScriptError: As `run`, and if its value is neither true nor false.
         """
-        return self._recall(Program.holds)
+        if self._board.is_numbered:
+            return self._recall(Program.holds)
+        try:
+            return (self._holds or self._bind(Program.holds))()
+        except EvaluationError as error:
+            raise self._failure(error, self._code.get().text) from error
+
+    def _bind(self, run: Callable[[Program, ScopeVariables], T]) -> Callable[[], T]:
+        """Return what runs it, which is kept unless the script may be another one in the next tick."""
+        if self._code.entry is not None:
+            return functools.partial(self._run_or_explain, run)
+        program, variables = self._current_program(), self._variables
+        is_condition = run is Program.holds
+        quick = quick_script(
+            program, variables, variables.entry, self._enums.numbers, is_condition=is_condition
+        )
+        if is_condition:
+            self._holds = quick
+        else:
+            self._run = quick
+        return quick
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         """Run it; on a numbered board it is not run twice where its variables have the same values."""
-        if not self._board.is_numbered or self._code.entry is not None or self.is_remembered:
+        if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         memo = self._memos.get(run)
         if memo is None:
@@ -168,8 +197,6 @@ class NodeScript:
             raise self._failure(error, program.script.text) from error
 
     def _current_program(self) -> Program:
-        if self._code.entry is None and self._program is not None:
-            return self._program
         script = self._code.get()
         if self._program is None or self._program.script is not script:
             self._program = Program(script, self._enums.numbers)

@@ -202,11 +202,11 @@ def _literals_lost() -> Iterator[None]:
         if isinstance(value, str):
             Blackboard.storage.pop(entry.name)
         if key.startswith(ROOT_SIGN) or entry.name == Scope(entry.board, self._scope.path).resolve(key).name:
-            entry.board._kinds[entry.name] = _AnyType
+            entry.board.kinds[entry.name] = _AnyType
         return Status.SUCCESS
 
     def names(board: Board) -> Iterator[str]:
-        yield from [name for name in board._stamps if board.has(name)]
+        yield from [name for name in board.stamps if board.has(name)]
 
     with _replaced(SetBlackboard, "update", update), _replaced(Board, "names", names):
         yield

@@ -159,7 +159,7 @@ class Stage:
 
 def entries_of(board: Board) -> tuple[tuple[str, object, object, int], ...]:
     """Return the name, the type, the value and the count of writes of each entry that was written or named."""
-    names = board.cells.names if isinstance(board, NumberedBoard) else {*board.names(), *board._kinds}
+    names = board.cells.names if isinstance(board, NumberedBoard) else {*board.names(), *board.kinds}
     return tuple(
         (
             name.removeprefix(board.prefix),

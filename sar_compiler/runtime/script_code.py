@@ -1,0 +1,431 @@
+"""Scripts as Python functions, for the usual case: numbers and texts in entries that exist.
+
+`evaluation` says what a script means, and what is wrong with one. This module saves the way from one operator to the next, and to the
+entries. What is unusual makes the quick form of a statement raise one of `MISSED` before it has written anything; the statement is
+evaluated by `evaluation` then, from the start.
+
+No other module makes code, and nothing that a file says gets into what is made here: it is made of a skeleton, which has signs of a
+closed list and numbers. The names of the entries and the constants are arguments, and the code reaches no builtins, only `_REACHED`.
+"""
+
+import ast
+import functools
+import types
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from sar_compiler.runtime import operators
+from sar_compiler.runtime.blackboard import Board, Entry
+from sar_compiler.runtime.entry_types import value_of, value_to_assign
+from sar_compiler.runtime.evaluation import Program
+from sar_compiler.runtime.expressions import parts
+from sar_compiler.runtime.script_skeletons import (
+    Applied,
+    Chain,
+    ConstantSlot,
+    Skeleton,
+    SkeletonPart,
+    VariableSlot,
+)
+from sar_compiler.runtime.variables import (
+    LARGEST_EXACT,
+    RefusedValueError,
+    ScriptValue,
+    VariableError,
+    Variables,
+    as_real,
+)
+
+MISSED = (KeyError, ArithmeticError, VariableError)
+"""What a statement raises in its quick form if it has to be evaluated in the usual way."""
+
+_LARGEST = 200
+"""The most expressions of a script that is worth it."""
+
+_ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
+    "+": ast.Add,
+    "-": ast.Sub,
+    "*": ast.Mult,
+    "/": ast.Div,
+}
+_JUNCTIONS: Mapping[str, Callable[[], ast.operator]] = {"&&": ast.BitAnd, "||": ast.BitOr}
+# What an order denies: NaN is in every order, as `operators.compare` has it.
+_DENIED: Mapping[str, Callable[[], ast.cmpop]] = {"<": ast.GtE, ">": ast.LtE, "<=": ast.Gt, ">=": ast.Lt}
+_COMPARISONS = frozenset(("==", "!=", *_DENIED))
+# What calculates with any values, by its name in the code.
+_CALCULATE = {"+": "add", "..": "join", "&": "bits_of_both", "|": "bits_of_any", "^": "bits_of_one"}
+
+
+def quick_script(
+    program: Program,
+    variables: Variables,
+    entry: Callable[[str], Entry],
+    enums: Mapping[str, int],
+    *,
+    is_condition: bool,
+) -> Callable[[], Any]:
+    """Return what evaluates a script as `Program.run` or, if it is a condition, `Program.holds` does.
+
+    Args:
+        program: The script.
+        variables: Its variables, for what is unusual.
+        entry: Returns the entry that a name means.
+        enums: The numbers that names stand for.
+        is_condition: Whether it is a condition.
+    """
+    if sum(1 for statement in program.script.statements for _ in parts(statement)) > _LARGEST:
+        return functools.partial(program.holds if is_condition else program.run, variables)
+    skeleton = Skeleton(program.script, enums)
+    entries = [entry(name) for name in skeleton.names]
+    board = entries[0].board if entries else Board("")
+    usual = (functools.partial(each, variables) for each in program.statements)
+    names = (each.name for each in entries)
+    make = _function_of(skeleton.statements, len(entries), len(skeleton.constants), is_condition)
+    tables = board.storage, board.stamps, board.kinds, enums
+    made: Callable[[], Any] = make(
+        *tables, program.as_condition, *usual, *names, *skeleton.constants, *skeleton.reals
+    )
+    return made
+
+
+@functools.lru_cache(maxsize=1024)
+def _function_of(
+    statements: Sequence[SkeletonPart | None], names: int, constants: int, is_condition: bool
+) -> types.FunctionType:
+    """Return what makes the function of a script.
+
+    Its arguments are tables of the board, the numbers that names stand for, what makes an answer of a value, the usual ways of all
+    statements, the names of the entries, and the constants, once as they are and once as real numbers.
+    """
+    numbers = {"usual": len(statements), "name": names, "constant": constants, "real": constants}
+    taken = [f"{name}{at}" for name, count in numbers.items() for at in range(count)]
+    run = _define("run", [], _body(statements, is_condition=is_condition))
+    tables = ["storage", "stamps", "kinds", "enums", "condition"]
+    make = _define("make", [*tables, *taken], [run, ast.Return(_load("run"))])
+    code = compile(ast.fix_missing_locations(ast.Module([make], [])), "<script>", "exec")
+    return types.FunctionType(
+        next(each for each in code.co_consts if isinstance(each, types.CodeType)), _REACHED
+    )
+
+
+def _body(statements: Sequence[SkeletonPart | None], *, is_condition: bool) -> list[ast.stmt]:
+    given = _load("given")
+    body: list[ast.stmt] = [] if statements else [_let("given", ast.Constant(0.0))]
+    for at, statement in enumerate(statements):
+        usual = _let("given", _call(f"usual{at}"))
+        if statement is None:
+            body.append(usual)
+            continue
+        is_answer = is_condition and at == len(statements) - 1 and not _is_assignment(statement)
+        quick = _Quick().answer(statement) if is_answer else _Quick().statement(statement)
+        body.append(ast.Try(quick, [ast.ExceptHandler(_load("MISSED"), None, [usual])], [], []))
+    return [*body, ast.Return(_call("condition", given) if is_condition else given)]
+
+
+class _Quick:
+    """The code of one statement.
+
+    Attributes:
+        reads: What reads the entries, before anything is done with them.
+    """
+
+    def __init__(self) -> None:
+        self.reads: list[ast.stmt] = []
+        self._names: set[str] = set()
+
+    def answer(self, part: SkeletonPart) -> list[ast.stmt]:
+        """Return the code that returns whether a condition holds."""
+        answer = ast.Return(self.truth(part))
+        return [*self.reads, answer]
+
+    def statement(self, part: SkeletonPart) -> list[ast.stmt]:
+        """Return the code that evaluates a statement."""
+        if not isinstance(part, Applied) or not _is_assignment(part):
+            given = _let("given", self.value(part))
+            return [*self.reads, given]
+        target, value = part.operands
+        assert isinstance(target, VariableSlot)  # noqa: S101 - as a skeleton has it
+        if part.sign not in {":=", "="}:
+            value = Chain((part.sign[0],), (target, value))
+        given = _let("given", self.value(value))
+        is_real = _is_number(value) and not isinstance(value, ConstantSlot)
+        kind = _load("float") if is_real else _call("type", _load("given"))
+        return [*self.reads, given, *_write(f"name{target.number}", kind, creates=part.sign == ":=")]
+
+    def value(self, part: SkeletonPart) -> ast.expr:
+        """Return the code of what a part is."""
+        if isinstance(part, VariableSlot):
+            return self._read(part, "value", (float, int, str), "seen")
+        if isinstance(part, ConstantSlot):
+            return _load(f"constant{part.number}")
+        if _is_truth(part):
+            return ast.IfExp(self.truth(part), ast.Constant(1.0), ast.Constant(0.0))
+        if isinstance(part, Applied) and part.sign == "?":
+            condition, then, otherwise = part.operands
+            return ast.IfExp(self._choice(condition), self.value(then), self.value(otherwise))
+        return self.real(part) if _is_number(part) else self._joined(part)
+
+    def real(self, part: SkeletonPart) -> ast.expr:
+        """Return the code of a part that has to be a number to calculate with."""
+        if isinstance(part, VariableSlot):
+            return self._read(part, "number", (float,), "number_seen")
+        if isinstance(part, ConstantSlot) and part.kind is float:
+            return _load(f"real{part.number}")
+        if isinstance(part, Applied) and part.sign == "-":
+            return ast.UnaryOp(ast.USub(), self.real(part.operands[0]))
+        if isinstance(part, Chain) and _ARITHMETIC.keys() >= set(part.signs):
+            return self._folded(
+                part, self.real, lambda sign, *two: ast.BinOp(two[0], _ARITHMETIC[sign](), two[1])
+            )
+        return _call("as_real", self.value(part))
+
+    def truth(self, part: SkeletonPart) -> ast.expr:
+        """Return the code of whether a part is true."""
+        if isinstance(part, Chain) and part.signs[0] in _JUNCTIONS:
+            return self._folded(
+                part, self.truth, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
+            )
+        if isinstance(part, Chain) and part.signs[0] in _COMPARISONS:
+            pairs = zip(part.signs, part.operands, part.operands[1:], strict=False)
+            return _all([self._comparison(*each) for each in pairs])
+        if isinstance(part, Applied) and part.sign == "!":
+            (operand,) = part.operands
+            is_truth = _is_truth(operand)
+            return (
+                _not(self.truth(operand))
+                if is_truth
+                else _compare(self.real(operand), ast.Eq(), ast.Constant(0.0))
+            )
+        return _call("as_condition", self.value(part))
+
+    def _choice(self, part: SkeletonPart) -> ast.expr:
+        return self.truth(part) if _is_truth(part) else _call("is_chosen", self.value(part))
+
+    def _folded(
+        self, part: Chain, code: Callable[[SkeletonPart], ast.expr], calculate: Callable[..., ast.expr]
+    ) -> ast.expr:
+        folded = code(part.operands[0])
+        for sign, operand in zip(part.signs, part.operands[1:], strict=True):
+            folded = calculate(sign, folded, code(operand))
+        return folded
+
+    def _joined(self, part: Applied | Chain) -> ast.expr:
+        """Return the code of an operator for which no quick form is known: both may be texts, or it is on bits."""
+        if isinstance(part, Applied):
+            return _call("complement", self.value(part.operands[0]))
+        folded = self.value(part.operands[0])
+        for sign, operand in zip(part.signs, part.operands[1:], strict=True):
+            if sign in _CALCULATE:
+                folded = _call(_CALCULATE[sign], folded, self.value(operand))
+            else:
+                folded = ast.BinOp(_call("as_real", folded), _ARITHMETIC[sign](), self.real(operand))
+        return folded
+
+    def _comparison(self, sign: str, left: SkeletonPart, right: SkeletonPart) -> ast.expr:
+        """Return the code of a comparison, quick for two numbers, and for a variable and a text."""
+        parts, kind = (left, right), str if _is_text(left) or _is_text(right) else float
+        if not all(
+            isinstance(each, VariableSlot) or (_is_text if kind is str else _is_number)(each)
+            for each in parts
+        ):
+            return _call("compare", ast.Constant(sign), self.value(left), self.value(right), _load("enums"))
+        first, second = (
+            self._raw(each) if isinstance(each, VariableSlot) else self._known(each) for each in parts
+        )
+        quick = (
+            _texts_compared(sign, first, second) if kind is str else _numbers_compared(sign, first, second)
+        )
+        named = [self._raw(each) for each in parts if isinstance(each, VariableSlot)]
+        if not named:
+            return quick
+        guards = [_is_of_type(each, str) if kind is str else _is_exact(each) for each in named]
+        seen = (
+            _call("seen", self._raw(each)) if isinstance(each, VariableSlot) else self._known(each)
+            for each in parts
+        )
+        return ast.IfExp(_all(guards), quick, _call("compare", ast.Constant(sign), *seen, _load("enums")))
+
+    def _known(self, part: SkeletonPart) -> ast.expr:
+        return self.value(part) if _is_text(part) else self.real(part)
+
+    def _raw(self, part: VariableSlot) -> ast.expr:
+        """Return the code of what the entry of a variable holds."""
+        return self._read(part, "raw", ())
+
+    def _read(self, part: VariableSlot, name: str, kinds: Sequence[type], otherwise: str = "") -> ast.expr:
+        """Return the code of a variable's value.
+
+        Args:
+            part: The variable.
+            name: What the value is called, before the variable's number.
+            kinds: The types of values that can be used as they are; none if any can be.
+            otherwise: The name of the function that makes a usable value of any other.
+        """
+        name = f"{name}{part.number}"
+        if name not in self._names:
+            self._names.add(name)
+            self.reads.append(_let(name, _item("storage", f"name{part.number}")))
+            if kinds:
+                others = _all([_is_of_type(_load(name), kind, ast.IsNot()) for kind in kinds])
+                self.reads.append(ast.If(others, [_let(name, _call(otherwise, _load(name)))], []))
+        return _load(name)
+
+
+def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
+    """Return the code that writes `given`, of a type, to an entry; nothing is written before everything is known."""
+    held, name = _load("held"), _load(target)
+    is_like = _compare(_call("type", held), ast.Is(), kind)
+    fitted = _call("fitted", held, _load("kinds"), name, _load("given"), _load("enums"))
+    seen = ast.IfExp(_is_of_type(held, int), held, _call("seen", held))
+    unlike = [
+        _let("held", fitted),
+        _let("given", seen),
+        ast.Assign([_item_to("storage", target)], held),
+    ]
+    return [
+        _let("held", _item("storage", target)),
+        _let("count", ast.BinOp(_item("stamps", target), ast.Add(), ast.Constant(1))),
+        *([ast.Expr(_item("kinds", target))] if creates else []),
+        ast.If(is_like, [ast.Assign([_item_to("storage", target)], _load("given"))], unlike),
+        ast.Assign([_item_to("stamps", target)], _load("count")),
+    ]
+
+
+def _is_assignment(part: SkeletonPart) -> bool:
+    return isinstance(part, Applied) and part.sign.endswith("=")
+
+
+def _is_text(part: SkeletonPart) -> bool:
+    return isinstance(part, ConstantSlot) and part.kind is str
+
+
+def _is_truth(part: SkeletonPart) -> bool:
+    """Return whether a part is true or false, 1.0 or 0.0."""
+    if isinstance(part, Chain):
+        return part.signs[0] in _JUNCTIONS or part.signs[0] in _COMPARISONS
+    return isinstance(part, Applied) and part.sign == "!"
+
+
+def _is_number(part: SkeletonPart) -> bool:
+    """Return whether a part is a real number or cannot be calculated; a variable may be anything, and a sum a text."""
+    if isinstance(part, Chain):
+        is_sum = part.signs[0] == "+" and not any(_is_real(each) for each in part.operands[:2])
+        return _ARITHMETIC.keys() >= set(part.signs) and not is_sum
+    return _is_real(part)
+
+
+def _is_real(part: SkeletonPart) -> bool:
+    return (isinstance(part, ConstantSlot) and part.kind is float) or (
+        isinstance(part, Applied) and part.sign == "-"
+    )
+
+
+def _numbers_compared(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
+    if sign in _DENIED:
+        return _not(_compare(left, _DENIED[sign](), right))
+    difference = ast.BinOp(left, ast.Sub(), right)
+    limits = ast.Constant(-operators.EPSILON), ast.Constant(operators.EPSILON)
+    near = ast.Compare(limits[0], [ast.LtE(), ast.LtE()], [difference, limits[1]])
+    return near if sign == "==" else _not(near)
+
+
+def _texts_compared(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
+    equal = _compare(left, ast.Eq(), right)
+    if sign in _DENIED:
+        return _not(_compare(left, _DENIED[sign](), right))
+    return equal if sign == "==" else _not(equal)
+
+
+def _is_exact(value: ast.expr) -> ast.expr:
+    """Return the code of whether a value is a number to calculate with."""
+    limits = ast.Constant(-LARGEST_EXACT), ast.Constant(LARGEST_EXACT)
+    within = ast.Compare(limits[0], [ast.LtE(), ast.LtE()], [value, limits[1]])
+    return ast.BoolOp(ast.Or(), [_is_of_type(value, float), _all([_is_of_type(value, int), within])])
+
+
+def _is_of_type(value: ast.expr, kind: type, operator: ast.cmpop | None = None) -> ast.expr:
+    return _compare(_call("type", value), operator or ast.Is(), _load(kind.__name__))
+
+
+def _all(conditions: list[ast.expr]) -> ast.expr:
+    return conditions[0] if len(conditions) == 1 else ast.BoolOp(ast.And(), conditions)
+
+
+def _not(condition: ast.expr) -> ast.expr:
+    return ast.UnaryOp(ast.Not(), condition)
+
+
+def _compare(left: ast.expr, operator: ast.cmpop, right: ast.expr) -> ast.expr:
+    return ast.Compare(left, [operator], [right])
+
+
+def _call(function: str, *arguments: ast.expr) -> ast.expr:
+    return ast.Call(_load(function), list(arguments), [])
+
+
+def _load(name: str) -> ast.expr:
+    return ast.Name(name, ast.Load())
+
+
+def _let(name: str, value: ast.expr) -> ast.stmt:
+    return ast.Assign([ast.Name(name, ast.Store())], value)
+
+
+def _item(table: str, key: str) -> ast.expr:
+    return ast.Subscript(_load(table), _load(key), ast.Load())
+
+
+def _item_to(table: str, key: str) -> ast.expr:
+    return ast.Subscript(_load(table), _load(key), ast.Store())
+
+
+def _define(name: str, arguments: list[str], body: list[ast.stmt]) -> ast.stmt:
+    taken = ast.arguments([], [ast.arg(each) for each in arguments], None, [], [], None, [])
+    return ast.FunctionDef(name, taken, body, [])
+
+
+def _seen(held: object) -> ScriptValue:
+    """Return what a script sees of a value that is neither a number nor a text."""
+    value = value_of(held)
+    if value is None:
+        raise RefusedValueError("it is nothing to calculate with")
+    return value
+
+
+def _number_seen(held: object) -> float:
+    if type(held) is int and -LARGEST_EXACT <= held <= LARGEST_EXACT:
+        return float(held)
+    return as_real(_seen(held))
+
+
+def _fitted(
+    held: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
+) -> object:
+    """Return what an entry stores of a value that is of another type than its own."""
+    if type(held) is int and type(given) is float and given.is_integer() and abs(given) <= LARGEST_EXACT:
+        return int(given)
+    return value_to_assign(held, kinds.get(name), given, enums)
+
+
+_REACHED: dict[str, Any] = {
+    "__builtins__": {},
+    "MISSED": MISSED,
+    "type": type,
+    "float": float,
+    "int": int,
+    "str": str,
+    "add": operators.add,
+    "join": operators.join,
+    "bits_of_both": operators.BINARY["&"],
+    "bits_of_any": operators.BINARY["|"],
+    "bits_of_one": operators.BINARY["^"],
+    "complement": operators.complement,
+    "compare": operators.compare,
+    "is_chosen": operators.is_chosen,
+    "as_condition": operators.as_condition,
+    "as_real": as_real,
+    "seen": _seen,
+    "number_seen": _number_seen,
+    "fitted": _fitted,
+}
+"""All that the code can call."""
