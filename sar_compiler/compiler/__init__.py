@@ -218,7 +218,9 @@ class Arguments:
             entry.declare(kind)
             self._check_given(bound, parameter, bound.keys[name], instance.scope)
             written = parameter.direction is Direction.OUTPUT
-            arguments[name] = Output(entry, kind) if written else cls(entry, value_type.fit, name)
+            arguments[name] = (
+                Output(entry, kind) if written else cls(entry, value_type.fit, name, value_type.kept)
+            )
         elif name in bound.values:
             arguments[name] = cls(bound.values[name], name=name)
 

@@ -117,6 +117,11 @@ class ValueType:
     unit: str = ""
     usual: SensibleNumbers | None = None
 
+    @property
+    def kept(self) -> type | None:
+        """The type whose values `fit` returns as they are; None if it looks at each."""
+        return self.python if self.least is None and self.most is None else None
+
     def fit(self, value: object) -> object:
         """Convert a value on the blackboard to this type.
 

@@ -21,6 +21,7 @@ from sar_compiler.runtime.variables import Enums, RefusedValueError, describe_va
 
 # Looked up once: Python takes a while to find a member of an enumeration.
 _SUCCESS, _FAILURE = Status.SUCCESS, Status.FAILURE
+_NUMBERS = (int, float)
 
 
 class EntryTypeError(SarError):
@@ -91,9 +92,31 @@ class SetBlackboard(Behaviour):
         self._output_key = output_key
         self._scope = scope
         self._enums = enums
+        self._known: Entry | None = None
 
     def update(self) -> Status:
         """Write the entry."""
+        if self._known is None or self._scope.board.is_numbered or not self._write_like(self._known):
+            return self._write_any()
+        if self.feedback_message:
+            self.feedback_message = ""
+        return _SUCCESS
+
+    def _write_like(self, entry: Entry) -> bool:
+        """Write an entry that takes the value as it is, which is the usual case; return whether it does."""
+        board, name, source = entry.board, entry.name, self._value.entry
+        try:
+            value = self._value.get() if source is None else board.storage[source.name]
+            given, kind, count = type(value), board.kinds[name], board.stamps[name] + 1
+            is_like = given is kind is str or (given in _NUMBERS and given is type(board.storage[name]))
+        except KeyError:
+            return False
+        if kind is not None and not is_like:
+            return False
+        board.storage[name], board.stamps[name] = value, count
+        return True
+
+    def _write_any(self) -> Status:
         entry, source = self._target(), self._value.entry
         if source is not None and source.is_declared and not source.exists:
             entry.declare(source.kind)
@@ -109,10 +132,15 @@ class SetBlackboard(Behaviour):
         return _SUCCESS
 
     def _target(self) -> Entry:
+        if self._known is not None:
+            return self._known
         key = self._output_key.get()
         if not isinstance(key, str):
             raise EntryTypeError(f"'{self.name}': output_key: {describe_value(key)} is no key")
-        return self._scope.resolve(key)
+        entry = self._scope.resolve(key)
+        if self._output_key.entry is None:
+            self._known = entry
+        return entry
 
     def _as_before(self, entry: Entry, kind: type, value: object) -> object:
         if isinstance(value, str):
@@ -135,6 +163,7 @@ class UnsetBlackboard(Behaviour):
         super().__init__(name)
         self._key = key
         self._scope = scope
+        self._known: Entry | None = None
 
     def update(self) -> Status:
         """Remove the entry, if there is one."""
@@ -144,8 +173,10 @@ class UnsetBlackboard(Behaviour):
                 f"'{key}' stays: only keys of its own tree are removed, written without {ROOT_SIGN}"
             )
             return _SUCCESS
-        # The same instance without its remapping.
-        Scope(self._scope.board, self._scope.path).resolve(key).remove()
+        if self._known is None or self._known.key != key:
+            # The same instance without its remapping.
+            self._known = Scope(self._scope.board, self._scope.path).resolve(key)
+        self._known.remove()
         return _SUCCESS
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar, overload
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.blackboard import Entry
+from sar_compiler.runtime.blackboard import Entry, MissingEntryError
 from sar_compiler.runtime.entry_types import value_to_write
 
 T = TypeVar("T")
@@ -45,17 +45,24 @@ class Input(Generic[T]):
         source: The entry to read, or a constant.
         convert: Makes the port's value of the entry's.
         name: The port's name, for messages.
+        kind: The type whose values need not be converted.
+
+    Attributes:
+        entry: The entry that is read; None for a constant.
     """
 
-    def __init__(self, source: Entry | T, convert: Convert = lambda value: value, name: str = "") -> None:
+    def __init__(
+        self,
+        source: Entry | T,
+        convert: Convert = lambda value: value,
+        name: str = "",
+        kind: type | None = None,
+    ) -> None:
+        self.entry = source if isinstance(source, Entry) else None
         self._source = source
         self._convert = convert
         self._name = name
-
-    @property
-    def entry(self) -> Entry | None:
-        """The entry that is read; None for a constant."""
-        return self._source if isinstance(self._source, Entry) else None
+        self._kind = kind
 
     @overload
     def get(self) -> T: ...
@@ -70,16 +77,26 @@ class Input(Generic[T]):
         Raises:
             PortError: If nothing has been written and there is no default, or the value does not fit.
         """
-        source = self._source
-        if not isinstance(source, Entry):
-            return source
-        if default and not source.exists:
-            return default[0]
+        entry = self.entry
+        if entry is None:
+            return self._source
         try:
-            return self._convert(source.read())
+            held = entry.board.get(entry.name)
+        except KeyError:
+            if default:
+                return default[0]
+            missing = MissingEntryError(entry.key)
+            raise self._failure(entry, missing) from missing
+        if type(held) is self._kind:
+            return held
+        try:
+            return self._convert(held)
         except (SarError, ValueError) as error:
-            prefix = f"{self._name}: " if self._name else ""
-            raise PortError(f"{prefix}{{{source.key}}}: {error}", self._name, source.key) from error
+            raise self._failure(entry, error) from error
+
+    def _failure(self, entry: Entry, error: Exception) -> PortError:
+        prefix = f"{self._name}: " if self._name else ""
+        return PortError(f"{prefix}{{{entry.key}}}: {error}", self._name, entry.key)
 
 
 class Output(Generic[T]):
@@ -121,12 +138,10 @@ class InOut(Input[T]):
 
 
 def _write(entry: Entry, value: object, kind: type | None = None) -> None:
-    if entry.passed_on:
-        # As in BehaviorTree.CPP, which looks only at entries of the node's own tree.
-        entry.write(value)
-    elif entry.kind is not None and entry.exists:
-        entry.write(value_to_write(entry.read(), value))
-    else:
-        if kind is not None:
-            entry.settle(kind)
-        entry.write(value)
+    board, name = entry.board, entry.name
+    if not entry.passed_on:  # as in BehaviorTree.CPP, which looks only at entries of the node's own tree
+        if board.kind(name) is not None and board.has(name):
+            value = value_to_write(board.get(name), value)
+        elif kind is not None:
+            board.settle(name, kind)
+    board.set(name, value)

@@ -1,6 +1,7 @@
 """Nodes that work with one entry of the blackboard."""
 
 import enum
+import math
 
 import pytest
 from hypothesis import given
@@ -250,3 +251,36 @@ def test_an_entry_with_a_type_reads_a_text_as_one_of_it(text, kind, value):
 def test_a_text_that_is_none_of_the_type_is_refused(text, kind):
     with pytest.raises(RefusedValueError):
         read_as(text, kind)
+
+
+VALUES = st.sampled_from([0, 1, 2.5, math.nan, True, "", "7", "x", None, [1], Colour.RED, Colour.BLUE])
+ENTRIES = st.tuples(st.booleans(), VALUES, st.booleans(), st.sampled_from([None, bool, int, float, str]))
+
+
+def copied(held, source, update):
+    """Return what comes of copying three times, while the source changes: statuses, messages, errors, boards."""
+    stage = Stage()
+    for key, (exists, value, is_declared, kind) in held.items():
+        if is_declared:
+            stage.entry(key).declare(kind)
+        if exists:
+            stage.entry(key).write(value)
+    node = setting(stage, stage.port("source") if source is None else Input(source))
+    told = []
+    for value in (None, 2, "9"):
+        try:
+            told.append(update(node))
+        except (EntryTypeError, PortError) as error:
+            told.append(str(error))
+        board = stage.scope.board
+        told.append(
+            (node.feedback_message, repr(board.values()), [*board.stamps.values()], [*board.kinds.values()])
+        )
+        if value is not None:
+            stage.entry("source").write(value)
+    return told
+
+
+@given(st.fixed_dictionaries({"source": ENTRIES, "k": ENTRIES}), st.none() | VALUES)
+def test_an_entry_that_takes_the_value_as_it_is_is_written_as_any_other(held, source):
+    assert copied(held, source, SetBlackboard.update) == copied(held, source, SetBlackboard._write_any)
