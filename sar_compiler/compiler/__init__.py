@@ -171,7 +171,7 @@ class Arguments:
         self, context: Mapping[type, object], parameters: Mapping[str, object], collector: Collector
     ) -> None:
         # Time passes in every tree.
-        self._context: dict[type, object] = {Clock: WallClock(), **context}
+        self._context: dict[type, object] = {Clock: WallClock(), Enums: Enums(), **context}
         self._parameters = parameters
         self._collector = collector
 
@@ -181,7 +181,7 @@ class Arguments:
     @property
     def enums(self) -> Enums:
         """The names that scripts know."""
-        enums = self._context.setdefault(Enums, Enums())
+        enums = self._context[Enums]
         assert isinstance(enums, Enums)  # noqa: S101 - the type is the key
         return enums
 

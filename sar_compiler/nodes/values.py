@@ -201,10 +201,10 @@ def blackboard_key(text: str, port: str = "") -> str | None:
         text: The text.
         port: The name of the port that it is written for, which `{=}` refers to.
     """
-    if "{" not in text and "=" not in text:  # nearly every text
-        return None
+    if "{" not in text:  # nearly every text
+        return port or None if text.strip(" ") == "=" else None
     stripped = text.strip(" ")
-    if port and stripped in ("{=}", "="):
+    if port and stripped == "{=}":
         return port
     if len(stripped) > len("{}") and stripped.startswith("{") and stripped.endswith("}"):
         return stripped[1:-1]
@@ -439,13 +439,14 @@ def _no_duration(
 
 def _script(text: str, *, allow_empty: bool = True) -> object:
     try:
-        return _cached_parse(text, allow_empty=allow_empty)
+        return (_parse_any if allow_empty else _parse)(text)
     except ScriptError as error:
         raise ConversionError(str(error), error.suggestion, error.hint, (error.start, error.end)) from None
 
 
 # A script that comes from the blackboard is asked for in every tick.
-_cached_parse = functools.lru_cache(maxsize=256)(parse)
+_parse = functools.lru_cache(maxsize=256)(parse)
+_parse_any = functools.lru_cache(maxsize=256)(functools.partial(parse, allow_empty=True))
 
 
 def _choice(

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Union
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+# Nobody changes one. To freeze them would double what it takes to read a script.
+@dataclass(slots=True, kw_only=True, unsafe_hash=True)
 class ScriptPart:
     """A part of a script's text: where it begins, and the first character behind it; equal ones may stand elsewhere."""
 
@@ -15,21 +16,21 @@ class ScriptPart:
     end: int = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class Literal(ScriptPart):
     """A number or a text; `true` and `false` are 1.0 and 0.0."""
 
     value: int | float | str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class Name(ScriptPart):
     """A variable, or a name of an enumeration."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class Prefix(ScriptPart):
     """An operand with `-`, `~` or `!` before it."""
 
@@ -37,7 +38,7 @@ class Prefix(ScriptPart):
     operand: "Expression"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class OperatorTerm(ScriptPart):
     """An operator with the operand on its right; the place is the operator's."""
 
@@ -45,7 +46,7 @@ class OperatorTerm(ScriptPart):
     operand: "Expression"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class Operation(ScriptPart):
     """Operators of one rank, applied from left to right: `a + b - c`."""
 
@@ -53,7 +54,7 @@ class Operation(ScriptPart):
     steps: tuple[OperatorTerm, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class ComparisonChain(ScriptPart):
     """Neighbours compared: `a < b <= c` is true if `a < b` and `b <= c` are."""
 
@@ -61,7 +62,7 @@ class ComparisonChain(ScriptPart):
     steps: tuple[OperatorTerm, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class Conditional(ScriptPart):
     """One of two values: `condition ? then : otherwise`."""
 
@@ -70,7 +71,7 @@ class Conditional(ScriptPart):
     otherwise: "Expression"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class Assignment(ScriptPart):
     """A variable is given a value, by one of `:= = += -= *= /=`."""
 

@@ -18,7 +18,9 @@ rank operators
 ==== =========================== =======================================
 """
 
+import functools
 import itertools
+import re
 
 from sar_compiler.runtime.expressions import (
     Assignment,
@@ -41,6 +43,8 @@ MAX_DEPTH = 100
 MAX_WORDS = 100_000
 """The most words (numbers, texts, names and signs) of a script."""
 
+# Looked up once, as in `tokens`.
+_END, _LITERAL, _NAME, _SIGN = TokenKind.END, TokenKind.LITERAL, TokenKind.NAME, TokenKind.SIGN
 _ANY, _CONDITIONAL, _COMPARISON, _PREFIX = 0, 4, 10, 20
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
 _RANKS = {
@@ -54,6 +58,13 @@ _RANKS = {
     **dict.fromkeys(("+", "-", ".."), 16),
     **dict.fromkeys(("*", "/"), 18),
 }
+_SIMPLE = r"""
+    [ \t\r\n]*([A-Za-z_@][A-Za-z0-9_]*)
+    [ \t\r\n]*(:=|==|!=|<=|>=|[+\-*/]=|[=<>])
+    [ \t\r\n]*(([0-9]{1,15})|[0-9]{1,15}\.[0-9]{1,15}|'[^']*'|([A-Za-z_@][A-Za-z0-9_]*))
+    [ \t\r\n]*
+    """
+_NO_NAMES = frozenset(("true", "false", "not", "and", "or"))
 _PREFIXES = {"-", "~", "!"}
 # Words of other languages, with the operators they stand for there.
 _WORDS = {"and": "&&", "or": "||"}
@@ -95,10 +106,40 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
     Raises:
         ScriptError: At the first mistake.
     """
-    script = _ScriptParser(text).script()
+    simple = _simple(text)
+    script = _ScriptParser(text).script() if simple is None else Script(text, (simple,))
     if not script.statements and not allow_empty:
         raise ScriptError("this script is empty", 0, len(text), hint="write an expression, such as x == 1")
     return script
+
+
+@functools.cache
+def _simple_pattern() -> re.Pattern[str]:
+    """Return the pattern of most scripts, which files without one need not wait for."""
+    return re.compile(_SIMPLE, re.VERBOSE)
+
+
+def _simple(text: str) -> Expression | None:
+    """Return what a script of a variable, an operator and a value says, as most do; None of any other."""
+    match = _simple_pattern().fullmatch(text)
+    if match is None:
+        return None
+    name, sign, written, whole, word = match.groups()
+    if name in _NO_NAMES or word in _NO_NAMES:
+        return None
+    (start, behind), (begin, end) = match.span(1), match.span(3)
+    if word:
+        value: Expression = Name(word, start=begin, end=end)
+    else:
+        known = int(whole) if whole else written[1:-1] if written[0] == "'" else float(written)
+        value = Literal(known, start=begin, end=end)
+    target = Name(name, start=start, end=behind)
+    if sign in _ASSIGNMENTS:
+        return Assignment(sign, target, value, start=start, end=end)
+    begin, behind = match.span(2)
+    return ComparisonChain(
+        target, (OperatorTerm(sign, value, start=begin, end=behind),), start=start, end=end
+    )
 
 
 class _ScriptParser:
@@ -118,7 +159,7 @@ class _ScriptParser:
     def script(self) -> Script:
         """Return what the text says."""
         statements: list[Expression] = []
-        while self._next.kind is not TokenKind.END:
+        while self._next.kind is not _END:
             statements.append(self._expression(_ANY))
             if len(self._tokens) > MAX_DEPTH:  # each level has a token at least
                 _check_depth(statements[-1])
@@ -133,13 +174,13 @@ class _ScriptParser:
 
     def _advance(self) -> Token:
         token = self._next
-        if token.kind is not TokenKind.END:
+        if token.kind is not _END:
             self._index += 1
             self._next = self._tokens[self._index]
         return token
 
     def _at(self, sign: str) -> bool:
-        return self._next.kind is TokenKind.SIGN and self._next.text == sign
+        return self._next.text == sign  # no other token is written like a sign
 
     def _take(self, sign: str) -> bool:
         found = self._at(sign)
@@ -154,7 +195,7 @@ class _ScriptParser:
 
     def _rank(self) -> int:
         """Return the rank of the operator that is next, or less than any."""
-        return _RANKS.get(self._next.text, -1) if self._next.kind is TokenKind.SIGN else -1
+        return _RANKS.get(self._next.text, -1)
 
     def _expression(self, least: int) -> Expression:
         """Read an expression, as far as its operators are of a rank or a higher one."""
@@ -176,17 +217,17 @@ class _ScriptParser:
 
     def _operand(self) -> Expression:
         token = self._advance()
-        if token.kind is TokenKind.LITERAL:
+        if token.kind is _LITERAL:
             return Literal(token.value, start=token.start, end=token.end)
-        if token.kind is TokenKind.NAME:
+        if token.kind is _NAME:
             self._check_name(token)
             return Name(token.text, start=token.start, end=token.end)
-        if token.kind is TokenKind.SIGN and token.text in _PREFIXES:
+        if token.kind is _SIGN and token.text in _PREFIXES:
             operand = self._expression(_PREFIX)
             return Prefix(token.text, operand, start=token.start, end=self._end)
-        if token.kind is TokenKind.SIGN and token.text == "(":
+        if token.kind is _SIGN and token.text == "(":
             return self._in_brackets(token)
-        if token.kind is TokenKind.SIGN:
+        if token.kind is _SIGN:
             self._index -= 1
             self._next = token
         raise self._explain_no_operand()
@@ -196,7 +237,7 @@ class _ScriptParser:
         if self._take(")"):
             return inner
         self._refuse_word()
-        if self._next.kind is TokenKind.END:
+        if self._next.kind is _END:
             message = "this '(' is not closed"
             raise ScriptError(message, opening.start, opening.end, hint="write the missing ')'")
         message = f"')' is missing before '{excerpt(self._next.text)}'"
@@ -239,8 +280,8 @@ class _ScriptParser:
     def _check_name(self, name: Token) -> None:
         """Refuse a name that is meant as an operator or a function; it has just been read."""
         following = self._next
-        opens = following.kind is TokenKind.SIGN and following.text in {"(", "!", "~"}
-        if name.text == "not" and (opens or following.kind in {TokenKind.NAME, TokenKind.LITERAL}):
+        opens = following.kind is _SIGN and following.text in {"(", "!", "~"}
+        if name.text == "not" and (opens or following.kind in {_NAME, _LITERAL}):
             raise ScriptError("there is no operator 'not'", name.start, name.end, suggestion="!")
         if self._at("(") and following.start == name.end and name.text not in _WORDS:
             message = f"a script cannot call '{excerpt(name.text)}': there are no functions"
@@ -250,10 +291,10 @@ class _ScriptParser:
     def _refuse_word(self) -> None:
         """Refuse `and` and `or` after an expression, where no variable of such a name can be."""
         word = self._next
-        if word.kind is not TokenKind.NAME or word.text not in _WORDS:
+        if word.kind is not _NAME or word.text not in _WORDS:
             return
         following = self._tokens[self._index + 1]
-        if following.kind is TokenKind.SIGN and following.text in _ASSIGNMENTS:
+        if following.kind is _SIGN and following.text in _ASSIGNMENTS:
             return
         message = f"there is no operator '{word.text}'"
         raise ScriptError(message, word.start, word.end, suggestion=_WORDS[word.text])
@@ -261,13 +302,13 @@ class _ScriptParser:
     def _explain_no_operand(self) -> ScriptError:
         """Explain why there is no operand at the next token."""
         token, before = self._next, self._before()
-        if before is not None and before.kind is TokenKind.SIGN:
+        if before is not None and before.kind is _SIGN:
             other = self._other_operator(before, token)
             if other is not None:
                 return other
             if (before.text, token.text) == ("(", ")"):
                 return ScriptError("there is nothing in these brackets", before.start, token.end)
-            if before.text != ";" and (token.kind is TokenKind.END or token.text in {")", ";", ":"}):
+            if before.text != ";" and (token.kind is _END or token.text in {")", ";", ":"}):
                 return self._explain_nothing_behind(before)
         return _explain_misplaced(token)
 
@@ -281,7 +322,7 @@ class _ScriptParser:
     def _other_operator(self, before: Token, token: Token) -> ScriptError | None:
         """Recognise an operator of another language."""
         signs = (before.text, token.text)
-        if before.end != token.start or token.kind is not TokenKind.SIGN:
+        if before.end != token.start or token.kind is not _SIGN:
             return None
         message = f"there is no operator '{before.text}{token.text}'"
         if signs in _OTHER_OPERATORS:

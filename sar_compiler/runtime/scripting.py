@@ -115,13 +115,17 @@ class NodeScript:
         self._node = node
         self._attribute = attribute
         self._enums = enums
-        self._variables = ScopeVariables(scope, enums)
+        self._scope = scope
         self._program: Program | None = None
         self._run: Callable[[], ScriptValue] | None = None
         self._holds: Callable[[], bool] | None = None
         self._board = scope.board
         self.is_remembered = False
         self._memos: dict[Callable[..., Any], Memo] = {}
+
+    @functools.cached_property
+    def _variables(self) -> ScopeVariables:
+        return ScopeVariables(self._scope, self._enums)
 
     @property
     def entry(self) -> Entry | None:

@@ -1,6 +1,7 @@
 """The words of a script: numbers, texts, names and signs, each with its place."""
 
 import enum
+import functools
 import math
 import re
 from collections.abc import Iterator
@@ -12,8 +13,7 @@ LARGEST_INTEGER = 2**63 - 1
 """Whole numbers of a script have 64 bits."""
 
 _SPACE = " \t\r\n"
-_TOKEN = re.compile(
-    r"""
+_WORDS_PATTERN = r"""
     [ \t\r\n]*
     (?:
     (?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+\-]?[0-9]+)?|[eE][+\-]?[0-9]+))
@@ -22,9 +22,7 @@ _TOKEN = re.compile(
     | (?P<text>'[^']*'|"[^"]*")
     | (?P<sign>\.\.|&&|\|\||[=!<>:+\-*/]=|[+\-*/&|^~!<>=?:();])
     )
-    """,
-    re.VERBOSE,
-)
+    """
 # What is stuck to a number's end; two points join texts.
 _STUCK = re.compile(r"(?:[A-Za-z0-9_@]|\.(?!\.))*")
 _DOTTED = re.compile(r"(?:\.[A-Za-z0-9_@]+)+|\.")
@@ -105,6 +103,12 @@ class Token(NamedTuple):
     value: int | float | str = 0
 
 
+@functools.cache
+def _token_pattern() -> re.Pattern[str]:
+    """Return the pattern of a token, which files without a script need not wait for."""
+    return re.compile(_WORDS_PATTERN, re.VERBOSE)
+
+
 def tokenize(text: str) -> Iterator[Token]:
     """Yield the words of a script, the last of them an `END`.
 
@@ -112,12 +116,17 @@ def tokenize(text: str) -> Iterator[Token]:
         ScriptError: At what is no word of a script.
     """
     position, end = 0, len(text.rstrip(_SPACE))
+    pattern = _token_pattern()
     while position < end:
-        match = _TOKEN.match(text, position)
+        match = pattern.match(text, position)
         if match is None or match.lastgroup is None:
             raise _no_token(text, end - len(text[position:end].lstrip(_SPACE)))
         position = match.end()
-        yield _token(text, match.lastgroup, match[match.lastgroup], position)
+        word = match[match.lastgroup]
+        if match.lastgroup == "sign":
+            yield Token(_SIGN, word, position - len(word), position)
+        else:
+            yield _token(text, match.lastgroup, word, position)
     yield Token(TokenKind.END, "", len(text), len(text))
 
 
@@ -128,8 +137,6 @@ def excerpt(text: str) -> str:
 
 def _token(text: str, group: str, word: str, end: int) -> Token:
     start = end - len(word)
-    if group == "sign":
-        return Token(_SIGN, word, start, end)
     if group == "name":
         if word in _STATEMENTS and _CALLED.match(text, end):
             raise ScriptError(f"there is no '{word}' in a script", start, end, hint=_INSTEAD_OF_STATEMENTS)

@@ -4,8 +4,8 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-LARGE = 500_000
-"""The number of characters (some 9,000 elements) from which collecting what is built takes noticeable time."""
+LARGE = 100_000
+"""The number of characters (some 2,000 elements) from which collecting what is built takes noticeable time."""
 
 # Python 3.12 freezes some 400 objects of its own, again with every collection; whoever else freezes, freezes all there is.
 _FROZEN = 1_000

@@ -19,7 +19,7 @@ from sar_compiler.runtime.expressions import (
     Script,
     name_uses,
 )
-from sar_compiler.runtime.script import MAX_DEPTH, MAX_WORDS, parse
+from sar_compiler.runtime.script import MAX_DEPTH, MAX_WORDS, _ScriptParser, parse
 from sar_compiler.runtime.tokens import ScriptError
 
 
@@ -431,3 +431,49 @@ def test_expressions_cover_the_text_in_order_and_apart(text):
         places = [(statement.start, statement.end) for statement in script.statements]
         assert all(start < end for start, end in places)
         assert all(first[1] <= second[0] for first, second in itertools.pairwise(places))
+
+
+SIMPLE = st.tuples(
+    st.sampled_from(["", " ", "\n\t"]),
+    st.sampled_from(["a", "@b", "true", "not", "or", "if", "x1", "1", "'t'"]),
+    st.sampled_from(["", " "]),
+    st.sampled_from(
+        [*[":=", "==", "!=", "<=", ">=", "+=", "-=", "*=", "/=", "=", "<", ">", "+", "=-", "?", ";"], ":=="]
+    ),
+    st.sampled_from(["", "  "]),
+    st.sampled_from(
+        [
+            "1",
+            "007",
+            "1" * 15,
+            "1" * 25,
+            "1.5",
+            "1.",
+            ".5",
+            "3m",
+            "0x1F",
+            "''",
+            "'a b'",
+            '"a"',
+            "a",
+            "false",
+            "and",
+            "-1",
+            "",
+        ]
+    ),
+    st.sampled_from(["", " ", "\r\n", ";", " ; b"]),
+)
+
+
+def outcome_of(read, text):
+    """Return what is read of a text, with all places, or what is said of its mistake."""
+    try:
+        return repr(read(text))
+    except ScriptError as error:
+        return str(error), error.start, error.end, error.suggestion, error.hint
+
+
+@given(SIMPLE.map("".join))
+def test_a_script_of_one_operator_is_read_as_any_other(text):
+    assert outcome_of(parse, text) == outcome_of(lambda text: _ScriptParser(text).script(), text)
