@@ -44,7 +44,7 @@ class RunScript(Behaviour):
 
     def update(self) -> Status:
         """Run the script."""
-        self._script.run()
+        (self._script.quick_run or self._script.run)()
         return _SUCCESS
 
 
@@ -67,7 +67,8 @@ class ScriptCondition(Behaviour):
 
     def update(self) -> Status:
         """Run the script."""
-        return _SUCCESS if self.script.holds() else _FAILURE
+        holds = self.script.quick_holds or self.script.holds
+        return _SUCCESS if holds() else _FAILURE
 
 
 class SetBlackboard(Behaviour):
@@ -96,25 +97,21 @@ class SetBlackboard(Behaviour):
 
     def update(self) -> Status:
         """Write the entry."""
-        if self._known is None or self._scope.board.is_numbered or not self._write_like(self._known):
+        entry, source = self._known, self._value.entry
+        if entry is None or entry.board.is_numbered:
             return self._write_any()
+        board, name = entry.board, entry.name
+        try:
+            value = self._value.get() if source is None else board.storage[source.name]
+            kind, count = board.kinds[name], board.stamps[name] + 1
+            if kind is not None and not _is_kept(value, kind, board.storage[name]):
+                return self._write_any()
+        except KeyError:  # it is not there, or not named: that is the first time
+            return self._write_any()
+        board.storage[name], board.stamps[name] = value, count
         if self.feedback_message:
             self.feedback_message = ""
         return _SUCCESS
-
-    def _write_like(self, entry: Entry) -> bool:
-        """Write an entry that takes the value as it is, which is the usual case; return whether it does."""
-        board, name, source = entry.board, entry.name, self._value.entry
-        try:
-            value = self._value.get() if source is None else board.storage[source.name]
-            given, kind, count = type(value), board.kinds[name], board.stamps[name] + 1
-            is_like = given is kind is str or (given in _NUMBERS and given is type(board.storage[name]))
-        except KeyError:
-            return False
-        if kind is not None and not is_like:
-            return False
-        board.storage[name], board.stamps[name] = value, count
-        return True
 
     def _write_any(self) -> Status:
         entry, source = self._target(), self._value.entry
@@ -146,6 +143,12 @@ class SetBlackboard(Behaviour):
         if isinstance(value, str):
             return read_as(value, kind)
         return value_to_keep(entry.read() if entry.exists else None, value, self._enums.numbers)
+
+
+def _is_kept(value: object, kind: type, held: object) -> bool:
+    """Return whether an entry of a type that holds something surely takes a value as it is."""
+    given = type(value)
+    return given is kind is str or (given in _NUMBERS and given is type(held))
 
 
 class UnsetBlackboard(Behaviour):

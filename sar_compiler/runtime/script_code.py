@@ -17,8 +17,7 @@ from typing import Any
 from sar_compiler.runtime import operators
 from sar_compiler.runtime.blackboard import Board, Entry
 from sar_compiler.runtime.entry_types import value_of, value_to_assign
-from sar_compiler.runtime.evaluation import Program
-from sar_compiler.runtime.expressions import parts
+from sar_compiler.runtime.expressions import Script, parts
 from sar_compiler.runtime.script_skeletons import (
     Applied,
     Chain,
@@ -32,7 +31,6 @@ from sar_compiler.runtime.variables import (
     RefusedValueError,
     ScriptValue,
     VariableError,
-    Variables,
     as_real,
 )
 
@@ -57,40 +55,38 @@ _CALCULATE = {"+": "add", "..": "join", "&": "bits_of_both", "|": "bits_of_any",
 
 
 def quick_script(
-    program: Program,
-    variables: Variables,
+    script: Script,
     entry: Callable[[str], Entry],
     enums: Mapping[str, int],
-    *,
-    is_condition: bool,
-) -> Callable[[], Any]:
-    """Return what evaluates a script as `Program.run` or, if it is a condition, `Program.holds` does.
+    usual: Sequence[Callable[[], ScriptValue]],
+    condition: Callable[[ScriptValue], bool] | None = None,
+) -> Callable[[], Any] | None:
+    """Return what evaluates a script; None if it is too large for that.
 
     Args:
-        program: The script.
-        variables: Its variables, for what is unusual.
+        script: The script.
         entry: Returns the entry that a name means.
         enums: The numbers that names stand for.
-        is_condition: Whether it is a condition.
+        usual: What evaluates each of its statements in the usual way.
+        condition: If the script is a condition, what makes the answer of its value.
     """
-    if sum(1 for statement in program.script.statements for _ in parts(statement)) > _LARGEST:
-        return functools.partial(program.holds if is_condition else program.run, variables)
-    skeleton = Skeleton(program.script, enums)
+    if sum(1 for statement in script.statements for _ in parts(statement)) > _LARGEST:
+        return None
+    skeleton = Skeleton(script, enums)
     entries = [entry(name) for name in skeleton.names]
     board = entries[0].board if entries else Board("")
-    usual = (functools.partial(each, variables) for each in program.statements)
-    names = (each.name for each in entries)
-    make = _function_of(skeleton.statements, len(entries), len(skeleton.constants), is_condition)
-    tables = board.storage, board.stamps, board.kinds, enums
-    made: Callable[[], Any] = make(
-        *tables, program.as_condition, *usual, *names, *skeleton.constants, *skeleton.reals
+    make = _function_of(
+        skeleton.statements, len(entries), len(skeleton.constants), is_condition=condition is not None
     )
+    tables = board.storage, board.stamps, board.kinds, enums, condition
+    names = (each.name for each in entries)
+    made: Callable[[], Any] = make(*tables, *usual, *names, *skeleton.constants, *skeleton.reals)
     return made
 
 
 @functools.lru_cache(maxsize=1024)
 def _function_of(
-    statements: Sequence[SkeletonPart | None], names: int, constants: int, is_condition: bool
+    statements: Sequence[SkeletonPart | None], names: int, constants: int, *, is_condition: bool
 ) -> types.FunctionType:
     """Return what makes the function of a script.
 

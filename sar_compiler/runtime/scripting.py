@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.entry_cells import Memo
 
 T = TypeVar("T")
+V = TypeVar("V")
 
 
 class NodeScriptError(NodeError):
@@ -108,6 +109,8 @@ class NodeScript:
 
     Attributes:
         is_remembered: Whether somebody else remembers what it does.
+        quick_run: Does what `run` does; None before it is run first, and where that is not known (see `script_code`).
+        quick_holds: Does what `holds` does, likewise.
     """
 
     def __init__(self, code: Input[Script], node: str, attribute: str, scope: Scope, enums: Enums) -> None:
@@ -117,8 +120,8 @@ class NodeScript:
         self._enums = enums
         self._scope = scope
         self._program: Program | None = None
-        self._run: Callable[[], ScriptValue] | None = None
-        self._holds: Callable[[], bool] | None = None
+        self.quick_run: Callable[[], ScriptValue] | None = None
+        self.quick_holds: Callable[[], bool] | None = None
         self._board = scope.board
         self.is_remembered = False
         self._memos: dict[Callable[..., Any], Memo] = {}
@@ -142,12 +145,8 @@ class NodeScript:
         Raises:
             NodeScriptError: If it cannot be run; names the node, the attribute and the place.
         """
-        if self._board.is_numbered:
-            return self._recall(Program.run)
-        try:
-            return (self._run or self._bind(Program.run))()
-        except EvaluationError as error:
-            raise self._failure(error, self._code.get().text) from error
+        quick = self.quick_run or self._bind()
+        return self._recall(Program.run) if quick is None else quick()
 
     def holds(self) -> bool:
         """Run it and return whether its value is true.
@@ -155,31 +154,31 @@ class NodeScript:
         Raises:
             NodeScriptError: As `run`, and if its value is neither true nor false.
         """
-        if self._board.is_numbered:
-            return self._recall(Program.holds)
-        try:
-            return (self._holds or self._bind(Program.holds))()
-        except EvaluationError as error:
-            raise self._failure(error, self._code.get().text) from error
+        quick = self.quick_holds or self._bind_condition()
+        return self._recall(Program.holds) if quick is None else quick()
 
-    def _bind(self, run: Callable[[Program, ScopeVariables], T]) -> Callable[[], T]:
-        """Return what runs it, which is kept unless the script may be another one in the next tick."""
-        if self._code.entry is not None:
-            return functools.partial(self._run_or_explain, run)
+    def _bind(self) -> Callable[[], ScriptValue] | None:
+        self.quick_run = self._quick(None)
+        return self.quick_run
+
+    def _bind_condition(self) -> Callable[[], bool] | None:
+        def condition(value: ScriptValue) -> bool:
+            return self._explained(self._current_program().as_condition, value)
+
+        self.quick_holds = self._quick(condition)
+        return self.quick_holds
+
+    def _quick(self, condition: Callable[[ScriptValue], bool] | None) -> Callable[[], Any] | None:
+        """Return its quick form; None if there is none, because the script may be another one in the next tick, or entries are numbers."""
+        if self._code.entry is not None or self._board.is_numbered:
+            return None
         program, variables = self._current_program(), self._variables
-        is_condition = run is Program.holds
-        quick = quick_script(
-            program, variables, variables.entry, self._enums.numbers, is_condition=is_condition
-        )
-        if is_condition:
-            self._holds = quick
-        else:
-            self._run = quick
-        return quick
+        usual = [functools.partial(self._explained, each, variables) for each in program.statements]
+        return quick_script(program.script, variables.entry, self._enums.numbers, usual, condition)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         """Run it; on a numbered board it is not run twice where its variables have the same values."""
-        if self._code.entry is not None or self.is_remembered:
+        if not self._board.is_numbered or self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         memo = self._memos.get(run)
         if memo is None:
@@ -195,10 +194,13 @@ class NodeScript:
         except PortError as error:
             message = f"'{self._node}': {error}"
             raise NodeScriptError(message, self._node, self._attribute, None, None) from error
+        return self._explained(functools.partial(run, program), self._variables)
+
+    def _explained(self, evaluate: Callable[[V], T], value: V) -> T:
         try:
-            return run(program, self._variables)
+            return evaluate(value)
         except EvaluationError as error:
-            raise self._failure(error, program.script.text) from error
+            raise self._failure(error) from error
 
     def _current_program(self) -> Program:
         script = self._code.get()
@@ -206,8 +208,9 @@ class NodeScript:
             self._program = Program(script, self._enums.numbers)
         return self._program
 
-    def _failure(self, error: EvaluationError, text: str) -> NodeScriptError:
-        hint = f"; {error.hint}" if error.hint else ""
+    def _failure(self, error: EvaluationError) -> NodeScriptError:
+        assert self._program is not None  # noqa: S101 - it has failed
+        hint, text = f"; {error.hint}" if error.hint else "", self._program.script.text
         message = f"'{self._node}': {self._attribute}, {_place(text, error.start)}: {error}{hint}"
         return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
 

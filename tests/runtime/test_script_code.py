@@ -104,6 +104,12 @@ class Place:
         return repr(board.values()), stamps, kinds
 
 
+def quick_form(program, place, condition=None):
+    """Return the quick form of a program."""
+    usual = [functools.partial(each, place.variables) for each in program.statements]
+    return quick_script(program.script, place.variables.entry, ENUMS.numbers, usual, condition)
+
+
 def outcome(run):
     """Return what comes of a run: a value with its type, or an error with all that it says."""
     try:
@@ -127,20 +133,16 @@ def test_random_scripts_on_random_boards_do_what_the_evaluator_says(is_condition
         done += 1
         held = contents(chance)
         here, there = Place(held), Place(held)
-        quick = quick_script(
-            program, here.variables, here.variables.entry, ENUMS.numbers, is_condition=is_condition
-        )
+        quick = quick_form(program, here, program.as_condition if is_condition else None)
         whole = functools.partial(program.holds if is_condition else program.run, there.variables)
         for _ in range(3):
             assert outcome(quick) == outcome(whole), (text, held)
             assert here.state() == there.state(), (text, held)
 
 
-class NoVariables:
-    """Variables that nobody may ask for: the quick form has to do."""
-
-    def __getattr__(self, name):
-        raise AssertionError(name)
+def unusual():
+    """Evaluate nothing: the quick form has to do."""
+    raise AssertionError
 
 
 @pytest.mark.parametrize(
@@ -163,18 +165,15 @@ class NoVariables:
 def test_usual_values_are_calculated_with_in_the_quick_form(text, held, value):
     place = Place({name: (True, each, True, None) for name, each in held.items()})
     program = Program(parse(text), ENUMS.numbers)
-    quick = quick_script(program, NoVariables(), place.variables.entry, ENUMS.numbers, is_condition=False)
+    usual = [unusual] * len(program.script.statements)
+    quick = quick_script(program.script, place.variables.entry, ENUMS.numbers, usual)
+    assert quick is not None
     assert repr(quick()) == repr(value)
 
 
 def test_scripts_that_differ_in_names_and_constants_share_their_code():
     place = Place({})
-    first, second = (
-        quick_script(
-            Program(parse(text)), place.variables, place.variables.entry, ENUMS.numbers, is_condition=False
-        )
-        for text in ("a := a * 2", "b := b * 0.5")
-    )
+    first, second = (quick_form(Program(parse(text)), place) for text in ("a := a * 2", "b := b * 0.5"))
     assert first.__code__ is second.__code__
 
 
@@ -188,9 +187,7 @@ def words_in(code):
 def test_nothing_that_a_file_says_gets_into_the_code():
     text = "__import__ := 'os'; system = 1234 + __builtins__ .. 'rm'; open > 5678 ? 'x' : eval"
     place = Place({})
-    quick = quick_script(
-        Program(parse(text)), place.variables, place.variables.entry, {"eval": 9}, is_condition=True
-    )
+    quick = quick_form(Program(parse(text), {"eval": 9}), place, bool)
     words = {str(each) for each in words_in(quick.__code__)}
     assert not words & {
         "__import__",
@@ -211,9 +208,8 @@ def test_nothing_that_a_file_says_gets_into_the_code():
 def test_a_script_with_hundreds_of_operators_is_evaluated_in_the_usual_way():
     place = Place({"a": (True, 1.0, True, None)})
     program = Program(parse(" + ".join(["a"] * 300)))
-    quick = quick_script(program, place.variables, place.variables.entry, {}, is_condition=False)
-    assert quick() == 300.0
-    assert not hasattr(quick, "__code__")
+    assert quick_form(program, place) is None
+    assert NodeScript(Input(program.script), "node", "code", place.scope, ENUMS).run() == 300.0
 
 
 def test_an_entry_that_comes_and_goes_between_two_runs_is_found_and_missed():
