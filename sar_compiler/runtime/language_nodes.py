@@ -214,6 +214,7 @@ class Conditions(Decorator):
         after = ((SUCCESS, "_onSuccess"), (FAILURE, "_onFailure"), (INVALID, "_onHalted"))
         self._after = {outcome: ready.get(each) for outcome, each in after}
         self._post = ready.get("_post")
+        self.runs_after = self._post is not None or any(self._after.values())
 
     def run_after(self, outcome: int) -> None:
         """Run what is to be run after an end; INVALID means that the node was halted while it ran."""

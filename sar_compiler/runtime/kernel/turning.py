@@ -109,7 +109,7 @@ class PreconditionNode(GuardedNode):
 
     def may_start(self, ticker: Ticker) -> bool:  # noqa: ARG002
         """Return whether the condition is true."""
-        return bool(self.script.holds())
+        return holds(self.script)
 
     def otherwise(self) -> int:
         """Return what the node is to answer if it is not."""
@@ -142,6 +142,12 @@ class UpdateGuardNode(GuardedNode):
         return self.unless_written
 
 
+def holds(script: Any) -> bool:
+    """Return whether a script's value is true."""
+    quick = script.quick_holds
+    return bool(script.holds() if quick is None else quick())
+
+
 def watched_entry(behaviour: Any) -> Any:
     """Return the entry that a behaviour looks at: that of its port, or the one whose key the port says."""
     port = behaviour.entry
@@ -167,6 +173,8 @@ class ConditionsNode(DecoratorNode):
     """The pre- and post-conditions of a node, which is its child; they have one status between them.
 
     Attributes:
+        runs_after: Whether there is anything to run after an end.
+        has_told: Whether the behaviour may have a message.
         was_running: Whether the node was running when it began to be stopped.
     """
 
@@ -177,6 +185,8 @@ class ConditionsNode(DecoratorNode):
         behaviour = part.behaviour
         self.before: list[Any] = behaviour._before
         self.goes_on: Any = behaviour._while
+        self.runs_after: bool = behaviour.runs_after
+        self.has_told = True
         self.was_running = False
 
     def begin(self, ticker: Ticker) -> int:
@@ -188,22 +198,25 @@ class ConditionsNode(DecoratorNode):
         """Return what the pre-conditions make of this tick; INVALID if the node is to be ticked."""
         behaviour, status = self.behaviour, ticker.cells[self.at]
         if status == RUNNING:
-            if self.goes_on is None or self.goes_on.holds():
+            if self.goes_on is None or holds(self.goes_on):
                 return INVALID
             self.stop(ticker)
-            behaviour.feedback_message = "halted by _while"
-            return SKIPPED
-        behaviour.feedback_message = ""
+            return self.tell("halted by _while", SKIPPED)
+        if self.has_told:
+            behaviour.feedback_message, self.has_told = "", False
         if not self.starts(ticker):
             return INVALID
         for script, attribute, outcome in self.before:
-            if script.holds():
-                behaviour.feedback_message = f"decided by {attribute}"
-                return int(outcome)
-        if self.goes_on is not None and not self.goes_on.holds():
-            behaviour.feedback_message = "decided by _while"
-            return SKIPPED
+            if holds(script):
+                return self.tell(f"decided by {attribute}", outcome)
+        if self.goes_on is not None and not holds(self.goes_on):
+            return self.tell("decided by _while", SKIPPED)
         return INVALID
+
+    def tell(self, message: str, outcome: int) -> int:
+        """Tell what has decided; return the outcome."""
+        self.behaviour.feedback_message, self.has_told = message, True
+        return outcome
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the node."""
@@ -211,7 +224,7 @@ class ConditionsNode(DecoratorNode):
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Run the post-conditions, and pass the outcome on."""
-        if outcome & ENDED:
+        if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
         return self.come_to(ticker, outcome)
 
