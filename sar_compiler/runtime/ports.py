@@ -139,9 +139,12 @@ class InOut(Input[T]):
 
 def _write(entry: Entry, value: object, kind: type | None = None) -> None:
     board, name = entry.board, entry.name
-    if not entry.passed_on:  # as in BehaviorTree.CPP, which looks only at entries of the node's own tree
-        if board.kind(name) is not None and board.has(name):
-            value = value_to_write(board.get(name), value)
-        elif kind is not None:
+    if entry.passed_on:
+        pass  # as in BehaviorTree.CPP, which looks only at entries of the node's own tree
+    elif board.kind(name) is None:
+        if kind is not None:
             board.settle(name, kind)
+    elif board.has(name):
+        held = board.get(name)
+        value = value if type(held) is type(value) else value_to_write(held, value)
     board.set(name, value)
