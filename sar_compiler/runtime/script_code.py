@@ -182,8 +182,7 @@ class _Quick:
                 part, self.truth, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
             )
         if isinstance(part, Chain) and part.signs[0] in _COMPARISONS:
-            pairs = zip(part.signs, part.operands, part.operands[1:], strict=False)
-            return _all([self._comparison(*each) for each in pairs])
+            return self._comparisons(part)
         if isinstance(part, Applied) and part.sign == "!":
             (operand,) = part.operands
             is_truth = _is_truth(operand)
@@ -217,36 +216,50 @@ class _Quick:
                 folded = ast.BinOp(_call("as_real", folded), _ARITHMETIC[sign](), self.real(operand))
         return folded
 
+    def _comparisons(self, part: Chain) -> ast.expr:
+        """Return the code of a chain of comparisons, of which each operand in the middle is compared twice."""
+        if len(part.signs) == 1 or all(
+            isinstance(each, (VariableSlot, ConstantSlot)) for each in part.operands
+        ):
+            pairs = zip(part.signs, part.operands, part.operands[1:], strict=False)
+            return _all([self._comparison(*each) for each in pairs])
+        values = [self._once(self.value(each)) for each in part.operands]
+        compared = zip(part.signs, values, values[1:], strict=False)
+        return _all([_usual_comparison(*each) for each in compared])
+
     def _comparison(self, sign: str, left: SkeletonPart, right: SkeletonPart) -> ast.expr:
         """Return the code of a comparison, quick for two numbers, and for a variable and a text."""
         parts, kind = (left, right), str if _is_text(left) or _is_text(right) else float
-        if not all(
-            isinstance(each, VariableSlot) or (_is_text if kind is str else _is_number)(each)
-            for each in parts
-        ):
-            return _call("compare", ast.Constant(sign), self.value(left), self.value(right), _load("enums"))
-        first, second = (
-            self._raw(each) if isinstance(each, VariableSlot) else self._known(each) for each in parts
-        )
-        quick = (
-            _texts_compared(sign, first, second) if kind is str else _numbers_compared(sign, first, second)
-        )
-        named = [self._raw(each) for each in parts if isinstance(each, VariableSlot)]
-        if not named:
-            return quick
-        guards = [_is_of_type(each, str) if kind is str else _is_exact(each) for each in named]
-        seen = (
-            _call("seen", self._raw(each)) if isinstance(each, VariableSlot) else self._known(each)
-            for each in parts
-        )
-        return ast.IfExp(_all(guards), quick, _call("compare", ast.Constant(sign), *seen, _load("enums")))
+        is_known = _is_text if kind is str else _is_number
+        if not all(isinstance(each, VariableSlot) or is_known(each) for each in parts):
+            return _usual_comparison(sign, self.value(left), self.value(right))
+        compared = _texts_compared if kind is str else _numbers_compared
+        if is_known(left) and is_known(right):
+            return compared(sign, self._known(left), self._known(right))
+        first, second = map(self._side, parts)
+        sides = [
+            (side, isinstance(each, VariableSlot)) for side, each in zip((first, second), parts, strict=True)
+        ]
+        guards = [
+            _is_of_type(side, str) if kind is str else _is_exact(side) for side, is_read in sides if is_read
+        ]
+        seen = (_call("seen", side) if is_read else side for side, is_read in sides)
+        return ast.IfExp(_all(guards), compared(sign, first, second), _usual_comparison(sign, *seen))
+
+    def _side(self, part: SkeletonPart) -> ast.expr:
+        """Return the code of one side of a comparison, which is needed twice."""
+        if isinstance(part, VariableSlot):
+            return self._read(part, "raw", ())
+        return self._known(part) if isinstance(part, ConstantSlot) else self._once(self._known(part))
+
+    def _once(self, code: ast.expr) -> ast.expr:
+        """Have something calculated beforehand; where it proves to be needless, it has done nothing else."""
+        name = f"part{len(self.reads)}"
+        self.reads.append(_let(name, code))
+        return _load(name)
 
     def _known(self, part: SkeletonPart) -> ast.expr:
         return self.value(part) if _is_text(part) else self.real(part)
-
-    def _raw(self, part: VariableSlot) -> ast.expr:
-        """Return the code of what the entry of a variable holds."""
-        return self._read(part, "raw", ())
 
     def _read(self, part: VariableSlot, name: str, kinds: Sequence[type], otherwise: str = "") -> ast.expr:
         """Return the code of a variable's value.
@@ -330,6 +343,10 @@ def _texts_compared(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
     if sign in _DENIED:
         return _not(_compare(left, _DENIED[sign](), right))
     return equal if sign == "==" else _not(equal)
+
+
+def _usual_comparison(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
+    return _call("compare", ast.Constant(sign), left, right, _load("enums"))
 
 
 def _is_exact(value: ast.expr) -> ast.expr:

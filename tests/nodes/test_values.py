@@ -229,9 +229,12 @@ def test_the_nearest_word_is_first_of_all_the_same_in_another_case():
 @pytest.mark.parametrize("held", [True, 7, -1, 2.5, "7", [1], Colour.RED, timedelta(seconds=1)])
 def test_values_of_the_type_that_is_kept_are_returned_as_they_are(annotation, held):
     value_type = value_type_of(annotation)
+    assert value_type is not None
     if type(held) is value_type.kept:
         assert value_type.fit(held) is held
 
 
 def test_a_type_with_limits_keeps_nothing_without_a_look():
-    assert value_type_of(Milliseconds).kept is None
+    value_type = value_type_of(Milliseconds)
+    assert value_type is not None
+    assert value_type.kept is None

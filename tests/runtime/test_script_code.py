@@ -13,7 +13,7 @@ from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.script import MAX_DEPTH, parse
 from sar_compiler.runtime.script_code import quick_script
 from sar_compiler.runtime.scripting import NodeScript, NodeScriptError, ScopeVariables
 from sar_compiler.runtime.tokens import ScriptError
@@ -210,6 +210,37 @@ def test_a_script_with_hundreds_of_operators_is_evaluated_in_the_usual_way():
     program = Program(parse(" + ".join(["a"] * 300)))
     assert quick_form(program, place) is None
     assert NodeScript(Input(program.script), "node", "code", place.scope, ENUMS).run() == 300.0
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "a < (1 - ({}))",
+        "0 < ({}) < 2",
+        "!({})",
+        "-({})",
+        "a + ({})",
+        "a ? 1 : ({})",
+        "(a..'') == ({})",
+        "({}) && a",
+    ],
+)
+def test_the_code_of_nested_operators_grows_no_faster_than_the_script(form):
+    text = "a"
+    for _ in range(MAX_DEPTH // 5):
+        text = form.format(text)
+    place = Place({"a": (True, 0.5, True, None)})
+    program = Program(parse(text))
+    quick = quick_form(program, place)
+    assert outcome(quick) == outcome(lambda: program.run(place.variables))
+    assert len(quick.__code__.co_code) < 100 * len(text)
+
+
+@pytest.mark.parametrize("signs", ["!", "-", "!-", "-~"])
+def test_code_is_made_of_the_deepest_script_there_is(signs):
+    place = Place({"a": (True, 0.5, True, None)})
+    program = Program(parse(signs * ((MAX_DEPTH - 1) // len(signs)) + "a"))
+    assert outcome(quick_form(program, place)) == outcome(lambda: program.run(place.variables))
 
 
 def test_an_entry_that_comes_and_goes_between_two_runs_is_found_and_missed():
