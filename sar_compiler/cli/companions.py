@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
+    from sar_compiler.missions.order_record import OrderRecord
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
     from sar_compiler.ros.engine import Engine
     from sar_compiler.ros.parameter_reader import RunParameters
@@ -34,6 +35,7 @@ class RunSetup(NamedTuple):
         parameters: The parameters that any run has.
         fixed_parameters: The names of those that are not set while it runs.
         output: Standard output.
+        orders: Records by whom its orders are given.
         staying: What is to be called when the run has ended and ROS is taken down: who stays has its say there.
     """
 
@@ -45,6 +47,7 @@ class RunSetup(NamedTuple):
     parameters: "RunParameters"
     fixed_parameters: Collection[str]
     output: "RunOutput"
+    orders: "OrderRecord"
     staying: list[Callable[[], object]]
 
 

@@ -24,6 +24,7 @@ from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.journal.journal import Journal
 from sar_compiler.missions.beginning import begin_run, fixed_parameters, node_name, parse_faults
 from sar_compiler.missions.mission import Mission
+from sar_compiler.missions.order_record import OrderRecord
 from sar_compiler.nodes.spec import Use
 from sar_compiler.project import Workspace
 from sar_compiler.ros.arguments import init_arguments, node_arguments, parameter_files
@@ -78,7 +79,10 @@ def run_mission(
         run_journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
         options.supervision.tell_journal(journal.place)
-        setup = RunSetup(options, signals, node, journal, run, parameters, fixed, RunOutput(), staying)
+        orders = OrderRecord(node, run.verbs(), journal)
+        setup = RunSetup(
+            options, signals, node, journal, run, parameters, fixed, RunOutput(), orders, staying
+        )
         companions = Companions(setup, run_journal, asked_for, stack)
         run_journal.keep_facts(run, reader.parameters)
         end = end_condition(setup)

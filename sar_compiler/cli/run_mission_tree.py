@@ -310,6 +310,7 @@ class TreeRun:
         self.companions.begin_run()
         try:
             engine.setup(node=self._node)
+            self.setup.orders.begin()
             self._signals.last_words = self._leave_at_once
             self._begin_watching()
             self._started = self._clock.now()

@@ -16,7 +16,7 @@ from sar_compiler.cli.team_orders import TeamOrders, ordering
 from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.commands import print_error
 from sar_compiler.errors import SarError
-from sar_compiler.journal.journal_entries import ORDERED, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.why import Inquiry
@@ -51,9 +51,7 @@ class RunPage(Companion):
 
         self._run, self._has_ended = run, False
         journal, node, verbs = run.journal, run.node, run.mission.verbs()
-        calls = VerbCalls(
-            node, verbs, lambda verb, by: journal.watch(ORDERED, verb=verb.name, label=verb.label, by=by)
-        )
+        calls = VerbCalls(node, verbs, run.orders.sign)
         # Its own, for it is read in the server's thread; the mission's says what becomes of it.
         clock = NodeTime(node)
 
@@ -142,7 +140,7 @@ class _OwnOrders:
         if self.has_ended:
             message = "the run has ended"
             raise SarError(message)
-        return self._calls.give(verb, values, giver.name)
+        return self._calls.give(verb, values, giver.words(f"page, {giver.address}"))
 
 
 def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
@@ -175,7 +173,7 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
     team.feed = feed = LiveFeed(hello, team.beat, len(paths))
     with (
-        ordering(team.happen, print_error) as orders,
+        ordering(print_error) as orders,
         _serve(feed, port, tools, orders, opens=opens) as server,
     ):
         team.orders = orders
@@ -204,7 +202,6 @@ class _Team:
         self.reading = Lock()
         self._followers = [JournalFollower(path) for path in paths]
         self._heard = [time.monotonic() for _ in paths]
-        self._last: dict[int, JournalEntry] = {}
 
     def look(self) -> None:
         """Tell what is new.
@@ -221,7 +218,7 @@ class _Team:
         for robot, follower in enumerate(self._followers):
             is_gone = not is_locked(follower.path)
             for entry in follower.news():
-                self._heard[robot], self._last[robot] = time.monotonic(), entry
+                self._heard[robot] = time.monotonic()
                 self.feed.take(entry, robot)
                 self._think_of(robot, entry, follower.path)
             self.feed.know(RunProcess(is_gone, time.monotonic() - self._heard[robot]), robot)
@@ -237,10 +234,6 @@ class _Team:
         if self.orders is None:
             return {}
         return {"verbs": [self.orders.available(robot) for robot, _ in enumerate(self._followers)]}
-
-    def happen(self, robot: int, kind: str, data: Mapping[str, object]) -> None:
-        """Tell what the journal of a robot does not."""
-        self.feed.take(self._last[robot]._replace(kind=kind, data=data), robot)
 
 
 def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:

@@ -1,12 +1,14 @@
 """Orders to missions in other processes, by the services of their nodes."""
 
+import getpass
+import socket
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.journal.journal_entries import ORDERED, JournalEntry
+from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.displaying import run_of
 from sar_compiler.missions.mission import Verb, VerbError
 from sar_compiler.web.page_server import OrderGiver
@@ -16,35 +18,29 @@ if TYPE_CHECKING:
 
     from sar_compiler.missions.verb_calls import VerbCalls
 
-Tell = Callable[[int, str, Mapping[str, object]], object]
-"""Is called with a robot, and with the kind and the data of what has happened to it, right before an order is sent."""
-
 
 class TeamOrders:
     """Carries out orders to several robots.
 
     Args:
         node: The node that calls.
-        tell: Told of each order.
     """
 
-    def __init__(self, node: "Node", tell: Tell) -> None:
-        self._node, self._tell = node, tell
+    def __init__(self, node: "Node") -> None:
+        self._node, self._page = node, f"team page of {_user()}@{socket.gethostname()}"
         self._calls: dict[int, tuple[str, VerbCalls]] = {}
 
     def know(self, robot: int, began: JournalEntry) -> list[Verb]:
         """Take the beginning of a robot's run; return what can be ordered of its mission, nothing where that is not installed."""
+        from sar_compiler.missions.order_record import RemoteSignature
         from sar_compiler.missions.verb_calls import VerbCalls
 
         mission, name = run_of(began), str(began.data["run"].get("node") or "")
         verbs = [*mission.verbs()] if mission is not None and name else []
         # A node that comes again has the same services.
         if verbs and self._calls.get(robot, ("",))[0] != name:
-
-            def sent(verb: Verb, by: str) -> None:
-                self._tell(robot, ORDERED, {"verb": verb.name, "label": verb.label, "by": by})
-
-            self._calls[robot] = name, VerbCalls(self._node, verbs, sent, name)
+            sign = RemoteSignature(self._node, name).sign
+            self._calls[robot] = name, VerbCalls(self._node, verbs, sign, name)
         return verbs
 
     def available(self, robot: int) -> list[str]:
@@ -59,11 +55,11 @@ class TeamOrders:
         """
         if giver.robot not in self._calls:
             raise VerbError("nothing can be ordered of this robot: its mission is not known here")
-        return self._calls[giver.robot][1].give(verb, values, giver.name)
+        return self._calls[giver.robot][1].give(verb, values, giver.words(self._page))
 
 
 @contextmanager
-def ordering(tell: Tell, complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
+def ordering(complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
     """Yield what carries out orders; None where there is no ROS, about which is complained if it is broken."""
     from sar_compiler.ros.middleware import MiddlewareError, require_middleware
     from sar_compiler.ros.serving import spinning_node
@@ -78,4 +74,11 @@ def ordering(tell: Tell, complain: Callable[[str], object]) -> Iterator[TeamOrde
         yield None
         return
     with spinning_node("sar_journal_watch") as node:
-        yield TeamOrders(node, tell)
+        yield TeamOrders(node)
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # nobody has the process's number
+        return "somebody"

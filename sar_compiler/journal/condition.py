@@ -83,8 +83,10 @@ def _ended(state: MissionState, run: RunState) -> MissionCondition:
         word = ABORTED
     # Who has stopped it knows that, unless a goal is left behind.
     level = QUIET if word == STOPPED and not state.goals else ERROR
+    # What an operator has ordered last explains what is missing.
+    by = f" ({state.order})" if state.order else ""
     left = " A goal may still be active: the robot may be driving." if state.goals else ""
-    return MissionCondition(word, level, since, f"{run.reason}{left}".strip())
+    return MissionCondition(word, level, since, f"{run.reason}{by}{left}".strip())
 
 
 def _last_words(state: MissionState) -> str:

@@ -4,7 +4,8 @@ import os
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -121,6 +122,7 @@ class Journal:
         self.on_failure: Callable[[str], object] = lambda _: None
         self.on_recovery: Callable[[str], object] = lambda _: None
         self.leaf_in_hand: Callable[[], Mapping[str, int]] = dict
+        self._ordered_by: Mapping[str, str] = {}
         self._file = file
         self.aside = aside
         known = file if aside is None else None
@@ -271,7 +273,7 @@ class Journal:
         """
         fact = self._entry(kind, data)
         self._apply(fact)
-        changed = {**self._changed(fact), **self.leaf_in_hand()}
+        changed = {**self._changed(fact), **self._ordered_by, **self.leaf_in_hand()}
         behind = [fact._replace(kind=CHANGED, data=changed)] if changed else []
         if self._is_written:
             self._pending.append(self._row(fact))
@@ -289,6 +291,15 @@ class Journal:
             return {}
         before, self._shown = self._shown, self._state.display()
         return changes_by(fact, self._state.sentence(fact), before, self._shown)
+
+    @contextmanager
+    def ordered_by(self, by: str) -> Iterator[None]:
+        """Carry out an order within it: what is noted says by whom it was given."""
+        self._ordered_by = {"by": by}
+        try:
+            yield
+        finally:
+            self._ordered_by = {}
 
     def keep_number(self, kind: str, number: int) -> None:
         """Remember the highest number in use, such as in names: the next run goes on above it even where facts are lost.

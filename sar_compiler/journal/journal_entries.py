@@ -16,7 +16,7 @@ RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
 `ending`, `status` and `reason`."""
 
 ORDERED = "ordered"
-"""The kind of an order that was given on a page: its `verb`, its `label`, and `by` whom, as far as they have said."""
+"""The kind of an order by a service of the mission: its `verb`, its `label`, and `by` whom, as far as that is known."""
 
 OF_ROBOT = ("pose", "plan", "map", "battery", "log")
 """Kinds that are watched of the robot's topics."""

@@ -216,7 +216,7 @@ class MissionState:
         situation: What the mission shows of itself.
         is_told: Whether the mission itself has said what it shows: journals of earlier versions have facts alone.
         since: Since when each alarm is there, by what it says.
-        facts: What has happened, in its order; of goals of actions, `goals` tells.
+        facts: What has happened, with the operator's orders, in its order; of goals of actions, `goals` tells.
         pose: Where the robot was last; None before anything is known of it.
         trail: Where it has been.
         plan: The way that it is about to drive, as x and y in the frame `map`, metres.
@@ -227,7 +227,6 @@ class MissionState:
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
             `height` in cells, and the image `png`; empty if there is none.
         warnings: Warnings and errors of the log.
-        orders: What was ordered on a page, and by whom.
         goals: The goals that may be active: their actions, by id.
         tick: The number of the last tick in which anything has changed.
         now: The moment of the last entry.
@@ -255,13 +254,14 @@ class MissionState:
         self.battery: Gauge | None = None
         self.map: Mapping[str, Any] = {}
         self.warnings: list[Told] = []
-        self.orders: list[Told] = []
         self.goals: dict[str, str] = {}
         self.tick = 0
         self.now = self.since_phase = Instant(1, 0.0, 0.0)
         self.finished: dict[tuple[str, str], Instant] = {}
         self._starts: dict[int, float] = {}
         self._phase, self._told_drive = "", 0.0
+        # Why the phase is so, as the mission says it, and by whom that was ordered.
+        self._why_ordered = "", ""
 
     @classmethod
     def of(cls, stream: Iterable[JournalEntry]) -> "MissionState":
@@ -316,6 +316,7 @@ class MissionState:
     def phase(self) -> MissionPhase:
         """The phase, as long as its run has not ended: what it says itself, what holds it up, or whether it drives."""
         told = self.situation.phase
+        told = told._replace(reason=self.order or told.reason)
         if self.breakpoint:
             return told._replace(name="waiting", reason=self.breakpoint)
         if told.name:
@@ -323,6 +324,12 @@ class MissionState:
         if self.lacks:
             return told._replace(name="waiting", reason=self.lacks)
         return told._replace(name="working" if self.drive is None else "driving")
+
+    @property
+    def order(self) -> str:
+        """Why the phase is so, with who has ordered that; empty where nobody has, or it is not known who."""
+        reason, by = self._why_ordered
+        return f"{reason}: {by}" if by and reason else ""
 
     @property
     def gauges(self) -> list[Gauge]:
@@ -418,19 +425,24 @@ class MissionState:
         self.map = data
 
     def _ordered(self, verb: str, label: str, by: str) -> None:
-        self.orders.append(Told(self.now, f"{label or verb}", str(by)))
+        data = {"verb": verb, "label": label, "by": by}
+        self.facts.append(KnownFact(self.now, ORDERED, data, f"{by or 'somebody'}: {label or verb}"))
 
     def _log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
             self.warnings.append(Told(self.now, str(text), str(node), int(level)))
 
-    def _changed(self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, **data: Any) -> None:
+    def _changed(
+        self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, by: str = "", **data: Any
+    ) -> None:
         situation = self.situation
         if kinds is not None:
             self.situation = situation = Situation()
             situation.take(kinds)
             self.is_told = True
         situation.take(**data)
+        if (reason := situation.phase.reason) != self._why_ordered[0]:
+            self._why_ordered = reason, str(by)
         self._finish(data.get("landmarks", ()))
         self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
         if said and self.facts:

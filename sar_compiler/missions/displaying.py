@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 
-from sar_compiler.journal.journal_entries import GOAL_ENDED, OF_ROBOT, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import GOAL_ENDED, OF_ROBOT, ORDERED, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.situation import CHANGED, Display, beginning, changes_by
 from sar_compiler.missions.choosing import load_missions
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.ros.parameter_reader import ParameterReader
 
-_WATCHED = (*OF_ROBOT, "status", "progress", "lacks", "breakpoint", GOAL_ENDED, CHANGED)
+_WATCHED = (*OF_ROBOT, "status", "progress", "lacks", "breakpoint", ORDERED, GOAL_ENDED, CHANGED)
 
 
 def add_displays(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:

@@ -18,7 +18,7 @@ class VerbCalls:
     Args:
         node: The node that calls; by default it is the mission's, which has the services as well.
         verbs: What can be ordered.
-        on_send: Is called with a verb and whoever has ordered it, in the executor's thread, right before its service is.
+        sign: Is called with a verb, whoever has ordered it, and what calls the service once that is known; in the executor's thread.
         of: The name of the mission's node.
     """
 
@@ -26,10 +26,10 @@ class VerbCalls:
         self,
         node: "Node",
         verbs: Sequence[Verb],
-        on_send: Callable[[Verb, str], object] = lambda *_: None,
+        sign: Callable[[str, str, Callable[[], None]], object] = lambda _verb, _by, then: then(),
         of: str = "~",
     ) -> None:
-        self._on_send = on_send
+        self._sign = sign
         self._verbs = {verb.name: verb for verb in verbs}
         types = {verb.name: find_interface("Verb", "srv", verb.name, verb.service_type) for verb in verbs}
         self._clients = {name: node.create_client(kind, f"{of}/{name}") for name, kind in types.items()}
@@ -79,8 +79,9 @@ class VerbCalls:
         # Whoever has given up an order has been told that it was not carried out; from here on nobody can.
         if not answer.set_running_or_notify_cancel():
             return
-        self._on_send(verb, by)
+        self._sign(verb.name, by, lambda: self._call_service(client, request, answer))
 
+    def _call_service(self, client: Any, request: Any, answer: "Future[tuple[bool, str]]") -> None:
         def take(called: Any) -> None:
             try:
                 response = called.result()

@@ -6,7 +6,14 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from sar_compiler.journal.condition import DRIVING, GOOD, QUIET, MissionCondition, condition
-from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import (
+    GOAL_ENDED,
+    GOAL_SENT,
+    ORDERED,
+    RUN_BEGAN,
+    RUN_ENDED,
+    JournalEntry,
+)
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
 from sar_compiler.journal.situation import CHANGED, Landmark, fact_words
 from sar_compiler.runtime.clock import clock_text
@@ -72,6 +79,8 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
         words = f"{node.name} {node.words}"
     elif entry.kind == CHANGED:  # behind each fact stands what it says
         words = str(entry.data.get("said") or "")
+    elif entry.kind == ORDERED:
+        words = state.facts[-1].text
     else:
         words = "" if state.is_told else fact_words(entry.kind, entry.data)
     return _log_line(state, words) if words else ""

@@ -56,10 +56,16 @@ class OrderGiver(NamedTuple):
     Attributes:
         name: What whoever gives it is called; empty if they have not said that.
         robot: The robot's place among those of the page.
+        address: The address of the browser.
     """
 
     name: str = ""
     robot: int = 0
+    address: str = ""
+
+    def words(self, page: str) -> str:
+        """Return who gives it on a page, in words."""
+        return f"{self.name or 'somebody'} ({page})"
 
 
 class Orders(Protocol):
@@ -158,7 +164,8 @@ async def _order(orders: Orders | None, token: str, request: Request) -> Respons
     except ValueError:
         raise HTTPException(400) from None
     by = unquote(request.headers.get("x-operator", ""))[:_LONGEST_NAME]
-    giver = OrderGiver("".join(filter(str.isprintable, by)).strip(), robot)
+    address = request.client.host if request.client else ""
+    giver = OrderGiver("".join(filter(str.isprintable, by)).strip(), robot, address)
     return await _give_order(orders, request.path_params["verb"], values, giver)
 
 

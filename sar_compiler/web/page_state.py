@@ -9,7 +9,6 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
     GOAL_ENDED,
     GOAL_SENT,
-    ORDERED,
     RUN_BEGAN,
     RUN_ENDED,
     JournalEntry,
@@ -259,10 +258,6 @@ class PageState:
         data = entry.data
         self._tell(_LEVELS.get(data["level"], "info"), str(data["text"]), data.get("stamp"))
 
-    def _ordered(self, entry: JournalEntry) -> None:
-        data = entry.data
-        self._tell("fact", f"{data['by'] or 'somebody'}, on the page: {data['label']}")
-
     def _changed(self, entry: JournalEntry) -> None:
         data = entry.data
         self._touched.update(data.keys() & self._SITUATION)
@@ -395,7 +390,6 @@ class PageState:
         "status": _status,
         "pose": _pose,
         "log": _log_line,
-        ORDERED: _ordered,
         CHANGED: _changed,
     }
     # The parts that are replaced as they are, in the order in which they are told.

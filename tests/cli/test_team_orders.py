@@ -1,10 +1,15 @@
 """Orders to missions in other processes, by the services of their nodes."""
 
+import socket
+
 import pytest
 
 from sar_compiler.cli.team_orders import TeamOrders, ordering
+from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.mission import VerbError
+from sar_compiler.missions.order_record import OrderRecord
+from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.web.page_server import OrderGiver
 from tests.ros.conftest import make_ros, ros
 
@@ -22,23 +27,28 @@ def began(node="/robot2/mission", mission="search_and_rescue"):
 
 
 @pytest.fixture
-def team(ros):
-    """Return the orders to two robots, what was told of them, and what robot2 was asked."""
+def team(ros, monkeypatch):
+    """Return the orders to two robots, the journal of robot2 in which they are recorded, and what robot2 was asked."""
     from std_srvs.srv import Trigger
 
+    monkeypatch.setattr("getpass.getuser", lambda: "ops")
     told, asked = [], []
+    journal = Journal()
+    journal.listen(told.append)
 
     def pause(_, response):
         asked.append("pause")
         response.success, response.message = True, "it stands"
         return response
 
-    robot = ros.node("mission", namespace="/robot2")
+    robot = ros.node("mission", namespace="/robot2", allow_undeclared_parameters=True)
+    record = OrderRecord(robot, VERBS, journal)
     robot.create_service(Trigger, "~/pause", pause)
-    return TeamOrders(ros.node("watch"), lambda *each: told.append(each)), told, asked
+    record.begin()
+    return TeamOrders(ros.node("watch")), told, asked
 
 
-def test_an_order_goes_to_the_robot_that_it_is_for_and_is_told(ros, team):
+def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_it(ros, team):
     orders, told, asked = team
     assert [verb.name for verb in orders.know(1, began())][:2] == ["pause", "resume"]
     orders.know(0, began("/robot1/mission"))
@@ -47,7 +57,23 @@ def test_an_order_goes_to_the_robot_that_it_is_for_and_is_told(ros, team):
     answer = orders.give("pause", {}, OrderGiver("Ada", 1))
     ros.spin_until(answer.done, "the answer")
     assert (answer.result(), asked) == ((True, "it stands"), ["pause"])
-    assert told == [(1, "ordered", {"verb": "pause", "label": "Pause", "by": "Ada"})]
+    by = f"Ada (team page of ops@{socket.gethostname()})"
+    assert [(each.kind, each.data) for each in told] == [
+        ("ordered", {"verb": "pause", "label": "Pause", "by": by})
+    ]
+
+
+def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):
+    from std_srvs.srv import Trigger
+
+    robot = ros.node("mission", namespace="/robot3", start_parameter_services=False)
+    robot.create_service(Trigger, "~/pause", lambda _, response: response)
+    orders = TeamOrders(ros.node("watch"))
+    orders.know(0, began("/robot3/mission"))
+    ros.spin_until(lambda: orders.available(0) == ["pause"], "the service of robot3")
+    answer = orders.give("pause", {}, OrderGiver("Ada", 0))
+    ros.spin_until(answer.done, "the answer")
+    assert answer.result() == (False, "")
 
 
 @pytest.mark.parametrize("beginning", [began(mission="of somebody else"), began(node="")])
@@ -62,18 +88,18 @@ def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginn
 def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_of_nobody")
     said: list[str] = []
-    with ordering(lambda *_: None, said.append) as orders:
+    with ordering(said.append) as orders:
         assert orders is None
     assert "rmw_of_nobody" in said[0]
 
 
 def test_without_ros_there_are_no_orders(monkeypatch):
     monkeypatch.setattr("sar_compiler.cli.team_orders.find_spec", lambda _: None)
-    with ordering(lambda *_: None, pytest.fail) as orders:
+    with ordering(pytest.fail) as orders:
         assert orders is None
 
 
 def test_orders_are_carried_out_while_somebody_watches():
-    with ordering(lambda *_: None, pytest.fail) as orders:
+    with ordering(pytest.fail) as orders:
         assert orders is not None
         assert [verb.name for verb in orders.know(0, began())][:1] == ["pause"]

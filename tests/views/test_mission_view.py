@@ -259,6 +259,15 @@ def test_of_a_mission_that_says_itself_what_has_happened_that_is_the_line():
 
 
 @pytest.mark.parametrize(
+    ("by", "said"), [("Ada (page, 127.0.0.1)", "Ada (page, 127.0.0.1)"), ("", "somebody")]
+)
+@pytest.mark.parametrize("told", [(), [changed(kinds=[])]])
+def test_an_order_is_a_line_with_who_gave_it(by, said, told):
+    order = {"verb": "pause", "label": "Pause", "by": by}
+    assert change("ordered", order, more=told) == f"     0:02  {said}: Pause"
+
+
+@pytest.mark.parametrize(
     ("kind", "data"),
     [
         ("status", {"node": 1, "tick": 2, "status": "RUNNING", "message": "2 m left"}),

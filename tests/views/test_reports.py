@@ -605,10 +605,11 @@ class TestThePage:
         told = [
             ("log", {"node": "bt_navigator", "level": 40, "text": "Goal aborted"}),
             ("alarmed", {"reason": "the battery is at 12 %"}),
+            ("ordered", {"verb": "go_home", "label": "Go home", "by": "Ada"}),
             ("operator_ordered", {"order": "recall"}),
         ]
         read = texts(html_report(mission(*told)))
-        for words in ("Goal aborted", "the battery is at 12 %", "go home"):
+        for words in ("Goal aborted", "the battery is at 12 %", "Ada: Go home", "go home"):
             assert words in read
 
     def test_what_has_happened_is_told_in_words(self):

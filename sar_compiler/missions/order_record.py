@@ -1,0 +1,103 @@
+"""By whom the orders to a mission are given: said before each call of a service, and written into the journal with it."""
+
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.journal.journal_entries import ORDERED
+from sar_compiler.missions.mission import Verb
+
+if TYPE_CHECKING:
+    from rcl_interfaces.msg import SetParametersResult
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+    from sar_compiler.journal.journal import Journal
+
+# The services of orders have no field for it: who is about to call `~/pause` sets the parameter `ordered_by.pause` of its node.
+_PARAMETER = "ordered_by"
+_A_CALL = "a service call"
+# How long somebody may take from there to the call, in seconds of the steady clock, and how long what they say may be.
+_SIGNED_SEC, _LONGEST = 10.0, 200
+
+
+class OrderRecord:
+    """Writes each order to a mission into its journal, with who has given it.
+
+    Args:
+        node: The mission's node.
+        verbs: What can be ordered of it.
+        journal: Its journal.
+    """
+
+    def __init__(self, node: "Node", verbs: Sequence[Verb], journal: "Journal") -> None:
+        self._node, self._journal = node, journal
+        self._verbs = {verb.name: verb for verb in verbs}
+        self._signed: defaultdict[str, deque[tuple[str, float]]] = defaultdict(deque)
+        node.add_on_set_parameters_callback(self._hear)
+
+    def begin(self) -> None:
+        """Record from now on; the leaves have made the services."""
+        names = {self._node.resolve_service_name(f"~/{name}"): verb for name, verb in self._verbs.items()}
+        for service in self._node.services:
+            if (verb := names.get(service.service_name)) is not None:
+                service.callback = partial(self._carry_out, verb, service.callback)
+
+    def sign(self, verb: str, by: str, then: Callable[[], object]) -> None:
+        """Take who is about to call a verb's service, and call *then*, which does."""
+        self._signed[verb].append(("".join(filter(str.isprintable, by))[:_LONGEST], time.monotonic()))
+        then()
+
+    def _signature(self, verb: str) -> str:
+        """Return who is calling a verb's service."""
+        signed, oldest = self._signed[verb], time.monotonic() - _SIGNED_SEC
+        while signed:
+            by, said = signed.popleft()
+            if by and said > oldest:
+                return by
+        return _A_CALL
+
+    def _hear(self, parameters: "list[Parameter]") -> "SetParametersResult":
+        from rcl_interfaces.msg import SetParametersResult
+
+        for each in parameters:
+            group, _, verb = each.name.partition(".")
+            if group == _PARAMETER and verb in self._verbs:
+                self.sign(verb, str(each.value), lambda: None)
+        return SetParametersResult(successful=True)
+
+    def _carry_out(self, verb: Verb, answer: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+        by = self._signature(verb.name)
+        self._journal.watch(ORDERED, verb=verb.name, label=verb.label, by=by)
+        with self._journal.ordered_by(by):
+            return answer(request, response)
+
+
+class RemoteSignature:
+    """Says to a mission in another process who is about to give an order.
+
+    Args:
+        node: The node that calls.
+        of: The full name of the mission's node.
+    """
+
+    def __init__(self, node: "Node", of: str) -> None:
+        from rcl_interfaces.srv import SetParameters
+
+        self._client: Any = node.create_client(SetParameters, f"{of}/set_parameters")
+
+    def sign(self, verb: str, by: str, then: Callable[[], object]) -> None:
+        """Say who is about to call a verb's service, and call *then*, which does, once that was heard.
+
+        A node that takes no parameters is not told.
+        """
+        from rclpy.parameter import Parameter
+
+        if not self._client.service_is_ready():
+            then()
+            return
+        request = self._client.srv_type.Request()
+        request.parameters = [Parameter(f"{_PARAMETER}.{verb}", value=by).to_parameter_msg()]
+        self._client.call_async(request).add_done_callback(lambda _: then())

@@ -1,0 +1,141 @@
+"""Each order to a mission is in its journal, with who gave it."""
+
+from typing import Any
+
+import pytest
+
+from sar_compiler.journal.condition import condition
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.missions.order_record import OrderRecord
+from sar_compiler.missions.search_and_rescue.orders import VERBS
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.verb_calls import VerbCalls
+
+pytestmark = pytest.mark.ros
+
+A_CALL = "a service call"
+
+
+class Robot:
+    """A search whose node heeds two orders, and what its journal tells."""
+
+    def __init__(self, ros: Any) -> None:
+        from std_srvs.srv import Trigger
+
+        zone = {"id": "zone_a", "x": 1.0, "y": 1.0, "yaw": 0.0}
+        self.search = Search(ZoneManager([zone], {"x": 0.0, "y": 0.0, "yaw": 0.0}))
+        self.state, journal = MissionState(), Journal()
+        journal.listen(self.state.take)
+        self.search.keep_in(journal)
+        journal.begin({}, {})
+        self.ros, self.journal = ros, journal
+        self.node = ros.node("mission", allow_undeclared_parameters=True)
+        self.record = OrderRecord(self.node, VERBS, journal)
+        for name, order in (("pause", "hold"), ("resume", "release"), ("abort", "abort")):
+            self.node.create_service(Trigger, f"~/{name}", self.answer(order))
+        self.record.begin()
+        self.calls = VerbCalls(ros.node("tester"), VERBS[:2], of="/mission")
+        ros.spin_until(lambda: len(self.calls.available()) == 2, "the services")
+
+    def answer(self, order: str) -> Any:
+        def carry_out(_: Any, response: Any) -> Any:
+            self.search.orders.give(order)
+            response.success = True
+            return response
+
+        return carry_out
+
+    def call(self, verb: str) -> None:
+        given = self.calls.give(verb, {})
+        self.ros.spin_until(given.done, "the answer")
+
+    def sign(self, verb: str, by: Any) -> bool:
+        from rclpy.parameter import Parameter
+
+        (said,) = self.node.set_parameters([Parameter(f"ordered_by.{verb}", value=by)])
+        return bool(said.successful)
+
+    @property
+    def orders(self) -> list[str]:
+        return [fact.text for fact in self.state.facts if fact.kind == "ordered"]
+
+    @property
+    def reason(self) -> str:
+        return condition(self.state).reason
+
+
+@pytest.fixture
+def robot(ros):
+    return Robot(ros)
+
+
+def test_who_says_nothing_before_a_call_is_a_service_call(robot):
+    robot.call("pause")
+    assert robot.orders == [f"{A_CALL}: Pause"]
+    assert robot.reason == f"by the operator: {A_CALL}"
+
+
+def test_who_is_about_to_call_says_so_by_a_parameter_of_the_node(robot):
+    assert robot.sign("pause", "Ada")
+    robot.call("pause")
+    robot.call("resume")
+    assert robot.orders == ["Ada: Pause", f"{A_CALL}: Resume"]
+
+
+def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_each(robot):
+    robot.sign("pause", "Ada")
+    robot.sign("pause", "Bob")
+    for _ in range(3):
+        robot.call("pause")
+    assert robot.orders == ["Ada: Pause", "Bob: Pause", f"{A_CALL}: Pause"]
+
+
+def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, monkeypatch):
+    robot.sign("pause", "Ada")
+    monkeypatch.setattr("sar_compiler.missions.order_record._SIGNED_SEC", 0.0)
+    robot.call("pause")
+    assert robot.orders == [f"{A_CALL}: Pause"]
+
+
+@pytest.mark.parametrize(
+    ("by", "said"), [("A\nda\x1b", "Ada"), ("", A_CALL), (7, "7"), ("x" * 999, "x" * 200)]
+)
+def test_what_somebody_says_is_a_short_line(robot, by, said):
+    robot.sign("pause", by)
+    robot.call("pause")
+    assert robot.orders == [f"{said}: Pause"]
+
+
+def test_other_parameters_sign_nothing(robot):
+    from rclpy.parameter import Parameter
+
+    for name in ("ordered_by.dance", "ordered_by", "signed.pause"):
+        assert robot.node.set_parameters([Parameter(name, value="Eve")])[0].successful
+    robot.call("pause")
+    assert robot.orders == [f"{A_CALL}: Pause"]
+
+
+def test_the_state_says_by_whom_the_robot_is_held_and_forgets_it_when_that_is_over(robot):
+    robot.sign("pause", "Ada")
+    robot.call("pause")
+    # Whoever orders the same again has changed nothing.
+    robot.call("pause")
+    assert robot.reason == "by the operator: Ada"
+    robot.call("resume")
+    assert robot.reason == ""
+
+
+def test_what_the_mission_notes_after_an_order_was_not_ordered(robot):
+    robot.call("resume")
+    robot.search.orders.give("hold")
+    assert robot.reason == "by the operator"
+
+
+def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
+    with robot.journal.ordered_by("Ada"):
+        robot.search.orders.give("abort")
+    robot.journal.end(Ending.OVER, 1, "It has ended here.")
+    assert condition(robot.state).text() == "ABORTED: It has ended here. (by the operator: Ada)"
