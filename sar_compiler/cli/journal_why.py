@@ -2,10 +2,10 @@
 
 import argparse
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from sar_compiler.cli.arguments import FILE, ArgumentKind
 from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from sar_compiler.project import Workspace
     from sar_compiler.runtime.events import Event
     from sar_compiler.views.why import RunDifference, Why
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 def add_why(parser: argparse.ArgumentParser) -> None:
@@ -127,8 +130,11 @@ class Explanation(NamedTuple):
         reasons = inquiry.why()
         if not reasons.chain or projects is None:
             return cls(reasons, inquiry.state.nodes)
-        events = recorded_events(_tree_entries(file))
-        record = itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
+
+        def record() -> "Iterator[Event]":
+            events = recorded_events(_tree_entries(file))
+            return itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
+
         change = what_would_have_succeeded(inquiry.state, record, projects, tree_file)
         return cls(reasons, inquiry.state.nodes, change)
 
@@ -160,7 +166,7 @@ def _tree_entries(file: "JournalFile") -> "Iterator[JournalEntry]":
 
 def what_would_have_succeeded(
     state: "MissionState",
-    record: "Iterable[Event]",
+    record: "Callable[[], Iterable[Event]]",
     projects: "Workspace",
     tree_file: Path | None = None,
 ) -> Otherwise:
@@ -168,7 +174,7 @@ def what_would_have_succeeded(
 
     Args:
         state: The state of the mission after that run.
-        record: What its leaves did; read once, if at all.
+        record: Returns what its leaves did.
         projects: Loads the tree.
         tree_file: Its file; by default the one that the run had.
     """
@@ -176,8 +182,9 @@ def what_would_have_succeeded(
     from sar_compiler.tree.diagnostic import TreeError
 
     try:
-        simulated = tree_that_ran(state, projects, tree_file)
-        found = counterfactual(simulated, record, [each.name for each in state.nodes])
+        names = [each.name for each in state.nodes]
+        trees = trees_that_ran(state, projects, tree_file)
+        found = first_that_fits(trees, lambda tree: counterfactual(tree, record(), names))
     except GoneTreeError as error:
         return Otherwise(reason=f"{error}; say --tree-file TREE")
     except OtherTreeError:
@@ -191,16 +198,17 @@ def what_would_have_succeeded(
     return Otherwise(found, "" if found is not None else "no change of a few answers was found that does it")
 
 
-def tree_that_ran(
+def trees_that_ran(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
-) -> "SimulatedTree":
-    """Return the tree of the last run of a mission as it is now, with stub leaves.
+) -> "Iterator[SimulatedTree]":
+    """Yield the tree of the last run of a mission as it is now, with stub leaves; then without limits that are only assumed.
 
     Raises:
         GoneTreeError: If its file is not known, or not there.
         TreeError: If it has mistakes.
     """
     from sar_compiler.checks.assumptions import StartValues
+    from sar_compiler.checks.verify.counterfactual import lift_limits
 
     about: Mapping[str, Any] = state.runs[-1].about
     file = tree_file or about.get("tree_file")
@@ -210,4 +218,25 @@ def tree_that_ran(
     if not path.is_file():
         raise GoneTreeError(f"{path} is not there")
     values = StartValues(state.parameters, about.get("facts") or {})
-    return projects.load_file(path).stage(about.get("tree_id"), values).play().simulated
+    loaded = projects.load_file(path)
+    yield loaded.stage(about.get("tree_id"), values).play().simulated
+    unlimited = loaded.stage(about.get("tree_id"), values).play().simulated
+    if lift_limits(unlimited, values.facts):
+        yield unlimited
+
+
+def first_that_fits(trees: Iterable[T], ask: Callable[[T], R]) -> R:
+    """Return what is answered about the first of some trees that has a run as it was recorded.
+
+    Raises:
+        NotReplayedError: If none has.
+    """
+    from sar_compiler.checks.verify.counterfactual import NotReplayedError
+
+    first, *others = trees
+    try:
+        return ask(first)
+    except NotReplayedError:
+        if not others:
+            raise
+        return first_that_fits(others, ask)

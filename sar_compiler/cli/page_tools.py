@@ -1,14 +1,14 @@
 """What engineers can ask on the page of a run: the blackboard, breakpoints, and what another answer would have led to."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from itertools import takewhile
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.cli.journal_why import tree_that_ran
+from sar_compiler.cli.journal_why import first_that_fits, trees_that_ran
 from sar_compiler.errors import SarError
 from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, HookMode, HookPosition
 from sar_compiler.monitoring.numbered_tree import NumberedTree, TooManyNodesError
@@ -160,7 +160,7 @@ class WhatIf:
 
     def __init__(self, entries: "Callable[[int, int], Iterable[JournalEntry]]") -> None:
         self._entries = entries
-        self._known: dict[tuple[object, ...], Retrospect] = {}
+        self._known: dict[tuple[object, ...], list[Retrospect]] = {}
         self._lock = Lock()
 
     def ask(self, values: Mapping[str, Any]) -> object:
@@ -178,20 +178,24 @@ class WhatIf:
             state = MissionState.of(entries)
             if not (state.runs and 0 <= node < len(state.nodes)):
                 raise ToolError("there is no such node in this run")
-            record = takewhile(lambda each: each.tick <= tick, recorded_events(entries))
-            found = self._retrospect(state).consequences(record, node)
+
+            def record() -> "Iterator[Event]":
+                return takewhile(lambda each: each.tick <= tick, recorded_events(entries))
+
+            found = first_that_fits(self._retrospects(state), lambda each: each.consequences(record(), node))
         names = [each.name for each in state.nodes]
         looks = state.runs[-1].about.get("looks") or []
         return [_consequence_data(each, names, looks) for each in found]
 
-    def _retrospect(self, state: "MissionState") -> "Retrospect":
+    def _retrospects(self, state: "MissionState") -> "list[Retrospect]":
         from sar_compiler.checks.verify.counterfactual import Retrospect
         from sar_compiler.project import Workspace
 
         about, began = state.runs[-1].about, state.runs[-1].began
         if (key := (about.get("tree_file"), about.get("tree_id"), began)) not in self._known:
             names = [each.name for each in state.nodes]
-            self._known = {key: Retrospect(tree_that_ran(state, Workspace()), names)}
+            trees = trees_that_ran(state, Workspace())
+            self._known = {key: [Retrospect(tree, names) for tree in trees]}
         return self._known[key]
 
 

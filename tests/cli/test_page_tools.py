@@ -4,9 +4,11 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.checks.assumptions import StartValues
 from sar_compiler.cli.page_tools import LiveTools, ToolError, journal_tools
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.project import load
 from sar_compiler.runtime.hooked_tick import hooked_tick
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.testing import compiled
@@ -133,6 +135,25 @@ def test_a_journal_is_asked_what_another_answer_would_have_led_to(tmp_path):
     journal.close()
     tool = journal_tools([place])["otherwise"]
     found: Any = tool.ask({"robot": 0, "run": 1, "node": 2, "tick": 1})
+    assert {"instead": {"status": "SUCCESS", "label": "arrived"}, "then": [], "root": "SUCCESS"} in found
+
+
+def test_of_a_run_that_was_held_longer_than_proofs_assume_it_can_be_asked_as_well(tmp_path):
+    path, place = tmp_path / "tree.xml", tmp_path / "a.journal"
+    held = "<ReactiveFallback><NotHeld/><Running/></ReactiveFallback>"
+    path.write_text(
+        document(f"<ReactiveSequence>{held}<NavigateToBase/></ReactiveSequence>"), encoding="utf-8"
+    )
+    journal = open_journal(place)
+    start = StartValues(facts={"orders_left": 9})
+    tree = load(path).stage(params=start).play().simulated
+    said = Said(NotHeld=["held"] * 5, NavigateToBase=["aborted"])
+    flown(tree, said, journal, tree_file=str(path), tree_id="Main")
+    journal.close()
+    tool = journal_tools([place])["otherwise"]
+    released: Any = tool.ask({"robot": 0, "run": 1, "node": 2, "tick": 5})
+    assert "free" in {each["instead"]["label"] for each in released}
+    found: Any = tool.ask({"robot": 0, "run": 1, "node": 4, "tick": 6})
     assert {"instead": {"status": "SUCCESS", "label": "arrived"}, "then": [], "root": "SUCCESS"} in found
 
 

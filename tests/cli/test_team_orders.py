@@ -32,7 +32,8 @@ def team(ros, monkeypatch):
     from std_srvs.srv import Trigger
 
     monkeypatch.setattr("getpass.getuser", lambda: "ops")
-    told, asked = [], []
+    told: list[JournalEntry] = []
+    asked: list[str] = []
     journal = Journal()
     journal.listen(told.append)
 

@@ -15,7 +15,9 @@ from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
+from sar_compiler.runtime.expressions import Assignment
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
+from sar_compiler.runtime.script import parse
 
 _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
 # Answers other than the usual ones after the change, and ticks that are tried, times the nodes of the tree: some seconds.
@@ -25,6 +27,8 @@ _MOST_TICKED = 2_000_000
 _MOST_FOLLOWED = 12
 # Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
 _NEVER = 1 << 30
+# A number that is the same with one less.
+_WITHOUT_END = 1e18
 
 
 class Counterfactual(NamedTuple):
@@ -142,6 +146,25 @@ class Retrospect:
             if change.unusual < known.unusual:
                 found[change.instead.answer] = change
         return [self._runs.followed(change) for change in found.values()]
+
+
+def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
+    """Let a tree's leaves do as often as they like what is assumed to happen so many times at most; return whether there is such a thing.
+
+    These are the facts that answers only lower: an operator's orders, losses of a connection. Proofs need a limit for them; a
+    record shows how often it was.
+
+    Args:
+        simulated: The tree with stub leaves.
+        known: The facts of which a run has said how much there was.
+    """
+    scripts = [parse(answer.then) for leaf in simulated.leaves for answer in leaf.answers if answer.then]
+    changes = [each for script in scripts for each in script.statements if isinstance(each, Assignment)]
+    others = {each.target.name for each in changes if each.operator != "-="}.union(known)
+    limits = simulated.fact_values().keys() & {each.target.name for each in changes} - others
+    for name in limits:
+        simulated.facts.resolve(name).write(_WITHOUT_END)
+    return bool(limits)
 
 
 def _runs_of(simulated: SimulatedTree, names: Sequence[str]) -> "_Runs":

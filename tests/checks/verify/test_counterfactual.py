@@ -9,6 +9,7 @@ from sar_compiler.checks.verify.counterfactual import (
     OtherTreeError,
     Retrospect,
     counterfactual,
+    lift_limits,
 )
 from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.recorded_events import recorded_events
@@ -129,6 +130,27 @@ def test_a_leaf_that_is_at_rest_is_not_taken_for_one_that_answers_the_same_again
     assert counterfactual(simulated(path), [*first, *second], ["all", "one", "two"]) is not None
     with pytest.raises(NotReplayedError, match="from tick 2 on"):
         counterfactual(simulated(path), [Event((), 1, what, tick=1), *first, *second], ["all", "one", "two"])
+
+
+def test_only_what_nobody_has_said_and_answers_only_lower_is_without_limit(path):
+    path.write_text(document("<Sequence><BaseInReach/><NotHeld/></Sequence>"), encoding="utf-8")
+    tree = simulated(path, default_registry())
+    assert lift_limits(tree, ["zones_left"])
+    assert tree.fact_values() == {
+        "base_lost": False,
+        "losses_left": 1e18,
+        "orders_left": 1e18,
+        "zones_left": 3,
+        "zones_abandoned": 0,
+    }
+
+
+def test_where_nothing_is_limited_there_is_nothing_to_lift(path):
+    path.write_text(document("<DeliverReports/>"), encoding="utf-8")
+    tree = simulated(path, default_registry())
+    before = tree.fact_values()
+    assert not lift_limits(tree, before)
+    assert tree.fact_values() == before
 
 
 def test_ticks_of_which_nothing_is_told_have_been_all_the_same(path):
