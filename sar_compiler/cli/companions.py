@@ -71,7 +71,9 @@ def companions_asked_for(options: Namespace) -> Iterator[Make]:
     if options.report:
         from sar_compiler.cli.run_report import RunReport
 
-        yield lambda run: RunReport(options.report, run.parameters.georeference, run.journal.earlier())
+        yield lambda run: RunReport(
+            options.report, run.parameters.georeference, run.journal.earlier(), run.journal.place.parent
+        )
     if (file := options.record) is not None:
         from sar_compiler.ros.mission_recording import MissionRecording
 

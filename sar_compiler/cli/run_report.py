@@ -13,6 +13,7 @@ from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.mission_report import georeference, report_text, require_form
+from sar_compiler.views.short_paths import ShortPaths
 from sar_compiler.views.why import Inquiry, Why
 
 
@@ -23,6 +24,7 @@ class RunReport(Companion):
         files: Where to.
         place: Where the map lies on the earth, if that is known.
         earlier: The entries of earlier runs of the mission.
+        folder: The journal's folder.
 
     Raises:
         ReportError: If one of them could not be written then.
@@ -30,17 +32,22 @@ class RunReport(Companion):
     """
 
     def __init__(
-        self, files: Sequence[Path], place: Georeference | None, earlier: Iterable[JournalEntry]
+        self,
+        files: Sequence[Path],
+        place: Georeference | None,
+        earlier: Iterable[JournalEntry],
+        folder: Path = Path(),
     ) -> None:
         for file in files:
             require_form(file, place)
-        self._files = files
-        self._state, self._inquiry = MissionState.of(add_displays(earlier)), Inquiry()
+        self._files, self._paths = files, ShortPaths(folder)
+        self._state, self._inquiry = MissionState.of(self._paths.of(add_displays(earlier))), Inquiry()
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
-        self._state.take(entry)
-        self._inquiry.take(entry)
+        told = self._paths.shorten(entry)
+        self._state.take(told)
+        self._inquiry.take(told)
 
     def end(self, *, has_begun: bool) -> None:
         """Write them, if the run has begun; after this nobody else goes on with it."""
@@ -98,8 +105,9 @@ def _mission(journal: Path) -> tuple[MissionState, Why]:
 
     is_gone = not is_locked(journal)
     with closing(JournalFile.read(journal)) as file, file.snapshot():
-        state = MissionState.of(add_displays(file.stream()))
-        why = Inquiry.of(file.last_run(without=OF_ROBOT)).why()
+        paths = ShortPaths(journal.parent)
+        state = MissionState.of(paths.of(add_displays(file.stream())))
+        why = Inquiry.of(paths.of(file.last_run(without=OF_ROBOT))).why()
     state.look_at_process(is_gone=is_gone)
     return state, why
 

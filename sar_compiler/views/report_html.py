@@ -5,7 +5,6 @@ Its map, in SVG, shows what the mission shows, and the way of the robot.
 
 import itertools
 import math
-import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
@@ -204,30 +203,22 @@ def _more(count: int) -> str:
 
 def _annex(state: MissionState, why: Why | None) -> Iterator[str]:
     yield '<section class="annex"><p class="quiet">From here on for engineers.</p>'
-    folder = _folder(state)
     if why is not None and (first := first_to_look_at(why)):
-        yield f'<p class="first">{_text(first.replace(folder, ""))}</p>'
+        yield f'<p class="first">{_text(first)}</p>'
     yield from _facts(state)
     yield from _faults(state)
     yield "<h2>Parameters</h2>"
     rows = (("", [name, _value(value)]) for name, value in sorted(state.parameters.items()))
     yield _table(("name", "value"), rows, "None were kept.")
     yield "<h2>Tree</h2><p class='quiet'>The last status of each node, and what it said then.</p><div class='wide'>"
-    yield f'<table class="tree"><tbody>{"".join(_node(each, folder) for each in state.nodes)}</tbody></table></div></section>'
+    yield f'<table class="tree"><tbody>{"".join(map(_node, state.nodes))}</tbody></table></div></section>'
     about = state.runs[-1].about if state.runs else {}
     yield f"<footer>sar_compiler {_text(str(about.get('version') or ''))}, node {_text(str(about.get('node') or _NONE))}</footer>"
 
 
-def _folder(state: MissionState) -> str:
-    """Return the folder that all files of the tree are in, with a slash; empty if there is none. Where it was on the robot says nothing elsewhere."""
-    folders = {os.path.dirname(node.file) for node in state.nodes if os.path.isabs(node.file)}  # noqa: PTH117, PTH120 - of another machine
-    common = os.path.commonpath(folders) if folders else ""
-    return f"{common}/" if common.strip("/") else ""
-
-
-def _node(node: NodeState, folder: str) -> str:
+def _node(node: NodeState) -> str:
     name = f"{'  ' * node.depth}{sign(node.status)} {node.name}".replace("  ", "\u00a0\u00a0")
-    cells = (name, node.message.replace(folder, ""), node.place.replace(folder, ""))
+    cells = (name, node.message, node.place)
     return f'<tr class="{_text(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
 
 

@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from contextlib import closing
 
 import pytest
 
@@ -157,3 +158,23 @@ def test_what_is_no_place_on_the_earth_is_wrong_usage(text, words, capsys):
 
 def test_the_help_names_every_form_of_a_report():
     assert re.findall(r"\.\w+", REPORT_FORMS) == [*FORMS]
+
+
+@pytest.mark.parametrize("is_of_journal", [True, False])
+def test_every_form_tells_paths_as_seen_from_the_journal(files, tmp_path, is_of_journal):
+    place = tmp_path / "m.journal"
+    photo = {"file": str(tmp_path / "photos" / "1.jpg")}
+    if is_of_journal:
+        with closing(open_journal(place)) as journal:
+            journal.begin({"mission": "patrol"}, {"parameters": photo})
+            journal.note("photo_taken", **photo)
+        assert main(["report", str(place), "-o", *map(str, files)]) == 0
+    else:
+        report = RunReport(files, None, [], tmp_path)
+        report.take(BEGAN._replace(data={**BEGAN.data, "run": {"parameters": photo}}))
+        report.take(BEGAN._replace(kind="photo_taken", data=photo))
+        report.end(has_begun=True)
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        assert text.count("photos/1.jpg") >= 2
+        assert str(tmp_path) not in text

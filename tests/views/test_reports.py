@@ -505,26 +505,6 @@ class TestThePage:
         ]
         assert ".annex { break-before: page }" in page.partition("@media print")[2]
 
-    @pytest.mark.parametrize(
-        ("files", "told"),
-        [
-            (["/home/robot/trees/m.xml", "/home/robot/trees/sub/n.xml"], ["m.xml:1", "sub/n.xml:1"]),
-            (["/home/robot/trees/m.xml", "/home/robot/more/n.xml"], ["trees/m.xml:1", "more/n.xml:1"]),
-            (["/m.xml", "/etc/n.xml"], ["/m.xml:1", "/etc/n.xml:1"]),
-            (["m.xml", ""], ["m.xml:1", ""]),
-        ],
-    )
-    def test_files_of_the_tree_are_named_from_the_folder_that_they_share(self, files, told):
-        first, other = (
-            {"class": "Sequence", "name": "n", "attributes": {}, "children": [], "file": file, "line": 1}
-            for file in files
-        )
-        tree = {**first, "children": [other]}
-        began = {"mission": "patrol", "tree": tree, "run": {}}
-        page = html_report(MissionState.of([JournalEntry(1, 1, 0.0, 0.0, "run_began", began)]))
-        rows = page.partition('<table class="tree">')[2]
-        assert re.findall("<td>([^<]*)</td></tr>", rows) == told
-
     def test_it_says_where_the_robot_is(self):
         def robot(*told):
             (said,) = re.findall("<dt>robot</dt><dd>([^<]*)</dd>", html_report(mission(*told)))

@@ -1,0 +1,75 @@
+"""Paths as a report tells them: from a folder above them, or from `~`."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.views.short_paths import ShortPaths
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Return how a text is told of a journal in /home/ada/state; the current folder is /work/site."""
+    monkeypatch.setenv("HOME", "/home/ada")
+    monkeypatch.setattr(Path, "cwd", lambda: Path("/work/site"))
+    paths = ShortPaths(Path("/home/ada/state"))
+
+    def told(text, kind="note"):
+        return paths.shorten(JournalEntry(1, 1, 0.0, 0.0, kind, {"text": text})).data["text"]
+
+    return told
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("/home/ada/state/m.journal", "m.journal"),
+        ("/work/site/maps/yard.pgm", "maps/yard.pgm"),
+        ("/home/ada/photos/1.jpg", "~/photos/1.jpg"),
+        ("/home/ada", "~"),
+        ("/work/site", "."),
+        ("'/work/site/a.xml', line 3: see /home/ada/b.xml:4", "'a.xml', line 3: see ~/b.xml:4"),
+        ("/etc/ros/m.yaml", "/etc/ros/m.yaml"),
+        ("/home/adam/m.yaml", "/home/adam/m.yaml"),
+        ("/work/site-2/m.yaml", "/work/site-2/m.yaml"),
+        ("/mnt/work/site/m.yaml", "/mnt/work/site/m.yaml"),
+        ("file:///work/site/m.yaml", "file:///work/site/m.yaml"),
+    ],
+)
+def test_a_path_is_told_from_the_nearest_folder_above_it(short, text, told):
+    assert short(text) == told
+
+
+def test_paths_in_lists_and_in_values_of_values_are_told_so_too(short):
+    assert short({"maps": ["/home/ada/a.pgm", 3, None]}) == {"maps": ["~/a.pgm", 3, None]}
+
+
+def test_a_line_of_the_log_has_short_paths_and_what_has_none_is_not_looked_at(short):
+    assert short("/home/ada/x", kind="log") == "~/x"
+    assert short("/home/ada/x", kind="map") == "/home/ada/x"
+
+
+def test_without_a_home_nothing_is_told_from_there(monkeypatch):
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)
+    data = {"text": "/home/ada/x, ~/y"}
+    entry = JournalEntry(1, 1, 0.0, 0.0, "note", data)
+    assert ShortPaths(Path("/srv")).shorten(entry).data == data
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        (["/srv/robot/trees/m.xml", "/srv/robot/trees/sub/n.xml"], ["m.xml", "sub/n.xml"]),
+        (["/srv/robot/trees/m.xml", "/srv/robot/more/n.xml"], ["trees/m.xml", "more/n.xml"]),
+        (["/m.xml", "/etc/n.xml"], ["/m.xml", "/etc/n.xml"]),
+        (["m.xml", ""], ["m.xml", ""]),
+    ],
+)
+def test_files_of_the_tree_are_told_from_the_folder_that_they_share(files, told):
+    first, other = ({"name": "n", "children": [], "file": file, "line": 1} for file in files)
+    began = {"tree": {**first, "children": [other]}, "run": {"parameters": {"map": files[0]}}}
+    (entry,) = ShortPaths(Path("/var/journals")).of([JournalEntry(1, 1, 0.0, 0.0, "run_began", began)])
+    tree = entry.data["tree"]
+    assert [tree["file"], tree["children"][0]["file"]] == told
+    assert entry.data["run"]["parameters"]["map"] == told[0]
