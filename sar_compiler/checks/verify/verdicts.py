@@ -1,9 +1,10 @@
 """The questions that are asked of a tree, and their answers from the graph of its states."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from html import escape
 
 from sar_compiler.checks.verify.properties import LeftOut, Properties
 from sar_compiler.checks.verify.state_space import StateSpace, Trace
@@ -39,6 +40,16 @@ class Verdict:
     def __repr__(self) -> str:
         """Return the question and its answer; a run has many lines of its own."""
         return f"<{self.question}: {self.outcome.value}{f', {self.reason}' if self.reason else ''}>"
+
+    def _repr_html_(self) -> str:
+        return _table([self])
+
+
+def _table(verdicts: Iterable[Verdict], caption: str = "") -> str:
+    """Return verdicts as a table for notebooks."""
+    rows = [(each.question, each.outcome.value, each.reason) for each in verdicts]
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<table><caption>{escape(caption)}</caption>{body}</table>"
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,6 +88,9 @@ class Verification:
         counts = Counter(verdict.outcome.value for verdict in self.verdicts)
         answers = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
         return f"<{type(self).__name__}: {answers}; {self.states:,} states{'' if self.complete else ' and more'}>"
+
+    def _repr_html_(self) -> str:
+        return _table(self.verdicts, repr(self).strip("<>"))
 
     @property
     def proved(self) -> bool:

@@ -205,6 +205,17 @@ def test_a_verification_is_shown_in_one_line():
     )
 
 
+def test_a_notebook_has_the_questions_with_their_answers_as_a_table():
+    found = verified("<Sequence><A/><AlwaysFailure/><B/></Sequence>")
+    table = found._repr_html_()
+    assert "<caption>Verification: 3 proved, 1 does not hold; 3 states</caption>" in table
+    assert table.count("<tr>") == len(found.verdicts) == 4
+    row = "<tr><td>every leaf can run</td><td>does not hold</td><td>in no run is it the turn of &#x27;B&#x27;</td></tr>"
+    assert row in table
+    broken = next(each for each in found.verdicts if each.reason)
+    assert broken._repr_html_() == f"<table><caption></caption>{row}</table>"
+
+
 @pytest.mark.parametrize(
     ("body", "did", "ticks"),
     [
