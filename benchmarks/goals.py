@@ -174,4 +174,12 @@ GOALS = (
         {paging.NONE: 1.1},
         "the same; the median of what passes",
     ),
+    Goal(
+        "the first picture of `sar-run --view web`",
+        "not measured",
+        "page",
+        paging.FIRST,
+        {"": 1.0},
+        "chromium without a window: from the call of the address to the first paint with content",
+    ),
 )
