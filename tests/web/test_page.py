@@ -407,6 +407,11 @@ def test_the_blackboard_is_shown_where_somebody_opens_it(asked, browser):
     browser.wait_for("#board", "goal'east'str").wait_for("#board", "Reach/leftnot written")
 
 
+def test_where_no_blackboard_is_kept_its_place_says_so(replay, browser):
+    browser.open(tree_of(replay)).click("#board summary")
+    browser.wait_for("#board", "A journal does not keep the blackboard.")
+
+
 def mouse(browser, kind, x, y, **said):
     """Do something with the mouse at a place of the window."""
     said = {"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1, **said}

@@ -3,6 +3,7 @@
 import { html, say, set } from "./shapes.js";
 
 const ASK_MS = 1000;
+const NOT_KEPT = "A journal does not keep the blackboard. It is on the page of the run itself, while that goes on.";
 
 export class Tools {
   /**
@@ -37,21 +38,22 @@ export class Tools {
   /** Show what can be asked of the chosen node. */
   show() {
     const { chosen, breaks } = this.tree;
-    const { run, isReplay } = this.stream;
+    const { run } = this.stream;
     const node = run.nodes[chosen];
     const may = Boolean(node) && this.has("breakpoints") && location.hash.length > 1 && !run.run.ended;
     this.breaker.hidden = !may;
     set(this.breaker, { "aria-pressed": String(breaks.has(chosen)) });
     this.on.hidden = !may || this.held === null;
     this.asker.hidden = !node || node.children.length > 0 || !run.states[chosen].status || !this.has("otherwise");
-    this.board.hidden = isReplay || !this.stream.tools.includes("entries");
+    this.board.hidden = false;
     const key = `${chosen} ${run.states[chosen]?.tick}`;
     if (key !== this.key) this.otherwise.replaceChildren();
     this.key = key;
   }
 
   async look() {
-    if (this.board.open && this.has("entries")) this.showBoard(await this.ask("entries"));
+    if (this.board.open && !this.stream.tools.includes("entries")) this.showBoard({ trouble: NOT_KEPT });
+    else if (this.board.open && this.has("entries")) this.showBoard(await this.ask("entries"));
     if (this.tree.breaks.size) await this.hold({});
   }
 
