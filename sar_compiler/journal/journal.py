@@ -122,7 +122,8 @@ class Journal:
         self.on_failure: Callable[[str], object] = lambda _: None
         self.on_recovery: Callable[[str], object] = lambda _: None
         self.leaf_in_hand: Callable[[], Mapping[str, int]] = dict
-        self._ordered_by: Mapping[str, str] = {}
+        # By whom what is noted was ordered, and the kinds that were noted so.
+        self._ordered_by, self._led_to = "", list[str]()
         self._file = file
         self.aside = aside
         known = file if aside is None else None
@@ -273,7 +274,7 @@ class Journal:
         """
         fact = self._entry(kind, data)
         self._apply(fact)
-        changed = {**self._changed(fact), **self._ordered_by, **self.leaf_in_hand()}
+        changed = {**self._changed(fact), **self._order(kind), **self.leaf_in_hand()}
         behind = [fact._replace(kind=CHANGED, data=changed)] if changed else []
         if self._is_written:
             self._pending.append(self._row(fact))
@@ -293,13 +294,19 @@ class Journal:
         return changes_by(fact, self._state.sentence(fact), before, self._shown)
 
     @contextmanager
-    def ordered_by(self, by: str) -> Iterator[None]:
-        """Carry out an order within it: what is noted says by whom it was given."""
-        self._ordered_by = {"by": by}
+    def ordered_by(self, by: str) -> Iterator[list[str]]:
+        """Carry out an order within it: what is noted says by whom it was given. Yields a list of the kinds, as they are noted."""
+        self._ordered_by, self._led_to = by, []
         try:
-            yield
+            yield self._led_to
         finally:
-            self._ordered_by = {}
+            self._ordered_by = ""
+
+    def _order(self, kind: str) -> Mapping[str, str]:
+        if not self._ordered_by:
+            return {}
+        self._led_to.append(kind)
+        return {"by": self._ordered_by}
 
     def keep_number(self, kind: str, number: int) -> None:
         """Remember the highest number in use, such as in names: the next run goes on above it even where facts are lost.

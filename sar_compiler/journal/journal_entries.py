@@ -16,7 +16,8 @@ RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
 `ending`, `status` and `reason`."""
 
 ORDERED = "ordered"
-"""The kind of an order by a service of the mission: its `verb`, its `label`, and `by` whom, as far as that is known."""
+"""The kind of an order by a service of the mission: its `verb`, its `label`, `by` whom, as far as that is known, the `refusal`, empty if there is
+none, and `is_told`: whether facts tell of it already."""
 
 OF_ROBOT = ("pose", "plan", "map", "battery", "log")
 """Kinds that are watched of the robot's topics."""

@@ -29,6 +29,7 @@ from sar_compiler.journal.situation import (
     Situation,
     fact_words,
     position,
+    told_with_giver,
 )
 
 RUNNING, SUCCESS, FAILURE, HALTED = "RUNNING", "SUCCESS", "FAILURE", "HALTED"
@@ -329,7 +330,7 @@ class MissionState:
     def order(self) -> str:
         """Why the phase is so, with who has ordered that; empty where nobody has, or it is not known who."""
         reason, by = self._why_ordered
-        return f"{reason}: {by}" if by and reason else ""
+        return told_with_giver(reason, by) if by and reason else ""
 
     @property
     def gauges(self) -> list[Gauge]:
@@ -424,9 +425,11 @@ class MissionState:
     def _map(self, **data: Any) -> None:
         self.map = data
 
-    def _ordered(self, verb: str, label: str, by: str) -> None:
-        data = {"verb": verb, "label": label, "by": by}
-        self.facts.append(KnownFact(self.now, ORDERED, data, f"{by or 'somebody'}: {label or verb}"))
+    def _ordered(self, verb: str, label: str, by: str, refusal: str = "", *, is_told: bool = False) -> None:
+        if not is_told:
+            data = {"verb": verb, "label": label, "by": by, "refusal": refusal}
+            words = f"{by or 'somebody'}: {label or verb}{f': refused, {refusal}' if refusal else ''}"
+            self.facts.append(KnownFact(self.now, ORDERED, data, words))
 
     def _log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
@@ -446,7 +449,7 @@ class MissionState:
         self._finish(data.get("landmarks", ()))
         self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
         if said and self.facts:
-            self.facts[-1] = self.facts[-1]._replace(text=str(said))
+            self.facts[-1] = self.facts[-1]._replace(text=told_with_giver(str(said), str(by)))
 
     def _finish(self, landmarks: Iterable[Mapping[str, Any]]) -> None:
         for kind, name in ((each["kind"], each["name"]) for each in landmarks):

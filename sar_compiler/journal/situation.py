@@ -15,6 +15,8 @@ from sar_compiler.journal.json_values import json_text
 CHANGED = "changed"
 """The kind of an entry behind a fact: what that has changed of what a mission shows."""
 
+_OPERATOR = "the operator"
+
 
 class Level(IntEnum):
     """How far a landmark is, by which it is coloured."""
@@ -182,6 +184,13 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
         "phase": _plain(after.phase) if after.phase != before.phase else None,
     }
     return {key: value for key, value in parts.items() if value or (key == "phase" and value is not None)}
+
+
+def told_with_giver(text: str, by: str) -> str:
+    """Return what is told of an operator's order, with who gave it: in place of `the operator`, or before it."""
+    if not by:
+        return text
+    return text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"
 
 
 def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from inspect import iscoroutinefunction
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.journal.journal_entries import ORDERED
@@ -42,7 +43,8 @@ class OrderRecord:
         """Record from now on; the leaves have made the services."""
         names = {self._node.resolve_service_name(f"~/{name}"): verb for name, verb in self._verbs.items()}
         for service in self._node.services:
-            if (verb := names.get(service.service_name)) is not None:
+            verb = names.get(service.service_name)
+            if verb is not None and not iscoroutinefunction(service.callback):
                 service.callback = partial(self._carry_out, verb, service.callback)
 
     def sign(self, verb: str, by: str, then: Callable[[], object]) -> None:
@@ -70,9 +72,13 @@ class OrderRecord:
 
     def _carry_out(self, verb: Verb, answer: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
         by = self._signature(verb.name)
-        self._journal.watch(ORDERED, verb=verb.name, label=verb.label, by=by)
-        with self._journal.ordered_by(by):
-            return answer(request, response)
+        with self._journal.ordered_by(by) as noted:
+            answered = answer(request, response)
+        # Whatever somebody's own service answers ends no mission.
+        refusal = "" if getattr(answered, "success", True) else str(getattr(answered, "message", ""))
+        order = {"verb": verb.name, "label": verb.label, "by": by, "refusal": refusal}
+        self._journal.watch(ORDERED, **order, is_told=bool(noted))
+        return answered
 
 
 class RemoteSignature:

@@ -15,7 +15,7 @@ from sar_compiler.journal.journal_entries import (
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
-from sar_compiler.journal.situation import CHANGED, Landmark, fact_words
+from sar_compiler.journal.situation import CHANGED, Landmark, fact_words, told_with_giver
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.signs import IN_TEXT
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -78,9 +78,9 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
             return ""
         words = f"{node.name} {node.words}"
     elif entry.kind == CHANGED:  # behind each fact stands what it says
-        words = str(entry.data.get("said") or "")
+        words = told_with_giver(str(entry.data.get("said") or ""), str(entry.data.get("by") or ""))
     elif entry.kind == ORDERED:
-        words = state.facts[-1].text
+        words = "" if entry.data.get("is_told") else state.facts[-1].text
     else:
         words = "" if state.is_told else fact_words(entry.kind, entry.data)
     return _log_line(state, words) if words else ""

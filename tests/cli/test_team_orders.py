@@ -59,9 +59,9 @@ def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_i
     ros.spin_until(answer.done, "the answer")
     assert (answer.result(), asked) == ((True, "it stands"), ["pause"])
     by = f"Ada (team page of ops@{socket.gethostname()})"
-    assert [(each.kind, each.data) for each in told] == [
-        ("ordered", {"verb": "pause", "label": "Pause", "by": by})
-    ]
+    (order,) = told
+    assert order.kind == "ordered"
+    assert order.data == {"verb": "pause", "label": "Pause", "by": by, "refusal": "", "is_told": False}
 
 
 def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):

@@ -73,7 +73,7 @@ def story(tmp_path_factory):
         run = fly("--web-port", free_port())
         url, port = address(run)
         page.open(url).order("pause", "Pause: done")
-        page.wait_for("#condition strong", "paused").wait_for("#condition", "by the operator")
+        page.wait_for("#condition strong", "paused").wait_for("#condition", "by somebody (page, 127.0.0.1)")
         page.wait_for_rest()
         page.wait(
             lambda: page.js("return document.querySelectorAll('#map image, #map .robot').length") == 2,
@@ -89,7 +89,7 @@ def story(tmp_path_factory):
         page.order("resume", "Resume: done")
         page.wait_for("#now", "navigating to zone_b")
         page.order("pause", "Pause: done")
-        page.wait_for("#condition strong", "paused").wait_for("#condition", "by the operator")
+        page.wait_for("#condition strong", "paused").wait_for("#condition", "by somebody (page, 127.0.0.1)")
         run.send(signal.SIGINT)
         seen["stopped"] = run.end()
         page.wait_for("#condition strong", "stopped")

@@ -28,6 +28,7 @@ from sar_compiler.journal.situation import (
     beginning,
     changes,
     fact_words,
+    told_with_giver,
 )
 
 WORDS = st.sampled_from(["", "a", "b", "c"])
@@ -206,3 +207,17 @@ def test_a_fact_that_cannot_be_is_not_written(tmp_path: Path) -> None:
     journal = open_journal(place, resume=True)
     assert len(journal.facts()) == 3
     journal.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "by", "told"),
+    [
+        ("the operator: pause", "Ada", "Ada: pause"),
+        ("by the operator", "Ada", "by Ada"),
+        ("yard was added", "Ada", "Ada: yard was added"),
+        ("the operator: pause", "", "the operator: pause"),
+        ("the operator asks the operator", "Ada", "Ada asks the operator"),
+    ],
+)
+def test_who_gave_an_order_stands_in_the_place_of_the_operator(text, by, told):
+    assert told_with_giver(text, by) == told

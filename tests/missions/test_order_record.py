@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.order_record import OrderRecord
 from sar_compiler.missions.search_and_rescue.orders import VERBS
@@ -28,10 +28,13 @@ class Robot:
         zone = {"id": "zone_a", "x": 1.0, "y": 1.0, "yaw": 0.0}
         self.search = Search(ZoneManager([zone], {"x": 0.0, "y": 0.0, "yaw": 0.0}))
         self.state, journal = MissionState(), Journal()
+        self.entries: list[JournalEntry] = []
         journal.listen(self.state.take)
+        journal.listen(self.entries.append)
         self.search.keep_in(journal)
         journal.begin({}, {})
         self.ros, self.journal = ros, journal
+        self.notes, self.refusal = True, ""
         self.node = ros.node("mission", allow_undeclared_parameters=True)
         self.record = OrderRecord(self.node, VERBS, journal)
         for name, order in (("pause", "hold"), ("resume", "release"), ("abort", "abort")):
@@ -42,8 +45,9 @@ class Robot:
 
     def answer(self, order: str) -> Any:
         def carry_out(_: Any, response: Any) -> Any:
-            self.search.orders.give(order)
-            response.success = True
+            if self.notes and not self.refusal:
+                self.search.orders.give(order)
+            response.success, response.message = not self.refusal, self.refusal
             return response
 
         return carry_out
@@ -60,7 +64,7 @@ class Robot:
 
     @property
     def orders(self) -> list[str]:
-        return [fact.text for fact in self.state.facts if fact.kind == "ordered"]
+        return [fact.text for fact in self.state.facts]
 
     @property
     def reason(self) -> str:
@@ -74,15 +78,36 @@ def robot(ros):
 
 def test_who_says_nothing_before_a_call_is_a_service_call(robot):
     robot.call("pause")
+    assert robot.orders == [f"{A_CALL}: pause"]
+    assert robot.reason == f"by {A_CALL}"
+
+
+def test_an_order_that_is_refused_and_one_that_nothing_is_noted_of_are_told_by_themselves(robot):
+    robot.refusal = "no zone is left"
+    robot.call("pause")
+    robot.refusal, robot.notes = "", False
+    robot.call("resume")
+    assert robot.orders == [f"{A_CALL}: Pause: refused, no zone is left", f"{A_CALL}: Resume"]
+    assert robot.reason == ""
+
+
+def test_each_order_is_in_the_journal_once(robot):
+    robot.sign("pause", "Ada")
+    robot.call("pause")
+    told = {"verb": "pause", "label": "Pause", "by": "Ada", "refusal": "", "is_told": True}
+    assert [each.data for each in robot.entries if each.kind == "ordered"] == [told]
+
+
+def test_what_is_no_answer_to_an_order_ends_nothing(robot):
+    robot.record._carry_out(VERBS[0], lambda *_: None, None, None)
     assert robot.orders == [f"{A_CALL}: Pause"]
-    assert robot.reason == f"by the operator: {A_CALL}"
 
 
 def test_who_is_about_to_call_says_so_by_a_parameter_of_the_node(robot):
     assert robot.sign("pause", "Ada")
     robot.call("pause")
     robot.call("resume")
-    assert robot.orders == ["Ada: Pause", f"{A_CALL}: Resume"]
+    assert robot.orders == ["Ada: pause", f"{A_CALL}: resume"]
 
 
 def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_each(robot):
@@ -90,14 +115,14 @@ def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_e
     robot.sign("pause", "Bob")
     for _ in range(3):
         robot.call("pause")
-    assert robot.orders == ["Ada: Pause", "Bob: Pause", f"{A_CALL}: Pause"]
+    assert robot.orders == ["Ada: pause", "Bob: pause", f"{A_CALL}: pause"]
 
 
 def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, monkeypatch):
     robot.sign("pause", "Ada")
     monkeypatch.setattr("sar_compiler.missions.order_record._SIGNED_SEC", 0.0)
     robot.call("pause")
-    assert robot.orders == [f"{A_CALL}: Pause"]
+    assert robot.orders == [f"{A_CALL}: pause"]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +131,7 @@ def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, mon
 def test_what_somebody_says_is_a_short_line(robot, by, said):
     robot.sign("pause", by)
     robot.call("pause")
-    assert robot.orders == [f"{said}: Pause"]
+    assert robot.orders == [f"{said}: pause"]
 
 
 def test_other_parameters_sign_nothing(robot):
@@ -115,7 +140,7 @@ def test_other_parameters_sign_nothing(robot):
     for name in ("ordered_by.dance", "ordered_by", "signed.pause"):
         assert robot.node.set_parameters([Parameter(name, value="Eve")])[0].successful
     robot.call("pause")
-    assert robot.orders == [f"{A_CALL}: Pause"]
+    assert robot.orders == [f"{A_CALL}: pause"]
 
 
 def test_the_state_says_by_whom_the_robot_is_held_and_forgets_it_when_that_is_over(robot):
@@ -123,7 +148,7 @@ def test_the_state_says_by_whom_the_robot_is_held_and_forgets_it_when_that_is_ov
     robot.call("pause")
     # Whoever orders the same again has changed nothing.
     robot.call("pause")
-    assert robot.reason == "by the operator: Ada"
+    assert robot.reason == "by Ada"
     robot.call("resume")
     assert robot.reason == ""
 
@@ -138,4 +163,4 @@ def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
     with robot.journal.ordered_by("Ada"):
         robot.search.orders.give("abort")
     robot.journal.end(Ending.OVER, 1, "It has ended here.")
-    assert condition(robot.state).text() == "ABORTED: It has ended here. (by the operator: Ada)"
+    assert condition(robot.state).text() == "ABORTED: It has ended here. (by Ada)"

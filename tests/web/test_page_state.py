@@ -118,6 +118,13 @@ def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
     assert change["log"]["values"] == [[1, 1.0, "fact", "a bag was found"]]
 
 
+def test_a_fact_that_somebody_has_ordered_is_told_with_who_has():
+    said = ("changed", {"said": "the operator: pause", "by": "Ada"})
+    told = {"verb": "pause", "label": "Pause", "by": "Ada", "is_told": True}
+    shown = run_of(("operator_ordered", {"order": "hold"}), said, ("ordered", told)).whole()
+    assert [line[-1] for line in shown["log"]["values"][1:]] == ["Ada: pause"]
+
+
 def test_what_a_node_came_to_is_shown_after_it_was_reset():
     told = [
         ("status", {"node": 1, "tick": tick, "status": status, "message": message, **said})
