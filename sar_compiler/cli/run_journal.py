@@ -12,6 +12,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import FACTS_LOST
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.ros.companion import Companion
+from sar_compiler.runtime.walking import pre_order
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -116,7 +117,7 @@ class RunJournal(Companion):
 
         self._about["tree"] = nodes = as_data(outline(tree))
         looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
-        self._run_about |= {"tree_id": tree.instance.tree.name, "looks": looks}
+        self._run_about |= {"tree_id": tree.instance.tree.name, "looks": looks, "constant": _constant(tree)}
         if self.journal.is_resumed:
             require_same_tree(self.journal, tree, nodes)
         self._tree, self._engine = tree, engine
@@ -148,6 +149,14 @@ class RunJournal(Companion):
     def end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - what has not begun leaves no file
         """Close the file."""
         self.journal.close()
+
+
+def _constant(tree: CompiledTree) -> list[int]:
+    """Return the numbers of the leaves that always come to the same status: nobody is to blame for that."""
+    nodes = (
+        (number, each, tree.origins[each.id].bound.spec) for number, each in enumerate(pre_order(tree.root))
+    )
+    return [number for number, each, spec in nodes if not each.children and len(set(spec.outcomes)) == 1]
 
 
 def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:

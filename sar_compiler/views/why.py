@@ -203,11 +203,15 @@ def _is_of_tree(entry: JournalEntry, count: int) -> bool:
 
 
 def _conditions(began: JournalEntry) -> set[int]:
-    """Return the numbers of the leaves that are conditions, as the beginning of a run says."""
+    """Return the numbers of the leaves that only tell what is so, conditions and those that always do the same, as the beginning of a run says."""
     about = began.data.get("run")
-    looks = about.get("looks") if isinstance(about, Mapping) else None
-    listed = looks if isinstance(looks, list) else []
-    return {number for number, each in enumerate(listed) if each == [Shape.CONDITION.value, ""]}
+
+    def listed(name: str) -> list[Any]:
+        value = about.get(name) if isinstance(about, Mapping) else None
+        return value if isinstance(value, list) else []
+
+    told = {number for number, each in enumerate(listed("looks")) if each == [Shape.CONDITION.value, ""]}
+    return told.union(each for each in listed("constant") if isinstance(each, int))
 
 
 class _Explained:

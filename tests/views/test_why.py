@@ -91,6 +91,16 @@ def test_a_condition_only_tells_what_is_so():
     assert names(reasons.answers) == ["do", "is?"]
 
 
+@pytest.mark.parametrize(
+    ("constant", "first"), [([2], "do"), ([], "always"), ([["x"], 2, None], "do"), (2, "always")]
+)
+def test_who_always_fails_is_not_blamed_for_it(constant, first):
+    began, *rest = flown(Selector("root", memory=False, children=[leaf("do", F), leaf("always", F)]))
+    run = {**began.data["run"], "constant": constant}
+    told = [began._replace(data={**began.data, "run": run}), *rest]
+    assert names(why(told).answers)[0] == first
+
+
 def test_what_was_passed_over_before_is_not_blamed_first():
     ways = Selector("ways", memory=False, children=[leaf("second", S, F), leaf("never", F)])
     root = Selector("root", memory=False, children=[leaf("never", F), ways])
