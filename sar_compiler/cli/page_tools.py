@@ -9,6 +9,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import first_that_fits, trees_that_ran
+from sar_compiler.cli.run_report import report_page
 from sar_compiler.errors import SarError
 from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, HookMode, HookPosition
 from sar_compiler.monitoring.numbered_tree import NumberedTree, TooManyNodesError
@@ -208,17 +209,24 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
     """
     alone = reading or nullcontext()
 
+    def journal_of(robot: int) -> Path:
+        if not 0 <= robot < len(paths):
+            raise ToolError("there is no such robot")
+        return paths[robot]
+
+    def report(values: Mapping[str, Any]) -> str:
+        with alone:
+            return report_page(journal_of(values["robot"]))
+
     def entries(robot: int, run: int) -> "Iterable[JournalEntry]":
         from sar_compiler.journal.database import JournalFile
 
-        if not 0 <= robot < len(paths):
-            raise ToolError("there is no such robot")
-        with alone, closing(JournalFile.read(paths[robot])) as file:
+        with alone, closing(JournalFile.read(journal_of(robot))) as file:
             return [
                 each for each in file.stream() if each.run == run and each.kind in ("run_began", "status")
             ]
 
-    return {"otherwise": Tool(WhatIf(entries).ask)}
+    return {"otherwise": Tool(WhatIf(entries).ask), "report": Tool(report)}
 
 
 def _consequence_data(found: "Consequence", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:

@@ -11,7 +11,8 @@ from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
-from sar_compiler.cli.page_tools import LiveTools, journal_tools
+from sar_compiler.cli.page_tools import LiveTools, ToolError, journal_tools
+from sar_compiler.cli.run_report import report_page
 from sar_compiler.cli.team_orders import TeamOrders, ordering
 from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.commands import print_error
@@ -21,7 +22,7 @@ from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
-from sar_compiler.web.page_server import OrderGiver, Orders, PageServer, Tools
+from sar_compiler.web.page_server import OrderGiver, Orders, PageServer, Tool, Tools
 
 if TYPE_CHECKING:
     from sar_compiler.cli.companions import RunSetup
@@ -49,7 +50,8 @@ class RunPage(Companion):
         from sar_compiler.missions.verb_calls import VerbCalls
         from sar_compiler.ros.clock import NodeTime
 
-        self._run, self._has_ended = run, False
+        self._run, self._has_ended, self._is_staying = run, False, False
+        self._place = run.journal.place
         journal, node, verbs = run.journal, run.node, run.mission.verbs()
         calls = VerbCalls(node, verbs, run.orders.sign)
         # Its own, for it is read in the server's thread; the mission's says what becomes of it.
@@ -71,7 +73,7 @@ class RunPage(Companion):
                 return {}
 
         robots, forms = [node.get_fully_qualified_name()], [[_form(verb) for verb in verbs]]
-        tools = self._tools.tools
+        tools = {**self._tools.tools, **({"report": Tool(self._report)} if journal.is_kept else {})}
         feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
         for entry in journal.earlier():
             feed.take(entry)
@@ -103,7 +105,14 @@ class RunPage(Companion):
         is_terminal = draws_in_place(sys.stdout) and draws_in_place(sys.stderr)
         return is_terminal and not self._run.options.supervision.is_there
 
+    def _report(self, _: Mapping[str, Any]) -> str:
+        """Return the report, once it takes no time from the mission, and nobody writes the journal."""
+        if not self._is_staying:
+            raise ToolError("the run goes on; sar-journal report writes one meanwhile")
+        return report_page(self._place)
+
     def _stay(self) -> None:
+        self._is_staying = True
         print_error(f"The run has ended, and its page stays until Ctrl-C: {self._server.url}")
         while not self._run.signals.wait(_LOOK_SEC) and not self._server.wait(0.0):
             pass

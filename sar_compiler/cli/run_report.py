@@ -12,7 +12,7 @@ from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.companion import Companion
-from sar_compiler.views.mission_report import georeference, report_text, require_form
+from sar_compiler.views.mission_report import ReportError, georeference, report_text, require_form
 from sar_compiler.views.short_paths import ShortPaths
 from sar_compiler.views.why import Inquiry, Why
 
@@ -98,6 +98,19 @@ def report_journal(journal: Path, files: Sequence[Path], place: Georeference | N
     for obstacle in filter(None, obstacles):
         print_error(f"sar-journal: {obstacle}")
     return FINDINGS if any(obstacles) else OK
+
+
+def report_page(journal: Path) -> str:
+    """Return the report of the mission in a journal as an HTML page.
+
+    Raises:
+        SarError: If the journal cannot be read, or a library is not installed.
+    """
+    state, why = _mission(journal)
+    try:
+        return report_text(state, Path("report.html"), why)
+    except ImportError as error:
+        raise ReportError(not_installed(error) or str(error)) from error
 
 
 def _mission(journal: Path) -> tuple[MissionState, Why]:

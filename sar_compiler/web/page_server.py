@@ -19,7 +19,7 @@ from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -48,6 +48,9 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
+
+# A report has its style in itself, and needs nothing else.
+_OF_REPORT = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 
 
 class OrderGiver(NamedTuple):
@@ -100,7 +103,7 @@ class Tool(NamedTuple):
 
 
 Tools = Mapping[str, Tool]
-"""The tools of a page, by their names."""
+"""The tools of a page, by their names; the answer of `report` is a page of its own."""
 
 
 def page_app(feed: Feed, token: str, orders: Orders | None = None, tools: Tools | None = None) -> ASGIApp:
@@ -137,6 +140,7 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None, tools: Tools 
         Route("/events", events),
         Route("/moment", partial(_moment, feed)),
         Route("/orders/{verb}", partial(_order, orders, token), methods=["POST"]),
+        Route("/report", partial(_report, tools or {})),
         Route("/tools/{tool}", partial(_ask, tools or {}, token), methods=["POST"]),
     ]
     return _guard(Starlette(routes=routes, exception_handlers={HTTPException: _refuse}))
@@ -159,10 +163,7 @@ async def _order(orders: Orders | None, token: str, request: Request) -> Respons
     if not _knows(token, request):
         return _answer(403, _ONLY_LOOKS)
     values = await _values(request)
-    try:
-        robot = int(request.query_params.get("robot", 0))
-    except ValueError:
-        raise HTTPException(400) from None
+    robot = _robot(request)
     by = unquote(request.headers.get("x-operator", ""))[:_LONGEST_NAME]
     address = request.client.host if request.client else ""
     giver = OrderGiver("".join(filter(str.isprintable, by)).strip(), robot, address)
@@ -185,6 +186,30 @@ async def _ask(tools: Tools, token: str, request: Request) -> Response:
         return Response(as_json(await asyncio.to_thread(tool.ask, values)), media_type="application/json")
     except SarError as error:
         return PlainTextResponse(str(error), 409)
+
+
+async def _report(tools: Tools, request: Request) -> Response:
+    """Return the report of a robot's mission.
+
+    Raises:
+        HTTPException: If there is none, or the robot is no number.
+    """
+    tool = tools.get("report")
+    if tool is None:
+        raise HTTPException(404)
+    try:
+        page = await asyncio.to_thread(tool.ask, {"robot": _robot(request)})
+    except SarError as error:
+        return PlainTextResponse(f"There is no report: {error}.\n", 409)
+    return HTMLResponse(str(page), headers={"Content-Security-Policy": _OF_REPORT})
+
+
+def _robot(request: Request) -> int:
+    """Return the place of the robot that a request is about; raises an `HTTPException` if that is no number."""
+    try:
+        return int(request.query_params.get("robot", 0))
+    except ValueError:
+        raise HTTPException(400) from None
 
 
 async def _moment(feed: Feed, request: Request) -> Response:
@@ -265,7 +290,9 @@ def _guard(app: ASGIApp) -> ASGIApp:
     async def answer(scope: Scope, receive: Receive, send: Send) -> None:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(_HEADERS)
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         if scope["type"] == "http":

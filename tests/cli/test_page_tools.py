@@ -6,6 +6,7 @@ import pytest
 
 from sar_compiler.checks.assumptions import StartValues
 from sar_compiler.cli.page_tools import LiveTools, ToolError, journal_tools
+from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.project import load
@@ -155,6 +156,22 @@ def test_of_a_run_that_was_held_longer_than_proofs_assume_it_can_be_asked_as_wel
     assert "free" in {each["instead"]["label"] for each in released}
     found: Any = tool.ask({"robot": 0, "run": 1, "node": 4, "tick": 6})
     assert {"instead": {"status": "SUCCESS", "label": "arrived"}, "then": [], "root": "SUCCESS"} in found
+
+
+def test_a_journal_has_a_report_on_its_page(tmp_path):
+    place = tmp_path / "a.journal"
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<ZonesRemaining/>"), encoding="utf-8")
+    journal = open_journal(place)
+    flown(simulated(path, default_registry()), Said(), journal, tree_file=str(path), tree_id="Main")
+    journal.close()
+    report = journal_tools([place])["report"]
+    assert "<h2>What to do next</h2>" in str(report.ask({"robot": 0}))
+    with pytest.raises(ToolError, match="there is no such robot"):
+        report.ask({"robot": 1})
+    place.unlink()
+    with pytest.raises(JournalError):
+        report.ask({"robot": 0})
 
 
 @pytest.mark.parametrize("wrong", [{"robot": 1}, {"robot": -1}, {"run": 2}, {"node": 3}])

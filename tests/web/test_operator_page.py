@@ -10,7 +10,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import LiveFeed
-from sar_compiler.web.page_server import PageServer
+from sar_compiler.web.page_server import PageServer, Tool
 from tests.web.conftest import ABOUT, KINDS, Patrol
 from tests.web.flown import VERBS, drive
 
@@ -84,6 +84,27 @@ def test_a_run_that_has_ended_takes_no_orders_any_more(patrol, browser):
     patrol.journal.end(Ending.OVER, 0)
     browser.wait_for("#condition strong", "complete")
     browser.wait(lambda: browser.js("return document.getElementById('orders').hidden"), "the end of orders")
+
+
+def test_the_report_of_a_run_can_be_read_once_that_has_ended(live, browser):
+    report = "<!DOCTYPE html><style>p { color: rgb(1, 2, 3) }</style><p>robot 0</p>"
+    run = live(tools={"report": Tool(lambda _: report), "entries": Tool(lambda _: [])})
+    run.begin()
+    browser.open(run.server.url)
+    assert browser.js("return document.getElementById('report').hidden")
+    run.journal.end(Ending.OVER, 0)
+    browser.wait(lambda: browser.js("return !document.getElementById('report').hidden"), "the report")
+    browser.driver.get(browser.js("return document.getElementById('report').href"))
+    style = "return getComputedStyle(document.querySelector('p')).color"
+    assert (browser.text("p"), browser.js(style)) == ("robot 0", "rgb(1, 2, 3)")
+
+
+def test_who_watches_journals_reads_reports_at_any_time(live, browser):
+    run = live(tools={"report": Tool(lambda _: "")})
+    run.begin()
+    browser.open(run.server.url)
+    assert browser.js("return document.getElementById('report').getAttribute('href')") == "report?robot=0"
+    assert not browser.js("return document.getElementById('report').hidden")
 
 
 def alarms(browser):

@@ -90,6 +90,29 @@ def test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_
     assert ask("look", Origin="http://elsewhere")[0] == 403
 
 
+def test_the_report_of_a_robot_is_a_page_of_its_own_whose_style_is_its_own(live):
+    run = live(tools={"report": Tool(lambda values: f"<p>{values['robot']}</p>")})
+    status, text, headers = run.ask("/report?robot=1")
+    assert (status, text) == (200, "<p>1</p>")
+    assert "style-src 'unsafe-inline'" in headers["Content-Security-Policy"]
+    assert "script-src" not in headers["Content-Security-Policy"]
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert run.ask("/report")[1] == "<p>0</p>"
+    assert run.ask("/report?robot=x")[0] == 400
+
+
+def test_that_there_is_no_report_is_said(live):
+    def fail(_):
+        message = "the run goes on"
+        raise SarError(message)
+
+    assert live().ask("/report")[0] == 404
+    assert live(tools={"report": Tool(fail)}).ask("/report")[:2] == (
+        409,
+        "There is no report: the run goes on.\n",
+    )
+
+
 def test_the_page_is_served_with_a_policy_that_lets_nothing_else_in(live):
     run = live()
     status, text, headers = run.ask("/")

@@ -39,6 +39,9 @@ function show() {
   document.body.dataset.level = condition.level;
   document.body.classList.toggle("stale", Boolean(stream.silent) && !run.run.ended);
   orders.show();
+  // A run in the server's own process has none before its end.
+  at("report").hidden = !stream.tools.includes("report") || (stream.tools.includes("entries") && !run.run.ended);
+  at("report").href = `report?robot=${stream.chosen}`;
   if (!stream.isTold) return;
   const { mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
