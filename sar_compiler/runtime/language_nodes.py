@@ -220,7 +220,7 @@ class Conditions(Decorator):
         """Run what is to be run after an end; INVALID means that the node was halted while it ran."""
         for script in (self._after[outcome], self._post):
             if script is not None:
-                script.run()
+                (script.quick_run or script.run)()
 
     @property
     def status(self) -> Status:

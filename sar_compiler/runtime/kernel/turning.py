@@ -3,7 +3,7 @@
 from typing import Any
 
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING, SKIPPED, WORDS, number_of
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, Part, Ticker, TreeNode
 from sar_compiler.runtime.scripting import NodeScript
 
 
@@ -174,6 +174,7 @@ class ConditionsNode(DecoratorNode):
 
     Attributes:
         runs_after: Whether there is anything to run after an end.
+        has_children: Whether the node has children.
         has_told: Whether the behaviour may have a message.
         was_running: Whether the node was running when it began to be stopped.
     """
@@ -186,8 +187,19 @@ class ConditionsNode(DecoratorNode):
         self.before: list[Any] = behaviour._before
         self.goes_on: Any = behaviour._while
         self.runs_after: bool = behaviour.runs_after
+        self.has_children = not isinstance(self.child, ChildlessNode)
         self.has_told = True
         self.was_running = False
+
+    def tick(self, ticker: Ticker) -> int:
+        """Tick the node; in passing where it is a leaf, unless all nodes are ticked step by step."""
+        if self.has_children or ticker.by_step:
+            return super().tick(ticker)
+        try:
+            return self.begin(ticker)
+        except BaseException:
+            self.break_off(ticker)
+            raise
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the node, unless a condition decides."""
@@ -227,6 +239,10 @@ class ConditionsNode(DecoratorNode):
         if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
         return self.come_to(ticker, outcome)
+
+    def rest(self, ticker: Ticker) -> None:
+        """Bring the node to rest, whose status is this one's."""
+        self.child.rest(ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Return the node, if it runs."""
