@@ -59,6 +59,16 @@ def test_the_page_is_in_the_package(installed):
     }
 
 
+def test_every_stylesheet_is_in_the_package(installed):
+    repository, environment = installed
+    (package,) = environment.rglob("sar_compiler/py.typed")
+    sheets = [
+        {path.relative_to(folder) for path in folder.rglob("*.css")}
+        for folder in (package.parent, repository / "sar_compiler")
+    ]
+    assert sheets[0] == sheets[1]
+
+
 def test_the_ament_index_of_the_environment_has_the_package(installed):
     _, environment = installed
     index = environment / "share" / "ament_index" / "resource_index" / "packages"
