@@ -28,7 +28,7 @@ from sar_compiler.missions.order_record import OrderRecord
 from sar_compiler.nodes.spec import Use
 from sar_compiler.project import Workspace
 from sar_compiler.ros.arguments import init_arguments, node_arguments, parameter_files
-from sar_compiler.ros.clock import mission_clock, steady_timer
+from sar_compiler.ros.clock import mission_clock, steady_timer, trust_simulation
 from sar_compiler.ros.engine import find_engine, show_tracebacks
 from sar_compiler.ros.faults import NAVIGATION, Fault, FaultPlan
 from sar_compiler.ros.middleware import ros_up
@@ -164,6 +164,8 @@ def _node(options: Namespace, mission: Mission | None, context: Context) -> Node
     node = DataNode(node_name(mission), context, cli_args=own, parameter_overrides=simulated)
     if options.traceback:
         show_tracebacks(node)
+    if options.sim is not None:
+        trust_simulation(node)
     return node
 
 

@@ -218,13 +218,23 @@ _DEADLINES_PATIENCE_SEC = 3.0
 _DEADLINES_FASTEST = 10.0
 
 
+class _Pace:
+    fastest = _DEADLINES_FASTEST
+
+
+def trust_simulation(node: "Node") -> None:
+    """Have deadlines on a node count simulated time however fast it is: whoever simulates and answers waits for the node's executor."""
+    of_node(node, _Pace, _Pace).fastest = math.inf
+
+
 def deadline_clock(node: "Node") -> "Clock":
     """Return the clock of deadlines on a node: simulated time where there is any, else the machine's.
 
-    Simulated time counts at most ten times as fast as the machine's; the machine's counts while it stands still. What passes
-    while this process stands still counts in neither.
+    Simulated time counts at most ten times as fast as the machine's, unless it is to be trusted (`trust_simulation`); the machine's
+    counts while it stands still. What passes while this process stands still counts in neither.
     """
-    return NodeTime(node, patience_sec=_DEADLINES_PATIENCE_SEC, fastest=_DEADLINES_FASTEST, steady=AWAKE.now)
+    fastest = of_node(node, _Pace, _Pace).fastest
+    return NodeTime(node, patience_sec=_DEADLINES_PATIENCE_SEC, fastest=fastest, steady=AWAKE.now)
 
 
 class Deadline:

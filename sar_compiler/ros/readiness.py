@@ -246,7 +246,8 @@ class NavigatorActive(Requirement):
 
     def missing(self) -> str | None:
         """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
-        line, state = self._lifecycle.missing(), self._lifecycle.state
+        # What it waits for may just have come.
+        line, state = self._lifecycle.missing(self._robot.pose_at), self._lifecycle.state
         if line is None or state is None:
             return line
         return line + self._reason(state) + self._pose()

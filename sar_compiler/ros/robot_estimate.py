@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, deadline_clock
+from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, NodeTime, deadline_clock
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
 from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
@@ -69,6 +69,8 @@ class RobotEstimate:
         self._node = node
         self._states: dict[str, LifecycleState] = {}
         self.clock = deadline_clock(node)
+        # However fast a simulation is: this is no limit for others.
+        self._own_time = NodeTime(node, steady=AWAKE.now)
         self._frames = ("", "")
         self._odometry_at = -math.inf
         self._slow_since: float | None = None
@@ -96,7 +98,7 @@ class RobotEstimate:
         """Whether the robot stands, and has for half a second; None without fresh odometry."""
         if self.moves is None or self._slow_since is None:
             return None if self.moves is None else False
-        return self.clock.now() - self._slow_since >= _STANDS_SEC
+        return self._own_time.now() - self._slow_since >= _STANDS_SEC
 
     @property
     def speed_in_words(self) -> str:
@@ -173,7 +175,7 @@ class RobotEstimate:
         if speed[0] >= _STANDS_MPS or speed[1] >= _STANDS_RADPS:
             self._slow_since = None
         elif self._slow_since is None:
-            self._slow_since = self.clock.now()
+            self._slow_since = self._own_time.now()
         elif self._awaiting and self.stands:
             awaiting, self._awaiting = self._awaiting, []
             for listener in awaiting:

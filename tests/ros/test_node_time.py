@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sar_compiler.ros.clock import ClockedTime, NodeTime
+from sar_compiler.ros.clock import ClockedTime, NodeTime, deadline_clock, trust_simulation
 
 
 class Bench:
@@ -20,11 +20,14 @@ class Bench:
     def _now(self):
         return SimpleNamespace(nanoseconds=round(self.ros_sec * 1e9))
 
+    def node(self, **others):
+        return SimpleNamespace(get_clock=lambda: self.clock, **others)
+
     def node_time(self, **options):
-        return NodeTime(SimpleNamespace(get_clock=lambda: self.clock), say=self.said.append, **options)
+        return NodeTime(self.node(), say=self.said.append, **options)
 
     def clocked_time(self):
-        return ClockedTime(SimpleNamespace(get_clock=lambda: self.clock))
+        return ClockedTime(self.node())
 
     def passes(self, counted, steady_sec, ros_sec, steps=100):
         """Return what the time counts while both clocks go on in small steps."""
@@ -92,6 +95,31 @@ def test_a_limit_to_its_speed_cuts_off_what_exceeds_it(bench):
     counted = bench.node_time(fastest=10.0)
     assert bench.passes(counted, 2.0, 100.0) == pytest.approx(20.0)
     assert bench.passes(counted, 2.0, 8.0) == pytest.approx(8.0)
+
+
+def test_a_deadline_is_no_faster_than_the_network_unless_who_simulates_waits_for_those_that_it_answers(bench):
+    foreign, own = bench.node(), bench.node()
+    trust_simulation(own)
+    assert bench.passes(deadline_clock(foreign), 2.0, 100.0) == pytest.approx(20.0)
+    assert bench.passes(deadline_clock(own), 2.0, 100.0) == pytest.approx(100.0)
+
+
+@pytest.mark.ros
+def test_a_robot_stands_after_half_a_second_of_its_own_time_however_fast_that_is(bench):
+    from nav_msgs.msg import Odometry
+
+    from sar_compiler.ros.robot_estimate import RobotEstimate
+
+    heard = {}
+    node = bench.node(create_subscription=lambda _, topic, call, *_a, **_k: heard.update({topic: call}))
+    robot = RobotEstimate(node)
+    heard["odometry/filtered"](Odometry())
+    stands = []
+    for _ in range(2):
+        bench.steady_sec += 0.01
+        bench.ros_sec += 0.3
+        stands.append(robot.stands)
+    assert stands == [False, True]
 
 
 def test_a_clock_that_comes_in_steps_loses_nothing_between_them(bench):
