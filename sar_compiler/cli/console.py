@@ -21,6 +21,11 @@ def sar_run() -> int:
     return _command("cli.run", "command")
 
 
+def sar_run_repeatedly() -> int:
+    """Run `sar-run` as often as it is asked for on standard input."""
+    return _command("cli.run_repeatedly", "serve")
+
+
 def sar_sim() -> int:
     """Run `sar-sim` and return its exit status."""
     return _command("cli.sim", is_server=sys.argv[1:2] == ["run"])

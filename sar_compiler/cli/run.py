@@ -46,27 +46,38 @@ _NO_JOURNAL = Path("none")
 def command() -> NoReturn:
     """Be `sar-run`: the process ends with its exit status, however ROS is taken down."""
     with ExitStack() as ros:
-        status = _main(sys.argv[1:], ros)
+        status = run_in(sys.argv[1:], ros)
         leave(status, ros.pop_all().close)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-run` in this process and return its exit status."""
     with ExitStack() as ros:
-        return _main(sys.argv[1:] if argv is None else argv, ros)
+        return run_in(sys.argv[1:] if argv is None else argv, ros)
 
 
-def _main(argv: Sequence[str], ros: ExitStack) -> int:
+def run_in(argv: Sequence[str], ros: ExitStack, *, by_events: bool = False) -> int:
+    """Run `sar-run` in this process, and leave it to the caller to take ROS down.
+
+    Args:
+        argv: The arguments.
+        ros: Takes ROS down.
+        by_events: Whether rclpy's `EventsExecutor` serves the mission's node, which takes half of the time and is experimental.
+
+    Returns:
+        The exit status.
+    """
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
     try:
-        return run(lambda: _run(argv, signals, ros), PROG)
+        return run(lambda: _run(argv, signals, ros, by_events), PROG)
     finally:
         signals.give_back()
 
 
-def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
+def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, by_events: bool) -> int:
     options, supervision = _options(argv), own_supervision()
+    options.by_events = by_events
     if options.supervise is not None and not supervision.is_there:
         from sar_compiler.cli.supervisor import supervise
 

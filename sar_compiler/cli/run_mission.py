@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -96,7 +97,7 @@ def run_mission(
             if world is not None:
                 _require_navigation(tree, world)
             simulation = ros.enter_context(_simulation(setup, world, faults))
-            executor = SingleThreadedExecutor(context=context)
+            executor = (EventsExecutor if options.by_events else SingleThreadedExecutor)(context=context)
             ros.callback(executor.shutdown)
             if options.supervision.is_there:
                 options.supervision.tell_alive()

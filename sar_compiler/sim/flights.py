@@ -1,4 +1,4 @@
-"""Missions in the simulator, each in a process and in a ROS domain of its own."""
+"""Missions in the simulator, flown by processes of which each has a ROS domain of its own."""
 
 import json
 import os
@@ -10,10 +10,10 @@ import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 from sar_compiler.checks.sweep import Played
 from sar_compiler.checks.sweep.workers import Workers
@@ -27,10 +27,12 @@ _MOST_ATTEMPTS = 4
 # Part of the message of `sim.isolation` about company.
 _COMPANY = "must not mix with another one"
 
-_flying: "set[subprocess.Popen[str]]" = set()
+# What a process leaves behind of its flights goes with it, now and then.
+_MOST_FLIGHTS = 50
+
 _over = threading.Event()
 # As the script does: nothing is imported from the current folder.
-_SAR_RUN = "import sys; del sys.path[0]; from sar_compiler.cli.console import sar_run; sys.exit(sar_run())"
+_SAR_RUN = "import sys; del sys.path[0]; from sar_compiler.cli.console import sar_run_repeatedly; sys.exit(sar_run_repeatedly())"
 
 
 class FlightError(SarError):
@@ -82,25 +84,94 @@ class Flights:
         raise FlightError(f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}")
 
 
-def _fly(arguments: Sequence[str]) -> tuple[int, str, str]:
-    """Fly a mission; return its status, what it has printed, and its last words on standard error."""
-    with _free_domain() as (domain, lock):
-        process = subprocess.Popen(  # noqa: S603 - the project's own command
-            [sys.executable, "-c", _SAR_RUN, *arguments],
-            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            # The domain is taken as long as the mission runs, whatever becomes of this process.
-            pass_fds=[lock.fileno()],
-        )
-        _flying.add(process)
-        try:
-            output, log = process.communicate()
-        finally:
-            _flying.discard(process)
-    return process.returncode, output, log.strip().rpartition("\n")[2]
+class Flown(NamedTuple):
+    """A mission that was flown.
+
+    Attributes:
+        status: The exit status of `sar-run`; what the process has ended with, if it did not get so far.
+        output: What it has printed.
+        words: Its last words on standard error.
+    """
+
+    status: int
+    output: str = ""
+    words: str = ""
+
+
+class Pilot:
+    """A process that flies missions one after the other, in a domain that no other sweep has as long as it lives."""
+
+    def __init__(self) -> None:
+        self._left = _MOST_FLIGHTS
+        with _free_domain() as (domain, lock):
+            self._process = subprocess.Popen(  # noqa: S603 - the project's own command
+                [sys.executable, "-c", _SAR_RUN],
+                env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                pass_fds=[lock.fileno()],
+            )
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether it can fly another mission."""
+        return self._left > 0 and self._process.poll() is None
+
+    def fly(self, arguments: Sequence[str]) -> Flown:
+        """Fly a mission."""
+        self._left -= 1
+        asked, answers = self._process.stdin, self._process.stdout
+        assert asked is not None  # noqa: S101 - they are pipes
+        assert answers is not None  # noqa: S101
+        with suppress(BrokenPipeError):
+            asked.write(json.dumps(arguments) + "\n")
+            asked.flush()
+        answer = answers.readline()
+        if not answer:
+            _, log = self._process.communicate()
+            return Flown(self._process.returncode, words=log.strip().rpartition("\n")[2])
+        flown = Flown(*json.loads(answer))
+        if _COMPANY in flown.words:
+            self._left = 0
+        return flown
+
+    def stop(self) -> None:
+        """Stop the mission that it flies, in order."""
+        self._process.terminate()
+
+    def close(self) -> None:
+        """End the process, which flies nothing."""
+        with suppress(BrokenPipeError):
+            self._process.communicate()
+
+
+_flying: set[Pilot] = set()
+_waiting: list[Pilot] = []
+
+
+def _fly(arguments: Sequence[str]) -> Flown:
+    """Fly a mission, by a process that has flown others if there is one."""
+    pilot = _fit_pilot()
+    _flying.add(pilot)
+    try:
+        return pilot.fly(arguments)
+    finally:
+        _flying.discard(pilot)
+        if pilot.is_fit:
+            _waiting.append(pilot)
+        else:
+            pilot.close()
+
+
+def _fit_pilot() -> Pilot:
+    while _waiting:
+        pilot = _waiting.pop()
+        if pilot.is_fit:
+            return pilot
+        pilot.close()
+    return Pilot()
 
 
 @contextmanager
@@ -135,9 +206,11 @@ def in_threads(count: int) -> Workers:
 
     def stop(executor: Executor) -> None:
         _over.set()
-        for process in list(_flying):
-            process.terminate()
+        for pilot in list(_flying):
+            pilot.stop()
         executor.shutdown(cancel_futures=True)
+        while _waiting:
+            _waiting.pop().close()
         _over.clear()
 
     return Workers(lambda: ThreadPoolExecutor(count), count, stop)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.sim import main
+from sar_compiler.sim import flights
 from tests.processes import children_of
 from tests.waiting import News
 
@@ -46,8 +47,38 @@ def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_i
     assert rows[0]["labels"] == {"faults": "none", "zone_order": "[zone_a]"}
     assert "did not acknowledge" in result["smallest"]["failure"]
     script = Path("small.sh").read_text(encoding="utf-8")
-    command = "exec sar-run search_and_rescue --sim disaster_zone --speed 20 --fault report_survivor:refuse=1 --seed 0"
+    command = "exec sar-run search_and_rescue --sim disaster_zone --speed 1000 --fault report_survivor:refuse=1 --seed 0"
     assert script.splitlines()[-1] == f"{command} --ros-args -p 'zone_order:=[zone_a]'"
+
+
+@pytest.fixture
+def one_zone():
+    """Short flights, by processes that end with the test."""
+    with flights.in_threads(1):
+        arguments = ("search_and_rescue", "--sim", "--speed", "1000")
+        yield flights.Flights(arguments, ros=("-p", "zone_order:=[zone_a]"))
+
+
+@pytest.mark.ros
+def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_first(one_zone):
+    outcomes = [*one_zone([7]), *one_zone([8, 7])]
+    assert [each.failure for each in outcomes] == ["", "", ""]
+    assert outcomes[0].counts == outcomes[2].counts
+    # A tick is half a second.
+    assert outcomes[0].time_sec == pytest.approx(outcomes[2].time_sec, abs=1.0)
+    assert len(flights._waiting) == 1
+
+
+@pytest.mark.usefixtures("one_zone")
+def test_a_process_that_has_died_between_two_missions_is_replaced():
+    dead = flights.Pilot()
+    dead.stop()
+    dead._process.wait()
+    flights._waiting.append(dead)
+    flown = flights._fly(["--tee"])
+    assert flown.status == 2
+    assert flown.words == "sar-run: error: unrecognized arguments: --tee; did you mean '--tree'?"
+    assert dead not in flights._waiting
 
 
 @pytest.mark.ros
