@@ -52,7 +52,8 @@ class Board:
     Attributes:
         is_numbered: Whether what its entries hold are numbers; see `NumberedBoard`.
         stamps: How often each entry was written; an entry is there if it has a number here.
-        kinds: The entries that somebody has named, written or not, with their types; None for those of any type.
+        kinds: The entries that somebody has named, written or not, with their types; None for those of any type. Both tables are
+            changed in place, and never replaced: functions of scripts have them as arguments.
     """
 
     def __init__(self, name: str) -> None:

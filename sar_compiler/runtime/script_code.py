@@ -184,14 +184,29 @@ class _Quick:
         if isinstance(part, Chain) and part.signs[0] in _COMPARISONS:
             return self._comparisons(part)
         if isinstance(part, Applied) and part.sign == "!":
-            (operand,) = part.operands
-            is_truth = _is_truth(operand)
-            return (
-                _not(self.truth(operand))
-                if is_truth
-                else _compare(self.real(operand), ast.Eq(), ast.Constant(0.0))
-            )
+            return self._negation(*part.operands)
+        if isinstance(part, VariableSlot):
+            return self._flag(part, lambda flag: flag, _call("as_condition", _call("seen", self._raw(part))))
         return _call("as_condition", self.value(part))
+
+    def _negation(self, part: SkeletonPart) -> ast.expr:
+        if _is_truth(part):
+            return _not(self.truth(part))
+        if isinstance(part, VariableSlot):
+            number = _call("number_seen", self._raw(part))
+            return self._flag(part, _not, _compare(number, ast.Eq(), ast.Constant(0.0)))
+        return _compare(self.real(part), ast.Eq(), ast.Constant(0.0))
+
+    def _flag(
+        self, part: VariableSlot, quick: Callable[[ast.expr], ast.expr], otherwise: ast.expr
+    ) -> ast.expr:
+        """Return the code of a variable that is most likely true or false."""
+        raw = self._raw(part)
+        return ast.IfExp(_is_of_type(raw, bool), quick(raw), otherwise)
+
+    def _raw(self, part: VariableSlot) -> ast.expr:
+        """Return the code of what the entry of a variable holds."""
+        return self._read(part, "raw", ())
 
     def _choice(self, part: SkeletonPart) -> ast.expr:
         return self.truth(part) if _is_truth(part) else _call("is_chosen", self.value(part))
@@ -249,7 +264,7 @@ class _Quick:
     def _side(self, part: SkeletonPart) -> ast.expr:
         """Return the code of one side of a comparison, which is needed twice."""
         if isinstance(part, VariableSlot):
-            return self._read(part, "raw", ())
+            return self._raw(part)
         return self._known(part) if isinstance(part, ConstantSlot) else self._once(self._known(part))
 
     def _once(self, code: ast.expr) -> ast.expr:
@@ -398,7 +413,9 @@ def _define(name: str, arguments: list[str], body: list[ast.stmt]) -> ast.stmt:
 
 
 def _seen(held: object) -> ScriptValue:
-    """Return what a script sees of a value that is neither a number nor a text."""
+    """Return what a script sees of a value."""
+    if type(held) is bool:
+        return int(held)
     value = value_of(held)
     if value is None:
         raise RefusedValueError("it is nothing to calculate with")
@@ -417,6 +434,8 @@ def _fitted(
     """Return what an entry stores of a value that is of another type than its own."""
     if type(held) is int and type(given) is float and given.is_integer() and abs(given) <= LARGEST_EXACT:
         return int(given)
+    if type(held) is bool and given in {0, 1}:
+        return bool(given)
     return value_to_assign(held, kinds.get(name), given, enums)
 
 
@@ -424,6 +443,7 @@ _REACHED: dict[str, Any] = {
     "__builtins__": {},
     "MISSED": MISSED,
     "type": type,
+    "bool": bool,
     "float": float,
     "int": int,
     "str": str,

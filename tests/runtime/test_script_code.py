@@ -158,6 +158,7 @@ def unusual():
         ("t == 1", {"t": "1"}, 1.0),
         ("t < 'b'", {"t": "a"}, 1.0),
         ("flag = true", {"flag": False}, 1),
+        ("flag && !c", {"flag": True, "c": False}, 1.0),
         ("a := b > 0 ? 'more' : 'less'; t := a .. 1", {"a": "", "b": -1, "t": ""}, "less1"),
         ("~a | 6 ^ 1", {"a": 0}, -2.0),
     ],
