@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from benchmarks import large_files, paging, pipeline, startup, ticking, verifying
+from benchmarks import large_files, paging, pipeline, startup, sweeping, ticking, verifying
 from benchmarks.peers import COMPILED
 
 
@@ -41,6 +41,15 @@ GOALS = (
         ticking.subject("balanced", 10_000),
         {COMPILED: 1.5, ticking.BARE: 2.0},
         "`LiveTree.tick`; BehaviorTree.CPP with leaves in C++, by `behaviortreepy`",
+    ),
+    Goal(
+        "`sar-compile sweep`, runs a second and core",
+        "394 runs/s: the tree was compiled in each run",
+        "sweep",
+        sweeping.subject("plain"),
+        {"": 1 / 2_000},
+        "the plain mission, every tenth answer an unusual one",
+        "s/run",
     ),
     Goal(
         "`verify`, states a second, nothing forgotten",

@@ -12,7 +12,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from benchmarks import journaling, large_files, paging, pipeline, startup, ticking, verifying, watching
+from benchmarks import (
+    journaling,
+    large_files,
+    paging,
+    pipeline,
+    startup,
+    sweeping,
+    ticking,
+    verifying,
+    watching,
+)
 from benchmarks.figures import Effort, Figure, Missing, Result, alone
 from benchmarks.peers import PYTHON
 from benchmarks.record import Run
@@ -26,6 +36,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "watching": watching.measure,
     "page": paging.measure,
     "verify": verifying.measure,
+    "sweep": sweeping.measure,
     "large-files": large_files.measure,
 }
 
