@@ -4,13 +4,12 @@ import os
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -97,7 +96,7 @@ def run_mission(
             if world is not None:
                 _require_navigation(tree, world)
             simulation = ros.enter_context(_simulation(setup, world, faults))
-            executor = (EventsExecutor if options.by_events else SingleThreadedExecutor)(context=context)
+            executor = make_executor(context, by_events=options.by_events)
             ros.callback(executor.shutdown)
             if options.supervision.is_there:
                 options.supervision.tell_alive()
@@ -107,6 +106,16 @@ def run_mission(
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
+
+
+def make_executor(context: Context, *, by_events: bool) -> Executor:
+    """Return what serves the mission's node: rclpy's `EventsExecutor` if that is wanted, and if this rclpy has it."""
+    if by_events:
+        with suppress(ImportError):
+            from rclpy.experimental import EventsExecutor
+
+            return EventsExecutor(context=context)
+    return SingleThreadedExecutor(context=context)
 
 
 def _world(options: Namespace) -> "World | None":

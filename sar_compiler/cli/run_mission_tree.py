@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from nav_msgs.msg import OccupancyGrid
 from py_trees.common import Status
 from py_trees.trees import BehaviourTree
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
 from sar_compiler.cli.companions import Companions, RunSetup
@@ -199,7 +199,7 @@ class TreeRun:
     companions: Companions
     tree: CompiledTree
     engine: Engine
-    executor: SingleThreadedExecutor
+    executor: Executor
     simulation: "Simulation | None"
 
     def __post_init__(self) -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,20 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
     # A tick is half a second.
     assert outcomes[0].time_sec == pytest.approx(outcomes[2].time_sec, abs=1.0)
     assert len(flights._waiting) == 1
+
+
+@pytest.mark.ros
+def test_flights_go_on_with_an_rclpy_that_has_no_executor_of_events(monkeypatch):
+    from rclpy.context import Context
+    from rclpy.executors import SingleThreadedExecutor
+
+    from sar_compiler.cli.run_mission import make_executor
+
+    monkeypatch.setitem(sys.modules, "rclpy.experimental", None)
+    context = Context()
+    context.init()
+    assert isinstance(make_executor(context, by_events=True), SingleThreadedExecutor)
+    context.try_shutdown()
 
 
 @pytest.mark.usefixtures("one_zone")
