@@ -42,6 +42,40 @@ GOALS = (
         {COMPILED: 1.5, ticking.BARE: 2.0},
         "`LiveTree.tick`; BehaviorTree.CPP with leaves in C++, by `behaviortreepy`",
     ),
+    *(
+        Goal(
+            f"one leaf of {size:,} runs, all before it are done",
+            before,
+            "ticking",
+            ticking.subject("one leaf runs", size),
+            {COMPILED: 2.0},
+            "the same",
+        )
+        for size, before in (
+            (100, "3.3 x BehaviorTree.CPP"),
+            (1_000, "14 x"),
+            (10_000, "151 x"),
+            (100_000, "not measured"),
+        )
+    ),
+    *(
+        Goal(
+            f"{shape}, {size:,}",
+            before,
+            "ticking",
+            ticking.subject(shape, size),
+            {COMPILED: limit},
+            "the same",
+        )
+        for shape, size, before, limit in (
+            ("built-in leaves", 1_000, "6.0 x BehaviorTree.CPP", 1.2),
+            ("built-in leaves", 10_000, "4.3 x", 1.2),
+            ("mixed", 100, "5.1 to 7.0 x, on other trees", 2.0),
+            ("mixed", 1_000, "7.9 to 21.9 x, on other trees", 2.0),
+            ("scripts", 1_000, "8.7 to 13 x", 1.0),
+            ("ports", 1_000, "4.7 to 5.0 x", 1.0),
+        )
+    ),
     Goal(
         "`sar-compile sweep`, runs a second and core",
         "394 runs/s: the tree was compiled in each run",

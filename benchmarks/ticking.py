@@ -32,6 +32,8 @@ SIZES = (100, 1_000, 10_000)
 # Tree files are nested no deeper than 200 elements.
 LEVELS = (100, 190)
 MANY = 100_000
+# Shapes that are measured with so many leaves as well.
+LARGE = ("balanced", "one leaf runs")
 # What the leaves of the shipped tree answer; those that are not named succeed.
 SITUATIONS: Mapping[str, Mapping[str, Status]] = {
     "driving to a zone": {"NavigateToZone": Status.RUNNING},
@@ -54,7 +56,7 @@ def measure(effort: Effort) -> Iterator[Result]:
         for engine in {COMPILED, COMPILED_WITH_PYTHON, PY_TREES} - others.keys():
             yield Missing("", engine, "it is not installed")
         for shape in SHAPES:
-            sizes = LEVELS if shape == "deep" else (*SIZES, MANY) if shape == "balanced" else SIZES
+            sizes = LEVELS if shape == "deep" else (*SIZES, MANY) if shape in LARGE else SIZES
             for size in sizes:
                 path = Path(folder, "tree.xml")
                 path.write_text(document(SHAPES[shape](effort.size(size))), encoding="utf-8")

@@ -1,6 +1,7 @@
 """Tree files of any size that this project, BehaviorTree.CPP and the builder in `peer.py` read alike."""
 
 import itertools
+import random
 from collections.abc import Callable, Iterable, Mapping
 
 FAN_OUT = 10
@@ -65,11 +66,62 @@ def deep(levels: int) -> str:
     return body
 
 
+def one_running(count: int) -> str:
+    """Return a balanced tree whose last leaf runs on, with all before it done: how a mission mostly is."""
+    return balanced([*leaves(count - 1), around("KeepRunningUntilFailure", leaves(1))])
+
+
+_WRAPPERS = (
+    "Inverter",
+    "ForceSuccess",
+    "ForceFailure",
+    'RetryUntilSuccessful num_attempts="2"',
+    'Repeat num_cycles="2"',
+)
+_WRAPPED, _RUNNING = 0.3, 0.05
+_CONTROLS = (
+    "Sequence",
+    "Sequence",
+    "Fallback",
+    "Fallback",
+    "ReactiveSequence",
+    "ReactiveFallback",
+    "IfThenElse",
+)
+
+
+def mixed(count: int) -> str:
+    """Return controls, decorators, scripts and leaves by chance, of a fixed seed, with about so many leaves."""
+    draw = random.Random(count)  # noqa: S311 - the same tree in every run
+    level = [_mixed_leaf(draw, number) for number in range(count)]
+    while len(level) > 1:
+        some, level = iter(level), []
+        while inner := list(itertools.islice(some, draw.randint(2, 5))):
+            tag = draw.choice(_CONTROLS)
+            whole = around("Sequence" if tag == "IfThenElse" and len(inner) not in (2, 3) else tag, inner)
+            level.append(around(draw.choice(_WRAPPERS), [whole]) if draw.random() < _WRAPPED else whole)
+    return level[0]
+
+
+def _mixed_leaf(draw: random.Random, number: int) -> str:
+    kinds = (
+        f'<Leaf name="n{number}"/>',
+        "<AlwaysSuccess/>",
+        "<AlwaysFailure/>",
+        f'<Script code="k{number % 9} := {number}"/>',
+    )
+    leaf = draw.choice(kinds)
+    return around("KeepRunningUntilFailure", [leaf]) if draw.random() < _RUNNING else leaf
+
+
 _PARALLEL = 'Parallel success_count="-1" failure_count="1"'
 
 SHAPES: Mapping[str, Callable[[int], str]] = {
     "wide": lambda count: sequence(leaves(count)),
     "balanced": lambda count: balanced(leaves(count)),
+    "one leaf runs": one_running,
+    "built-in leaves": lambda count: balanced(["<AlwaysSuccess/>"] * count),
+    "mixed": mixed,
     "deep": deep,
     "ports": lambda count: balanced(copies(count)),
     "scripts": lambda count: balanced(scripts(count)),

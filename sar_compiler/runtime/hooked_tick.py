@@ -31,8 +31,8 @@ def hooked_tick(tree: LiveTree, hooks: TickHooks, visits: list[Visit]) -> Genera
         hooks: Who is asked. Nodes of other people's controls and decorators, which only these tick, are not.
         visits: Where the nodes go that are ticked, in the order of their ends; may be emptied meanwhile.
     """
-    ticker = tree._ticker
-    tree._take_over()
+    ticker = tree.ticker
+    ticker.enter()
     before = ticker.visits, ticker.by_step
     ticker.visits, ticker.by_step = visits, True
     waiting: list[TreeNode] = []
@@ -57,11 +57,12 @@ def hooked_tick(tree: LiveTree, hooks: TickHooks, visits: list[Visit]) -> Genera
         raise
     finally:
         ticker.visits, ticker.by_step = before
-        tree._show()
+        ticker.leave()
 
 
 def _begin(node: TreeNode, ticker: Ticker, hooks: TickHooks) -> Generator[None, None, int]:
     given = yield from hooks.before(node.behaviour)
+    ticker.reach(node)
     if getattr(node.behaviour, "answer_label", "") == OVERRIDDEN:
         node.behaviour.answer_label = ""
     return _come_to(given, CALLED, node, ticker) if given & ENDED else node.begin(ticker)

@@ -8,7 +8,8 @@ What a node does in a tick, and when it is halted, is said by its class in the k
 itself or in a tree. py_trees sees a behaviour that is made for it (`behaviour_class`): a name, children, and what the tag says.
 """
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import wraps
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from py_trees.behaviour import Behaviour
@@ -23,6 +24,42 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.live import LiveTree
     from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
     from sar_compiler.runtime.kernel.user_nodes import Tick
+
+
+class Children(list[Behaviour]):
+    """The children of a behaviour, in a list that counts the changes of all lists of its kind.
+
+    Attributes:
+        changes: How often any such list was changed, so far.
+    """
+
+    changes: ClassVar[int] = 0
+
+    @classmethod
+    def of(cls, children: list[Behaviour]) -> "Children":
+        """Return children as such a list, which may be the one that they are in."""
+        return children if isinstance(children, cls) else cls(children)
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        """Be copied as a list."""
+        return list, (list(self),)
+
+
+def _counting(name: str) -> Callable[..., Any]:
+    change = getattr(list, name)
+
+    @wraps(change)
+    def counted(self: Children, *args: Any, **kwargs: Any) -> Any:
+        Children.changes += 1
+        return change(self, *args, **kwargs)
+
+    return counted
+
+
+for _name in ("append", "clear", "extend", "insert", "pop", "remove", "reverse", "sort"):
+    setattr(Children, _name, _counting(_name))
+for _name in ("delitem", "iadd", "imul", "setitem"):
+    setattr(Children, f"__{_name}__", _counting(f"__{_name}__"))
 
 
 class Built(Behaviour):

@@ -130,7 +130,7 @@ def _halts_at_rest() -> Iterator[None]:
         for node in root.iterate():
             if isinstance(node, Built):
                 tree, index = node._place()
-                tree.nodes[index].forget(tree._ticker)
+                tree.nodes[index].forget(tree.ticker)
 
     with mock.patch(f"{__name__}.halt_tree", halt_all):
         yield

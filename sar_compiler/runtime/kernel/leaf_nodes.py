@@ -5,7 +5,16 @@ from typing import Any, Final
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, STATUSES, SUCCESS, number_of
+from sar_compiler.runtime.kernel.cells import (
+    FAILURE,
+    INVALID,
+    RUNNING,
+    SKIPPED,
+    STATUSES,
+    SUCCESS,
+    WORDS,
+    number_of,
+)
 from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, Part, Ticker, Visit
 from sar_compiler.runtime.kernel.turning import is_news, watched_entry
 from sar_compiler.runtime.leaf_protocol import NoStatusError
@@ -27,6 +36,7 @@ class LeafNode(ChildlessNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
+        self.shows_itself = True
         self.initialises = is_own(part.behaviour, "initialise")
         self.terminates = is_own(part.behaviour, "terminate")
 
@@ -142,7 +152,7 @@ class ForeignNode(ChildlessNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the behaviour; the nodes below it that it shows are visits, too."""
         cells, behaviour = ticker.cells, self.behaviour
-        self.show(ticker)
+        self.show(ticker.cells)
         try:
             if self.works:
                 behaviour.work(ticker.visits)
@@ -165,15 +175,10 @@ class ForeignNode(ChildlessNode):
 
     def stop(self, ticker: Ticker) -> None:
         """Stop the behaviour."""
-        self.show(ticker)
+        ticker.reach(self)
+        self.show(ticker.cells)
         self.behaviour.stop(_INVALID)
         ticker.cells[self.at] = number_of(self.behaviour.status)
-
-    def show(self, ticker: Ticker) -> None:
-        """Give the behaviour the status that the tree has of it."""
-        status: Any = STATUSES[ticker.cells[self.at]]
-        if self.behaviour.status is not status:
-            self.behaviour.status = status
 
 
 class RememberingNode(LeafNode):
@@ -263,6 +268,43 @@ class TickCounterNode(RememberingNode):
         self.behaviour.counter = kept
 
 
+class ConstantNode(ChildlessNode):
+    """A Success, Failure or Running of py_trees, in place of its `update`, which always answers and tells the same.
+
+    Attributes:
+        outcome: What it answers.
+        tells: Whether the behaviour has the message by now.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.outcome = WORDS.index(type(part.behaviour).__name__.upper())
+        self.tells = False
+
+    def begin(self, ticker: Ticker) -> int:
+        """Answer."""
+        if not self.tells:
+            self.tell(self.outcome)
+        ticker.cells[self.at] = self.outcome
+        return self.outcome
+
+    def stop(self, ticker: Ticker) -> None:
+        """Rest; the behaviour is told when the tick is over, if it still rests."""
+        ticker.reach(self)
+        ticker.cells[self.at] = INVALID
+
+    def show(self, cells: list[int]) -> None:
+        """Give the behaviour the status that the cells say, and its message."""
+        super().show(cells)
+        if self.tells and cells[self.at] == INVALID:
+            self.tell(INVALID)
+
+    def tell(self, outcome: int) -> None:
+        """Set the feedback message, which is empty at rest."""
+        self.behaviour.feedback_message = WORDS[outcome].lower()
+        self.tells = outcome != INVALID
+
+
 class UpdateCheckNode(ChildlessNode):
     """A leaf that succeeds if an entry was written since it last looked, else fails.
 
@@ -284,6 +326,7 @@ class UpdateCheckNode(ChildlessNode):
 
     def stop(self, ticker: Ticker) -> None:
         """Forget how the last look ended."""
+        ticker.reach(self)
         ticker.cells[self.at] = INVALID
 
 

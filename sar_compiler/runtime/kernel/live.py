@@ -4,16 +4,16 @@ A state of a tree is its cells, and `verify` copies nothing else. A tree that is
 others too: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a neighbour stops a
 single leaf, and a user's class may set its own status. So a status is said twice, and this module keeps both in step.
 
-Why it is done between ticks and not at each change. Within a tick nobody else runs: parents read cells, which costs a load, where an attribute
-of a Python object costs a dictionary. So a tick begins with the statuses that the behaviours have (`_take_over`) and ends with the
-behaviours getting those of the cells (`_show`), whether it was finished or broken off by an exception. A plain leaf is left out of both: its node looks at
-its behaviour's status itself, since `update` may look at it, and writes it where it changes. There are more leaves than other nodes, and a tick that
-reaches few of them must not visit all.
+Why it is done when a node is reached. Parents read cells, which costs a load, where an attribute of a Python object costs a dictionary. So a
+behaviour is compared with its cell when a tick first begins or stops its node (`LiveTicker.reach`), and gets what the cell says when the tick is over,
+whether it was finished or broken off by an exception. A tick costs what it reaches: of ten thousand nodes under a sequence with memory that is often five.
+A plain leaf is left out of both: its node looks at its behaviour's status itself, since `update` may look at it, and writes it where it changes.
 
 Why a changed status makes a node forget. Somebody who stops a running behaviour calls `stop(INVALID)`, as py_trees does from its generators. For a
 node of ours that is a halt: where it was, and what it counted, is no longer so. Only a node that had ended and is INVALID now was not halted: it was
 brought to rest, as its parent does before it starts it again, and what outlasts an end (whose turn it is in a RoundRobin) stays.
-When anything has changed all cells are read again, because a `stop` reaches the behaviours below, too.
+When anything has changed all cells are read again, because a `stop` reaches the behaviours below, too; but for those that this tick has reached
+before, whose cells are newer. Whoever stops the whole tree has all of it compared first, so that nothing is left running.
 
 Why visits are kept and shown afterwards. py_trees' `tick()` is a generator: a visitor sees each node just after its tick, with the status and the
 message of that moment. A node of ours may be ticked twice in a tick (Repeat), or be halted after it has been ticked. So the end of each node's tick is
@@ -24,7 +24,7 @@ of ours below it in the same way. Such a behaviour is the root of a tree of its 
 stands for what is ticked by methods of its own, with all that is below it. Each place where one way of ticking ends and the other begins is such a node.
 
 Why a new tree may take over from a former one. Whoever adds or takes away children at run time (py_trees' `insert_subtree`) changes the number
-of the cells. The tree is made anew then. A node goes on from where it was if the children that it had are still its first ones, since its cells hold
+of the cells. The tree is made anew then; that children have changed at all, the lists say that it gives them (`parents.Children`). A node goes on from where it was if the children that it had are still its first ones, since its cells hold
 indexes of children; any other begins from the start.
 """
 
@@ -32,12 +32,74 @@ from collections.abc import Iterator
 from typing import Any
 
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, SKIPPED, STATUSES, number_of
-from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode, LeafNode
+from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode
 from sar_compiler.runtime.kernel.table import NotFlatError, node_class_of
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
-from sar_compiler.runtime.kernel.tree import children_of, flat_tree
-from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit, show_statuses
-from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
+from sar_compiler.runtime.parents import Built, Children
+
+
+class LiveTicker(Ticker):
+    """Ticks a tree whose behaviours are seen, and stopped, by others.
+
+    Args:
+        flat: The tree.
+    """
+
+    def __init__(self, flat: FlatTree) -> None:
+        first = flat.ticker(_NodeClocks(flat.nodes))
+        super().__init__(first.cells, first.values, first.times)
+        self.is_live = True
+        self._nodes = flat.nodes
+        self._number = self._depth = 0
+        self._reached: list[TreeNode] = []
+
+    def enter(self) -> None:
+        """Begin a tick or a stop, perhaps within another one."""
+        if not self._depth:
+            self._number += 1
+            self._reached = []
+        self._depth += 1
+
+    def leave(self) -> None:
+        """Give the behaviours that were reached the statuses that the cells say."""
+        self._depth -= 1
+        for node in self._reached:
+            node.show(self.cells)
+
+    def reach(self, node: TreeNode) -> None:
+        """Take a node's status over from its behaviour, where the tick has not reached it before."""
+        if node.reached == self._number:
+            return
+        if not node.shows_itself:
+            if node.behaviour.status is not STATUSES[self.cells[node.at]]:
+                self.take_over()
+            self._reached.append(node)
+        node.reached = self._number
+        if node.index != node.at:
+            # They have one cell, and what either makes of it is newer than both behaviours.
+            self.reach(node.children[0])
+
+    def take_over(self) -> None:
+        """Take the statuses of all behaviours over, but for those that were reached.
+
+        A node whose status has changed forgets where it was, but for one that had ended and was brought to rest.
+        """
+        cells, changed = self.cells, False
+        nodes = [node for node in self._nodes if node.reached != self._number]
+        for node in nodes:
+            if not node.shows_itself and node.behaviour.status is not STATUSES[cells[node.at]]:
+                rests = cells[node.at] & ENDED and node.behaviour.status is STATUSES[INVALID]
+                cells[node.at] = number_of(node.behaviour.status)
+                if rests:
+                    node.rest(self)
+                else:
+                    node.forget(self)
+                changed = True
+        if changed:
+            for node in nodes:
+                cells[node.at] = number_of(node.behaviour.status)
 
 
 class LiveTree:
@@ -55,16 +117,18 @@ class LiveTree:
 
     def __init__(self, root: Any, *, is_strict: bool = False, former: "LiveTree | None" = None) -> None:
         self._flat = flat_tree(root, _node_of, _below)
-        self._ticker = self._flat.ticker(_NodeClocks(self._flat.nodes))
-        self._ticker.is_live = True
-        self._ticker.is_strict = is_strict
-        # A plain leaf looks at its behaviour's status by itself.
-        self._inner = [node for node in self._flat.nodes if not isinstance(node, LeafNode)]
-        self._parents = [node for node in self._inner if not isinstance(node, ForeignNode)]
+        self.ticker = LiveTicker(self._flat)
+        self.ticker.is_strict = is_strict
+        self._parents = [
+            node for node in self._flat.nodes if not node.shows_itself and not isinstance(node, ForeignNode)
+        ]
+        for node in self._parents:
+            node.behaviour.children = Children.of(node.behaviour.children)
         self._children: list[list[Any]] = [list(node.behaviour.children) for node in self._parents]
+        self._changes: int = Children.changes
         if former is not None:
             self._go_on_from(former)
-        self._take_over()
+        self.ticker.take_over()
         for node in self._flat.nodes:
             if is_strict and isinstance(node, ForeignNode):
                 node.insist()
@@ -83,9 +147,13 @@ class LiveTree:
 
     def is_whole(self) -> bool:
         """Return whether all nodes still have the children that they had."""
+        changes: int = Children.changes
+        if changes == self._changes:
+            return True
         for node, children in zip(self._parents, self._children, strict=True):
             if node.behaviour.children != children:
                 return False
+        self._changes = changes
         return True
 
     def tick(self, visits: list[Visit] | None = None, index: int = 0) -> int:
@@ -98,15 +166,15 @@ class LiveTree:
         Returns:
             RUNNING, SUCCESS, FAILURE or SKIPPED, as numbers of `kernel.cells`.
         """
-        node, ticker = self._flat.nodes[index], self._ticker
-        self._take_over()
+        node, ticker = self._flat.nodes[index], self.ticker
+        ticker.enter()
         before = ticker.visits, ticker.by_step
         ticker.visits, ticker.by_step = visits, visits is not None
         try:
             outcome = ticker.run(node)
         finally:
             ticker.visits, ticker.by_step = before
-            self._show()
+            ticker.leave()
         if node.is_skippable:
             node.behaviour.skipped = outcome == SKIPPED
         return outcome
@@ -122,20 +190,22 @@ class LiveTree:
         """
         outcome = self.tick(visits)
         root = self._flat.nodes[0]
-        visits.append(Visit(root.behaviour, outcome, self._ticker.cells[root.at]))
+        visits.append(Visit(root.behaviour, outcome, self.ticker.cells[root.at]))
         return outcome
 
     def stop(self, index: int = 0) -> None:
         """Stop a node as `Behaviour.stop(Status.INVALID)` does; by default the root."""
-        self._take_over()
+        ticker = self.ticker
+        ticker.enter()
         try:
-            self._flat.nodes[index].stop(self._ticker)
+            ticker.take_over()
+            self._flat.nodes[index].stop(ticker)
         finally:
-            self._show()
+            ticker.leave()
 
     def _go_on_from(self, former: "LiveTree") -> None:
         """Take over what nodes remember that were part of another tree."""
-        there, here = former._ticker, self._ticker
+        there, here = former.ticker, self.ticker
         known = {id(node.behaviour): node for node in former._flat.nodes}
         for node in self._flat.nodes:
             old = known.get(id(node.behaviour))
@@ -147,30 +217,6 @@ class LiveTree:
             here.cells[node.at] = there.cells[old.at]
             here.cells[node.first_cell : node.last_cell] = there.cells[old.first_cell : old.last_cell]
             here.values[node.first_value : node.last_value] = there.values[old.first_value : old.last_value]
-
-    def _take_over(self) -> None:
-        """Take the statuses of the behaviours over.
-
-        A node whose status has changed forgets where it was, but for one that had ended and was brought to rest.
-        """
-        ticker = self._ticker
-        cells, changed = ticker.cells, False
-        for node in self._inner:
-            if node.behaviour.status is not STATUSES[cells[node.at]]:
-                rests = cells[node.at] & ENDED and node.behaviour.status is STATUSES[INVALID]
-                cells[node.at] = number_of(node.behaviour.status)
-                if rests:
-                    node.rest(ticker)
-                else:
-                    node.forget(ticker)
-                changed = True
-        if changed:
-            for node in self._flat.nodes:
-                cells[node.at] = number_of(node.behaviour.status)
-
-    def _show(self) -> None:
-        """Give the behaviours the statuses that the cells say."""
-        show_statuses(self._inner, self._ticker.cells)
 
 
 def _node_of(part: Part) -> TreeNode:

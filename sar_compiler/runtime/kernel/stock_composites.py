@@ -1,18 +1,32 @@
 """py_trees' own composites."""
 
-from typing import Any
+from typing import Any, Final
 
 from py_trees.common import ParallelPolicy
 
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, IS_2_3, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 
+_NOWHERE: Final = -2
+
 
 class StockNode(TreeNode):
     """A composite of py_trees: its children keep their statuses until they are started again or stopped.
 
     It looks at the statuses of its children, not at their outcomes.
+
+    Attributes:
+        pointed: The index of the child that is the current one for py_trees, as far as that is known to be so still.
     """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.pointed = _NOWHERE
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget where the node was; somebody may have stopped the behaviour."""
+        super().forget(ticker)
+        self.pointed = _NOWHERE
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Return the children that are not at rest."""
@@ -27,7 +41,9 @@ class StockNode(TreeNode):
 
     def point_at(self, index: int) -> None:
         """Make a child the current one; with -1, the last one."""
-        self.behaviour.current_child = self.children[index].behaviour if self.children else None
+        if index != self.pointed:
+            self.pointed = index
+            self.behaviour.current_child = self.children[index].behaviour if self.children else None
 
 
 class StockSequenceNode(StockNode):
@@ -48,6 +64,7 @@ class StockSequenceNode(StockNode):
         if cells[self.at] != RUNNING:
             stop_all(self.children, ticker)
             cells[self.position] = 0
+            self.pointed = _NOWHERE
         elif not self.memory:
             cells[self.position] = 0
         return self.go_on(ticker, cells[self.position])
@@ -110,6 +127,7 @@ class StockSelectorNode(StockNode):
         """Begin with the child that was running, or with the first one."""
         cells = ticker.cells
         if cells[self.at] != RUNNING:
+            self.pointed = _NOWHERE
             self.point_at(0)
         previous = cells[self.position]
         if self.memory:
@@ -187,7 +205,11 @@ class StockParallelNode(StockNode):
         cells = ticker.cells
         if cells[self.at] != RUNNING:
             stop_all(self.children, ticker)
-            self.behaviour.current_child = None
+            self.pointed, self.behaviour.current_child = _NOWHERE, None
+        if self.synchronise:
+            # One that has succeeded is passed over, unless somebody has stopped it meanwhile.
+            for child in self.children:
+                ticker.reach(child)
         cells[self.current] = 0
         return self.go_on(ticker)
 
@@ -231,6 +253,7 @@ class StockParallelNode(StockNode):
             if cells[child.at] != SUCCESS:
                 self.point_at(-1)
                 return RUNNING
+        self.pointed = _NOWHERE
         self.behaviour.current_child = self.needed[-1].behaviour if children else None
         return SUCCESS
 

@@ -30,6 +30,7 @@ STOCK: dict[type[Behaviour], NodeClass] = {
     decorators.Retry: stock_decorators.StockRetryNode,
     decorators.EternalGuard: stock_decorators.StockGuardNode,
     decorators.OneShot: stock_decorators.StockOneShotNode,
+    **dict.fromkeys((behaviours.Success, behaviours.Failure, behaviours.Running), leaf_nodes.ConstantNode),
     behaviours.StatusQueue: leaf_nodes.StatusQueueNode,
     behaviours.Periodic: leaf_nodes.PeriodicNode,
     behaviours.SuccessEveryN: leaf_nodes.SuccessEveryNNode,
@@ -75,7 +76,7 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
     """Return what builds the node of a behaviour; None if only its own methods know its rules."""
     cls = type(behaviour)
     known = STOCK.get(cls)
-    if known is not None:
+    if known is not None and "update" not in vars(behaviour):
         return known
     if isinstance(behaviour, Built):
         return behaviour.build_node if is_known_class(cls) else None

@@ -182,6 +182,7 @@ class SleepNode(ChildlessNode):
 
     def stop(self, ticker: Ticker) -> None:
         """Stop waiting."""
+        ticker.reach(self)
         self.forget(ticker)
         self.behaviour.feedback_message = ""
         ticker.cells[self.at] = INVALID
@@ -209,5 +210,6 @@ class TimerNode(SleepNode):
 
     def stop(self, ticker: Ticker) -> None:
         """Stop waiting."""
+        ticker.reach(self)
         self.forget(ticker)
         ticker.cells[self.at] = INVALID

@@ -103,6 +103,8 @@ class TreeNode:
         is_skippable: Whether the behaviour tells that it was skipped.
         heeds_end: Whether it matters, while the node does not run, if and how it has ended. It does not where each start is
             as the first.
+        shows_itself: Whether the node gives its behaviour its status whenever that changes.
+        reached: The number of the tick in which the node was reached last, see `Ticker.reach`.
         first_cell, last_cell, first_value, last_value: Where the cells of its own begin, and the first behind them.
     """
 
@@ -112,7 +114,8 @@ class TreeNode:
         self.behaviour = part.behaviour
         self.children = part.children
         self.is_skippable: bool = hasattr(part.behaviour, "skipped")
-        self.heeds_end = False
+        self.heeds_end = self.shows_itself = False
+        self.reached = 0
         self.first_cell = self.last_cell = self.first_value = self.last_value = 0
         self._forgotten, self._forgotten_values = part.forgotten, part.forgotten_values
         self._of_tick = part.of_tick
@@ -174,13 +177,22 @@ class TreeNode:
         if ticker.is_live:
             self.behaviour.status = _INVALID
 
+    def show(self, cells: list[int]) -> None:
+        """Give the behaviour the status that the cells say."""
+        status: Any = STATUSES[cells[self.at]]
+        if self.behaviour.status is not status:
+            self.behaviour.status = status
+
 
 class ChildlessNode(TreeNode):
     """A node without children, which is ticked in passing unless all nodes are ticked step by step."""
 
     def tick(self, ticker: "Ticker") -> int:
         """Tick the node."""
-        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
+        if ticker.by_step:
+            return super().tick(ticker)
+        ticker.reach(self)
+        return self.begin(ticker)
 
 
 class Visit:
@@ -236,6 +248,7 @@ class Ticker:
         The nodes below it that are ticked are visits; it is none itself.
         """
         waiting: list[TreeNode] = []
+        self.reach(node)
         try:
             outcome = node.begin(self)
             while True:
@@ -244,6 +257,7 @@ class Ticker:
                     called = self.called
                     assert called is not None  # noqa: S101 - CALLED says so
                     node = called
+                    self.reach(node)
                     outcome = node.begin(self)
                     continue
                 if not waiting:
@@ -257,8 +271,12 @@ class Ticker:
                 broken.break_off(self)
             raise
 
+    def reach(self, node: TreeNode) -> None:
+        """Be told that a tick is about to begin or stop a node; a tree that is ticked for real keeps its behaviour in step."""
+
     def stop(self, node: TreeNode) -> None:
         """Stop a node with children, and the nodes below it."""
+        self.reach(node)
         waiting, left = [node], [node.stop_first(self)]
         while waiting:
             if not left[-1]:
@@ -267,6 +285,7 @@ class Ticker:
                 continue
             child = left[-1].pop()
             if child.children:
+                self.reach(child)
                 waiting.append(child)
                 left.append(child.stop_first(self))
             else:
@@ -302,14 +321,6 @@ class Ticker:
             behaviour.skipped = outcome == SKIPPED
         if visits is not None:
             visits.append(Visit(behaviour, outcome, self.cells[node.at]))
-
-
-def show_statuses(nodes: list[TreeNode], cells: list[int]) -> None:
-    """Give the behaviours of nodes the statuses that the cells say."""
-    for node in nodes:
-        status: Any = STATUSES[cells[node.at]]
-        if node.behaviour.status is not status:
-            node.behaviour.status = status
 
 
 def reset(child: TreeNode, ticker: Ticker) -> None:

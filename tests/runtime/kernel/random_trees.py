@@ -91,6 +91,7 @@ class RandomTree:
             lambda: self.element("SetBlackboard", value=draw.choice(("1", "{a}", "{b}")), output_key=key),
             lambda: self.element("UnsetBlackboard", key="b"),
             lambda: self.element("WasEntryUpdated", entry=f"{{{key}}}"),
+            lambda: self.element(draw.choice(("AlwaysSuccess", "AlwaysFailure", "Running"))),
             lambda: self.element("Sleep", msec=draw.choice((0, 125, 250, 375))),
             lambda: self.element("Timer", duration=draw.choice((0, 0.25))),
             lambda: self.element("StatusQueue", queue="RUNNING;SUCCESS;FAILURE;RUNNING;SUCCESS"),

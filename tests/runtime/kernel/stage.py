@@ -21,7 +21,7 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
-from sar_compiler.runtime.kernel.tree_nodes import Visit, show_statuses
+from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.variables import Enums
@@ -264,5 +264,6 @@ class FlatStage(Stage):
         self.ticker.times = ClockTimes(self.clock)
 
     def seen(self, outcome: str) -> Seen:
-        show_statuses(self.flat.nodes, self.ticker.cells)
+        for node in self.flat.nodes:
+            node.show(self.ticker.cells)
         return super().seen(outcome)

@@ -13,7 +13,7 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten, known_node
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, show_statuses
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.stock import AsyncSequence
 from tests.kernels import python_only
@@ -276,7 +276,8 @@ class TestViews:
                     root.tick_once()
                 clock.advance(1.0)
             if form == "flat":
-                show_statuses(flat.nodes, ticker.cells)
+                for node in flat.nodes:
+                    node.show(ticker.cells)
             drawings.append(unicode_tree(root, show_status=True))
         assert drawings[0] == drawings[1]
         assert "remaining: 2.0s" in drawings[0]

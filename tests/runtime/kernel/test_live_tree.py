@@ -1,8 +1,13 @@
 """A tree that is ticked for real is that of py_trees, whoever touches it between two ticks."""
 
+import copy
+import random
+
+import pytest
 from py_trees import composites, decorators
+from py_trees.behaviour import Behaviour
 from py_trees.behaviours import StatusQueue, Success
-from py_trees.common import OneShotPolicy, Status
+from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 
 from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.live import LiveTree
@@ -58,3 +63,110 @@ def test_nodes_remember_what_they_did_when_the_tree_around_them_changes():
     stage.told()
     assert later.tick() == RUNNING
     assert stage.told() == "c=R"
+
+
+def test_a_composite_below_others_that_somebody_stops_begins_again():
+    stage = Stage()
+    inner = composites.Sequence("inner", memory=True, children=stage.leaves(a="S", b="R"))
+    live = LiveTree(composites.Sequence("root", memory=True, children=[stage.leaf("first"), inner]))
+    live.tick()
+    inner.stop(Status.INVALID)
+    live.tick()
+    assert stage.told() == "first=S a=S b=R halt b a=S b=R"
+
+
+def test_a_branch_that_has_succeeded_is_ticked_again_in_a_parallel_if_somebody_has_stopped_it():
+    stage = Stage()
+    ended = composites.Sequence("ended", memory=True, children=stage.leaves(a="S"))
+    policy = ParallelPolicy.SuccessOnAll(synchronise=True)
+    live = LiveTree(composites.Parallel("root", policy, children=[ended, stage.leaf("b", "R")]))
+    live.tick()
+    live.tick()
+    ended.stop(Status.INVALID)
+    live.tick()
+    assert stage.told() == "a=S b=R b=R a=S b=R"
+
+
+class Observed(Behaviour):
+    """A behaviour that is ticked by a method of its own, and says how often its status was read."""
+
+    looks = 0
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+    def tick(self):
+        self.status = Status.SUCCESS
+        yield self
+
+    @property
+    def status(self) -> Status:
+        type(self).looks += 1
+        return self._status
+
+    @status.setter
+    def status(self, status: Status) -> None:
+        self._status = status
+
+
+def test_a_tick_looks_at_no_node_that_it_does_not_reach():
+    done = [Observed(f"done {number}") for number in range(20)]
+    live = LiveTree(composites.Sequence("root", memory=True, children=[*done, Stage().leaf("runs", "R")]))
+    live.tick()
+    before = Observed.looks
+    live.tick()
+    assert Observed.looks == before
+
+
+def test_a_node_that_stops_another_one_within_the_tick_stops_it_once():
+    stage = Stage()
+    first = composites.Sequence("first", memory=True, children=stage.leaves(a="R"))
+
+    class Stopper(Behaviour):
+        def update(self) -> Status:
+            first.stop(Status.INVALID)
+            return Status.RUNNING
+
+    policy = ParallelPolicy.SuccessOnAll(synchronise=False)
+    live = LiveTree(composites.Parallel("root", policy, children=[first, Stopper("stopper")]))
+    live.tick()
+    live.tick()
+    assert stage.told() == "a=R halt a a=R halt a"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda children: children.reverse(),
+        lambda children: children.clear(),
+        lambda children: children.pop(),
+        lambda children: children.remove(children[0]),
+        lambda children: children.insert(1, Success("new")),
+        lambda children: children.extend([Success("new")]),
+        lambda children: children.__iadd__([Success("new")]),
+        lambda children: children.__imul__(2),
+        lambda children: children.__setitem__(0, Success("new")),
+        lambda children: children.__delitem__(0),
+        lambda children: random.Random(1).shuffle(children),  # noqa: S311
+        lambda children: children.sort(key=lambda child: child.name),
+    ],
+)
+def test_whatever_is_done_to_a_list_of_children_is_seen(change):
+    root = composites.Selector("root", memory=False, children=[Success("c"), Success("b"), Success("a")])
+    live = LiveTree(root)
+    change(root.children)
+    assert not live.is_whole()
+
+
+def test_a_change_of_another_tree_is_none_of_this_one():
+    live, other = (
+        LiveTree(composites.Selector("root", memory=False, children=[Success("a")])) for _ in range(2)
+    )
+    other.root.add_child(Success("b"))
+    assert (live.is_whole(), other.is_whole()) == (True, False)
+
+
+def test_the_children_of_a_node_are_copied_as_a_list():
+    root = composites.Selector("root", memory=False, children=[Success("a")])
+    LiveTree(root)
+    assert type(copy.copy(root.children)) is list
