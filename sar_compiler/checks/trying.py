@@ -173,7 +173,7 @@ def _search(
             if steps.error is not None:
                 place = place_of(steps.error)
                 if place is not None and place not in found:
-                    ticks = [*_way(origins, state), (state, _has_path(steps.path))]
+                    ticks = [*_way(origins, state), (state, _has_path(steps.path()))]
                     found[place] = _Raised(steps.error, ticks)
             elif steps.state is not None and steps.state not in origins:
                 origins[steps.state] = state
@@ -195,7 +195,7 @@ def _leads_to(end: bytes) -> Callable[[TickSteps], bool]:
 
 
 def _has_path(path: tuple[int, ...]) -> Callable[[TickSteps], bool]:
-    return lambda steps: steps.path == path
+    return lambda steps: steps.path() == path
 
 
 def _run_words(ticks: list[list[Event]]) -> str:

@@ -23,6 +23,8 @@ OURS = {"sar_compiler", *(path.stem for path in Path("examples").rglob("*.py"))}
 NEVER_RUN = {"typing_extensions"}
 # Python 3.10 lacks tomllib, and tomli stands in for it; the Pythons of a robot's apt have it.
 NEVER_RUN |= {"tomli", "tomllib"}
+# No package of apt's: lists stand in for it.
+NEVER_RUN |= {"librt", "mypy_extensions"}
 # Extras, which say what to install where they are missing.
 NEVER_RUN |= {"distributed", "mcap", "msgpack", "zmq", "rich", "cap_tools", "geojson", "pyproj", "xsdata"}
 NEVER_RUN |= {"starlette", "uvicorn"}

@@ -90,7 +90,7 @@ class StateSpace:
     def breach(self, breach: Breach) -> Trace:
         """Return a shortest run to a breach."""
         stem, path = self._stem(self.graph.stem(breach.source)), breach.path
-        last = [] if path is None else [(breach.source, lambda step: step.path == path)]
+        last = [] if path is None else [(breach.source, lambda step: step.path() == path)]
         return self._trace([*stem, *last])
 
     def lasso(self, lasso: Lasso) -> Trace:

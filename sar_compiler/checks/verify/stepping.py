@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
 
+from librt.vecs import vec
+from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
@@ -131,11 +133,12 @@ class TreeStepper:
 
     def played(self, number: int = 0) -> TickRecord:
         """Return what has happened in the last tick, as the tick of that number."""
-        happened, after, events = self._happened(), self.ticker.entries.now, []
+        now, events = self.ticker.entries.now, []
+        happened, after = self._happened(), list(now)
         for (event, past), (_, then) in pairwise([*happened, (0, after)]):
             changed = () if past == then else changes_in(self._facts_in(past), self._facts_in(then))
             events.append(self._alphabet.events[event]._replace(facts=changed))
-        self.ticker.entries.restore(after)
+        self.ticker.entries.restore(now)
         root, steps = self.flat.nodes[0].behaviour.name, self.steps
         (facts_before, keys_before), (facts, keys) = self._before, self.states.facts_and_keys()
         return TickRecord(
@@ -152,7 +155,7 @@ class TreeStepper:
         for event, past in self._happened():
             leaf, answer = self._alphabet.answers[event]
             if answer is not None:
-                entries.restore(past)
+                entries.restore(vec[i32](past))
                 unusual.append(nominal(leaf.options()) is not answer)
         entries.restore(after)
         return tuple(unusual)
@@ -164,5 +167,5 @@ class TreeStepper:
         return [each for each in zip(trail.numbers, trail.pasts, strict=True) if each[0] < count]
 
     def _facts_in(self, entries: list[int]) -> Mapping[str, object]:
-        self.ticker.entries.restore(entries)
+        self.ticker.entries.restore(vec[i32](entries))
         return self.states.facts()

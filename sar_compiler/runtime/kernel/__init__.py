@@ -18,6 +18,8 @@ from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
+from sar_compiler.runtime.without_librt import stand_in
+
 _FOLDER = Path(__file__).parent
 _RECORD = _FOLDER / "compiled.json"
 """Of which sources the compiled modules were made; written by `setup.py`."""
@@ -33,8 +35,8 @@ def _state() -> str:
     """Return whether the compiled modules can be used; see `STATE`."""
     if not any((_FOLDER / f"cells{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
         return "absent"
-    # What they share lies beside the package; whoever has only the package on its path cannot import them.
-    if importlib.util.find_spec("sar_compiler_kernel__mypyc") is None:
+    # What they share lies beside the package, and in librt; whoever has only the package cannot import them.
+    if not all(importlib.util.find_spec(name) for name in ("sar_compiler_kernel__mypyc", "librt")):
         return "apart"
     try:
         recorded = json.loads(_RECORD.read_bytes())
@@ -49,7 +51,7 @@ def _state() -> str:
 
 
 STATE = _state()
-"""`compiled`, or why not: `stale` (made of other sources), `apart` (from the library that they share) or `absent`."""
+"""`compiled`, or why not: `stale` (made of other sources), `apart` (from the libraries that they share) or `absent`."""
 _WANTED = os.environ.get("SAR_KERNEL", "")
 IS_COMPILED = STATE == "compiled" and _WANTED != "python"
 """Whether the compiled modules are in use."""
@@ -73,6 +75,7 @@ class _Sources:
         return importlib.util.spec_from_file_location(name, _FOLDER / f"{module}.py")
 
 
+stand_in()
 if STATE != "absent" and not IS_COMPILED:
     sys.meta_path.insert(0, _Sources)
 

@@ -7,6 +7,9 @@ hold is a list of numbers; and what a script makes of some entries is remembered
 from collections.abc import Callable, Hashable
 from typing import Any, Final
 
+from librt.vecs import append, vec
+from mypy_extensions import i32
+
 NOTHING: Final = 0
 """The number of an entry that is not there."""
 
@@ -23,7 +26,7 @@ class EntryCells:
     """
 
     def __init__(self) -> None:
-        self.now: list[int] = []
+        self.now: vec[i32] = vec[i32]()
         self.known = 0
         self.names: list[str] = []
         self.lent: dict[int, Any] = {}
@@ -39,7 +42,7 @@ class EntryCells:
             place = self._places[name] = len(self.names)
             self.names.append(name)
             self.known += 1
-            self.now.append(NOTHING)
+            self.now = append(self.now, NOTHING)
             self._contents.append([None])
             self._numbers.append({None: NOTHING})
         return place
@@ -59,11 +62,14 @@ class EntryCells:
             self.known += 1
         self.now[place] = number
 
-    def restore(self, now: list[int]) -> None:
+    def restore(self, now: vec[i32]) -> None:
         """Make all entries what they were; those that were not known then are not there."""
-        self.lent.clear()
-        missing = len(self.names) - len(now)
-        self.now = now + [NOTHING] * missing
+        if self.lent:
+            self.lent.clear()
+        entries = now[:]
+        for _ in range(len(self.names) - len(now)):
+            entries = append(entries, NOTHING)
+        self.now = entries
 
     def settle(self) -> None:
         """Look at what was lent, which may have been changed in place."""
@@ -76,6 +82,8 @@ class EntryCells:
 
 
 _UNKNOWN: Final[Any] = object()
+_BITS: Final = 15
+"""For the number of a content, so that four of them are a number of the machine."""
 
 
 class Memo:
@@ -89,18 +97,29 @@ class Memo:
     def __init__(self, cells: EntryCells, places: list[int]) -> None:
         self._cells = cells
         self._places = places
-        self._alone = places[0] if len(places) == 1 else -1
         self._known: dict[Any, Any] = {}
         self._changes: dict[Any, list[tuple[int, int]]] = {}
+
+    def _key(self, now: vec[i32]) -> Any:
+        """Return what the entries hold as one number; as several where one is large."""
+        key = 0
+        for place in self._places:
+            number = now[place]
+            if number >> _BITS:
+                return tuple([now[place] for place in self._places])
+            key = key << _BITS | int(number)
+        return key
 
     def call(self, run: Callable[[], Any]) -> Any:
         """Return what the code returns, and change what it changes; what it raises is raised, and not remembered."""
         now = self._cells.now
-        key: Any = now[self._alone] if self._alone >= 0 else tuple([now[place] for place in self._places])
+        key: Any = self._key(now)
         answer = self._known.get(key, _UNKNOWN)
         if answer is _UNKNOWN:
             before = [now[place] for place in self._places]
             answer = self._known[key] = run()
+            # It may have named another entry.
+            now = self._cells.now
             changes = [
                 (place, now[place]) for index, place in enumerate(self._places) if now[place] != before[index]
             ]

@@ -29,6 +29,9 @@ to that, since a node that keeps a state of its own would break it.
 
 from typing import Any, Final
 
+from librt.vecs import vec
+from mypy_extensions import i32
+
 from sar_compiler.runtime.kernel.cells import CALLED
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
@@ -93,7 +96,7 @@ class ForkingTicker(Ticker):
 
     def __init__(
         self,
-        cells: list[int],
+        cells: vec[i32],
         values: list[Any],
         times: Times,
         entries: EntryCells,

@@ -1,9 +1,12 @@
 """The states of a tree and the ticks between them, in arrays: a million of them has to fit."""
 
 import bisect
-from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Final
+
+from librt.vecs import append, vec
+from mypy_extensions import i16, i32
 
 from sar_compiler.runtime.kernel.numbering import StateStore
 
@@ -21,6 +24,30 @@ class Breach:
     source: int
     path: tuple[int, ...] | None = None
     error: Exception | None = None
+
+
+class Waits:
+    """What each tick waits for, as a number: two bytes each, as long as there are not more."""
+
+    def __init__(self) -> None:
+        self._short = vec[i16]()
+        self._long = vec[i32]()
+
+    def __getitem__(self, edge: int) -> int:
+        return self._long[edge] if len(self._long) else int(self._short[edge])
+
+    def append(self, wait: int) -> None:
+        """Add what the next tick waits for."""
+        if wait > _SHORT and not len(self._long):
+            self._long = vec[i32]([int(each) for each in self._short])
+            self._short = vec[i16]()
+        if len(self._long):
+            self._long = append(self._long, i32(wait))
+        else:
+            self._short = append(self._short, i16(wait))
+
+
+_SHORT: Final = (1 << 15) - 1
 
 
 @dataclass
@@ -45,10 +72,10 @@ class Graph:
     """
 
     states: StateStore
-    origins: "array[int]" = field(default_factory=lambda: array("I"))
-    offsets: "array[int]" = field(default_factory=lambda: array("I", [0]))
-    targets: "array[int]" = field(default_factory=lambda: array("I"))
-    waits: "array[int]" = field(default_factory=lambda: array("H"))
+    origins: vec[i32] = field(default_factory=lambda: vec[i32]([]))
+    offsets: vec[i32] = field(default_factory=lambda: vec[i32]([0]))
+    targets: vec[i32] = field(default_factory=lambda: vec[i32]([]))
+    waits: Waits = field(default_factory=Waits)
     waiting: list[int] = field(default_factory=list)
     ends: bytearray = field(default_factory=bytearray)
     pending: list[int] = field(default_factory=list)

@@ -2,6 +2,8 @@
 
 from typing import Any, Final
 
+from librt.vecs import vec
+from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -293,7 +295,7 @@ class ConstantNode(ChildlessNode):
         ticker.reach(self)
         ticker.cells[self.at] = INVALID
 
-    def show(self, cells: list[int]) -> None:
+    def show(self, cells: vec[i32]) -> None:
         """Give the behaviour the status that the cells say, and its message."""
         super().show(cells)
         if self.tells and cells[self.at] == INVALID:

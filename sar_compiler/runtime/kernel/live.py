@@ -215,7 +215,8 @@ class LiveTree:
             if [child.behaviour for child in node.children[: len(children)]] != children:
                 continue
             here.cells[node.at] = there.cells[old.at]
-            here.cells[node.first_cell : node.last_cell] = there.cells[old.first_cell : old.last_cell]
+            for place in range(node.last_cell - node.first_cell):
+                here.cells[node.first_cell + place] = there.cells[old.first_cell + place]
             here.values[node.first_value : node.last_value] = there.values[old.first_value : old.last_value]
 
 

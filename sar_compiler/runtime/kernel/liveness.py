@@ -35,11 +35,13 @@ unfair one: waiting for one leaf for ever is the shortest round of all. `_round`
 in every tick so far. The sets only shrink on the way, so there are few of them for each state.
 """
 
-from array import array
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i32
 
 from sar_compiler.runtime.kernel.graph import Graph
 
@@ -124,63 +126,68 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
     """Yield the strongly connected components of a graph, each after all that can be reached from it.
 
     Tarjan's algorithm. Its recursion is as deep as the longest path, which may be a million states, so the path is
-    a list, and `following` holds where each state on it goes on.
+    a list, and `_Walk.following` holds where each state on it goes on.
 
     Args:
         graph: The graph.
         excluded: 1 for each state that is taken for not being there.
     """
-    count = len(graph.states)
-    order, low = array("I", bytes(4 * count)), array("I", bytes(4 * count))
-    on_stack = bytearray(count)
-    following = array("Q", bytes(8 * count))
+    walk = _Walk(graph, excluded)
     stack: list[int] = []
     number = _NEW
-    for root in range(count):
-        if excluded[root] or order[root]:
+    for root in range(len(graph.states)):
+        if excluded[root] or walk.order[root]:
             continue
         work = [root]
         while work:
             state = work[-1]
-            edges = graph.edges(state)
-            if order[state] == _NEW:
+            if walk.order[state] == _NEW:
                 number += 1
-                order[state] = low[state] = number
-                following[state] = edges.start
+                walk.begin(state, number)
                 stack.append(state)
-                on_stack[state] = 1
-            entered = _enter(graph, state, edges.stop, (order, low, on_stack, following, excluded))
-            if entered is not None:
+            entered = walk.enter(state)
+            if entered >= 0:
                 work.append(entered)
                 continue
             work.pop()
             if work:
-                low[work[-1]] = min(low[work[-1]], low[state])
-            if low[state] == order[state]:
-                yield _pop_component(stack, on_stack, state)
+                walk.low[work[-1]] = min(walk.low[work[-1]], walk.low[state])
+            if walk.low[state] == walk.order[state]:
+                yield _pop_component(stack, walk.on_stack, state)
 
 
-_Arrays = tuple["array[int]", "array[int]", bytearray, "array[int]", bytearray]
+class _Walk:
+    """What Tarjan's algorithm knows of each state: its number in order, the least that it leads back to, and its next tick."""
 
+    def __init__(self, graph: Graph, excluded: bytearray) -> None:
+        zeros = bytes(len(graph.states))
+        self.order, self.low, self.following = vec[i32](zeros), vec[i32](zeros), vec[i32](zeros)
+        self.on_stack = bytearray(zeros)
+        self._graph = graph
+        self._excluded = excluded
 
-def _enter(graph: Graph, state: int, stop: int, arrays: _Arrays) -> int | None:
-    """Continue through the ticks of a state; return the first new state, None at the end."""
-    order, low, on_stack, following, excluded = arrays
-    targets = graph.targets
-    edge, least = following[state], low[state]
-    found = None
-    while edge < stop:
-        target = targets[edge]
-        edge += 1
-        if excluded[target]:
-            continue
-        if order[target] == _NEW:
-            found = target
-            break
-        if on_stack[target] and order[target] < least:
-            least = order[target]
-    following[state], low[state] = edge, least
-    return found
+    def begin(self, state: int, number: int) -> None:
+        """Give a state a number."""
+        self.order[state] = self.low[state] = i32(number)
+        self.following[state] = i32(self._graph.edges(state).start)
+        self.on_stack[state] = 1
+
+    def enter(self, state: int) -> int:
+        """Continue through the ticks of a state; return the first new state, -1 at the end."""
+        order, on_stack, targets = self.order, self.on_stack, self._graph.targets
+        edge, stop, least = int(self.following[state]), self._graph.edges(state).stop, self.low[state]
+        found = -1
+        while edge < stop and found < 0:
+            target = int(targets[edge])
+            edge += 1
+            if self._excluded[target]:
+                continue
+            if order[target] == _NEW:
+                found = target
+            elif on_stack[target] and order[target] < least:
+                least = order[target]
+        self.following[state], self.low[state] = i32(edge), least
+        return found
 
 
 def _pop_component(stack: list[int], on_stack: bytearray, first: int) -> list[int]:

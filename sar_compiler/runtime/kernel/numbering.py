@@ -1,13 +1,13 @@
 """Numbers of states, in the order in which they are found."""
 
-from array import array
 from collections.abc import Iterator
 from typing import Final
 
+from librt.vecs import append, extend, vec
+from mypy_extensions import i32, i64, u8
+
 _FIRST_SIZE: Final = 1024
 _FREE: Final = 0
-_MOST: Final = (1 << 32) - 1
-"""What fits into four bytes."""
 
 
 class StateStore:
@@ -17,9 +17,9 @@ class StateStore:
     """
 
     def __init__(self) -> None:
-        self._written = bytearray()
+        self._written = vec[u8]()
         # Where each ends, and the next one begins.
-        self._ends = array("I", [0])
+        self._ends = vec[i64]([0])
 
     def __len__(self) -> int:
         return len(self._ends) - 1
@@ -34,17 +34,10 @@ class StateStore:
         """Return the states from one number up to another, which does not count."""
         return [self[number] for number in range(first, end)]
 
-    def is_at(self, number: int, state: bytes) -> bool:
-        """Return whether a state has a number."""
-        return self._written[self._ends[number] : self._ends[number + 1]] == state
-
     def append(self, state: bytes) -> None:
         """Give a state the next number."""
-        self._written += state
-        end = len(self._written)
-        if end > _MOST and self._ends.typecode == "I":
-            self._ends = array("Q", self._ends)
-        self._ends.append(end)
+        self._written = extend(self._written, state)
+        self._ends = append(self._ends, len(self._written))
 
 
 class Numbering:
@@ -59,18 +52,18 @@ class Numbering:
     def __init__(self) -> None:
         self.states = StateStore()
         # One more than the number of a state, where its hash leads to or behind that; the size is a power of two.
-        self._table = array("I", bytes(4 * _FIRST_SIZE))
+        self._table = vec[i32](bytes(_FIRST_SIZE))
         self._mask = _FIRST_SIZE - 1
 
     def find(self, state: bytes) -> int:
         """Return the number of a state; -1 if it has none."""
         table, states, mask = self._table, self.states, self._mask
-        at: int = hash(state) & mask
+        at = hash(state) & mask
         while True:
-            slot: int = table[at]
+            slot = table[at]
             if slot == _FREE:
                 return -1
-            if states.is_at(slot - 1, state):
+            if states[slot - 1] == state:
                 return slot - 1
             at = (at + 1) & mask
 
@@ -86,14 +79,14 @@ class Numbering:
 
     def _grow(self) -> None:
         size = 2 * (self._mask + 1)
-        self._table = array("I", bytes(4 * size))
+        self._table = vec[i32](bytes(size))
         self._mask = size - 1
         for number in range(len(self.states)):
             self._place(self.states[number], number)
 
     def _place(self, state: bytes, number: int) -> None:
         table, mask = self._table, self._mask
-        at: int = hash(state) & mask
+        at = hash(state) & mask
         while table[at] != _FREE:
             at = (at + 1) & mask
         table[at] = number + 1

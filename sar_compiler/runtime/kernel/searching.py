@@ -1,17 +1,20 @@
 """Searching the states of a tree breadth first."""
 
-from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
+
+from librt.vecs import append
+from mypy_extensions import i32, mypyc_attr
 
 from sar_compiler.runtime.kernel.graph import Breach, Graph
 from sar_compiler.runtime.kernel.numbering import Numbering
 
 # Who waits for a report, or wants to stop, does not wait long for so many ticks.
 _REPORT_EVERY: Final = 256
-_SHORT: Final = 1 << 16
-"""So many numbers fit into two bytes."""
+_BITS_OF_WAIT: Final = 28
+_WAIT: Final = (1 << _BITS_OF_WAIT) - 1
+"""An edge is the number of its target, counted from 1, and what it waits for in so many bits."""
 
 
 class Judgement(NamedTuple):
@@ -30,7 +33,8 @@ class Judgement(NamedTuple):
     is_open: bool = False
 
 
-class Stepper(Protocol):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Stepper:
     """The states that can be searched, and the steps between them.
 
     Attributes:
@@ -40,22 +44,22 @@ class Stepper(Protocol):
         error: What it raised.
     """
 
-    state: bytes | None
-    waits: int
-    broken: int
-    error: Exception | None
+    def __init__(self) -> None:
+        self.state: bytes | None = None
+        self.waits = self.broken = 0
+        self.error: Exception | None = None
 
     def start(self) -> bytes:
         """Return the state before the first step."""
-        ...
+        raise NotImplementedError
 
     def enter(self, state: bytes) -> None:
         """Go to a state."""
-        ...
+        raise NotImplementedError
 
     def step(self) -> bool:
         """Do the next one of the steps that are possible in the state; return False if there is none."""
-        ...
+        raise NotImplementedError
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
         """Judge a state.
@@ -64,12 +68,11 @@ class Stepper(Protocol):
             state: The state.
             idle: Whether every step leaves it as it is; None if that is not known yet.
         """
-        ...
+        raise NotImplementedError
 
-    @property
     def path(self) -> tuple[int, ...]:
-        """The choices of the last step."""
-        ...
+        """Return the choices of the last step."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -187,7 +190,7 @@ class _Exploration:
     def _expand(self, index: int) -> None:
         """Find the successors of a state; one whose successors do not all fit does not count as expanded."""
         stepper = self._stepper
-        edges: dict[tuple[int, int], None] = {}
+        edges: dict[int, None] = {}
         self._source, self._is_here = index, True
         stepper.enter(self._graph.states[index])
         while stepper.step():
@@ -198,14 +201,14 @@ class _Exploration:
 
     def _put_together(self, index: int, steps: list[Step]) -> None:
         """Take the steps that somebody else has found."""
-        edges: dict[tuple[int, int], None] = {}
+        edges: dict[int, None] = {}
         self._source, self._is_here = index, False
         for self._state, self._waits, self._broken in steps:
             if not self._take(edges):
                 return
         self._finish(edges)
 
-    def _take(self, edges: dict[tuple[int, int], None]) -> bool:
+    def _take(self, edges: dict[int, None]) -> bool:
         """Take the step in hand; return False if the search is over."""
         graph, waiting = self._graph, self._waiting
         self._count()
@@ -224,15 +227,15 @@ class _Exploration:
             if self._broken:
                 self._note_breaches(self._broken)
         # One that raises leads nowhere: it is no edge, but the state is not idle.
-        edges[target, waiting.setdefault(self._waits, len(waiting))] = None
+        edges[(target + 1) << _BITS_OF_WAIT | waiting.setdefault(self._waits, len(waiting))] = None
         return True
 
-    def _finish(self, edges: dict[tuple[int, int], None]) -> None:
+    def _finish(self, edges: dict[int, None]) -> None:
         """Write down the steps of the state in hand."""
         index = self._source
         self._write(edges)
         if index in self._open:
-            self._judge_again(index, idle=not any(target != index for target, _ in edges))
+            self._judge_again(index, idle=all(edge >> _BITS_OF_WAIT == index + 1 for edge in edges))
 
     def _count(self) -> None:
         """Count a tick, and report the progress now and then."""
@@ -248,18 +251,17 @@ class _Exploration:
         if self._report(Progress(*numbers, broken)):
             graph.stopped, graph.complete = True, False
 
-    def _write(self, edges: Iterable[tuple[int, int]]) -> None:
+    def _write(self, edges: dict[int, None]) -> None:
         """Write down what the ticks of a state lead to, and what they wait for."""
         graph = self._graph
         if len(self._waiting) > len(graph.waiting):
             graph.waiting = list(self._waiting)
-            if len(graph.waiting) > _SHORT and graph.waits.typecode == "H":
-                graph.waits = array("I", graph.waits)
-        for target, wait in edges:
-            if target >= 0:
-                graph.targets.append(target)
-                graph.waits.append(wait)
-        graph.offsets.append(len(graph.targets))
+        for edge in edges:
+            target = edge >> _BITS_OF_WAIT
+            if target:
+                graph.targets = append(graph.targets, i32(target - 1))
+                graph.waits.append(edge & _WAIT)
+        graph.offsets = append(graph.offsets, i32(len(graph.targets)))
 
     def _judge_again(self, index: int, *, idle: bool) -> None:
         """Judge a state again now that all of its ticks are known.
@@ -279,7 +281,7 @@ class _Exploration:
     def _add(self, state: bytes) -> int:
         graph = self._graph
         number = self._numbering.add(state)
-        graph.origins.append(self._source)
+        graph.origins = append(graph.origins, i32(self._source))
         judgement = self._stepper.judge(state, None)
         graph.ends.append(judgement.ends)
         graph.pending.append(judgement.pending)
@@ -316,4 +318,4 @@ class _Exploration:
             wanted = self._state, self._waits, self._broken
             while stepper.step() and (stepper.state, stepper.waits, stepper.broken) != wanted:
                 pass
-        return stepper.path
+        return stepper.path()

@@ -39,9 +39,9 @@ class StockNode(TreeNode):
         self.forget(ticker)
         ticker.cells[self.at] = INVALID
 
-    def point_at(self, index: int) -> None:
+    def point_at(self, ticker: Ticker, index: int) -> None:
         """Make a child the current one; with -1, the last one."""
-        if index != self.pointed:
+        if index != self.pointed and ticker.tells:
             self.pointed = index
             self.behaviour.current_child = self.children[index].behaviour if self.children else None
 
@@ -94,7 +94,7 @@ class StockSequenceNode(StockNode):
     def end(self, ticker: Ticker, status: int) -> int:
         """Leave the tick with a status."""
         cells, index = ticker.cells, ticker.cells[self.position]
-        self.point_at(index)
+        self.point_at(ticker, index)
         if status != SUCCESS and not self.memory:
             stop_all(self.children[index + 1 :], ticker)
         if status == INVALID and not IS_2_3:
@@ -107,7 +107,7 @@ class StockSequenceNode(StockNode):
 
     def break_off(self, ticker: Ticker) -> None:
         """Make the child in hand the current one."""
-        self.point_at(ticker.cells[self.position])
+        self.point_at(ticker, ticker.cells[self.position])
 
 
 class StockSelectorNode(StockNode):
@@ -128,7 +128,7 @@ class StockSelectorNode(StockNode):
         cells = ticker.cells
         if cells[self.at] != RUNNING:
             self.pointed = _NOWHERE
-            self.point_at(0)
+            self.point_at(ticker, 0)
         previous = cells[self.position]
         if self.memory:
             if IS_2_3:
@@ -159,7 +159,7 @@ class StockSelectorNode(StockNode):
             if status not in (INVALID, FAILURE):
                 return self.decide(ticker, status)
             index += 1
-        self.point_at(-1)
+        self.point_at(ticker, -1)
         self.forget(ticker)
         cells[self.at] = FAILURE
         return FAILURE
@@ -167,7 +167,7 @@ class StockSelectorNode(StockNode):
     def decide(self, ticker: Ticker, status: int) -> int:
         """Leave the tick because of the child in hand."""
         cells, index = ticker.cells, ticker.cells[self.current]
-        self.point_at(index)
+        self.point_at(ticker, index)
         if index != cells[self.position]:
             stop_all(self.children[index + 1 :], ticker)
         cells[self.position] = index if status == RUNNING else 0
@@ -240,18 +240,18 @@ class StockParallelNode(StockNode):
         cells, children = ticker.cells, self.children
         for index, child in enumerate(children):
             if cells[child.at] == FAILURE:
-                self.point_at(index)
+                self.point_at(ticker, index)
                 return FAILURE
         if self.one_is_enough:
             for index in range(len(children) - 1, -1, -1):
                 if cells[children[index].at] == SUCCESS:
-                    self.point_at(index)
+                    self.point_at(ticker, index)
                     return SUCCESS
-            self.point_at(-1)
+            self.point_at(ticker, -1)
             return RUNNING if children else SUCCESS
         for child in self.needed:
             if cells[child.at] != SUCCESS:
-                self.point_at(-1)
+                self.point_at(ticker, -1)
                 return RUNNING
         self.pointed = _NOWHERE
         self.behaviour.current_child = self.needed[-1].behaviour if children else None

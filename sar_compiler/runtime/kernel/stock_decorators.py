@@ -118,6 +118,7 @@ class StockCountingNode(StockDecoratorNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.count = part.cell()
+        self.known: dict[int, int] = {}
 
     def attribute(self) -> str:
         """Return the attribute that holds the count; empty if there is no need to remember it."""
@@ -133,6 +134,19 @@ class StockCountingNode(StockDecoratorNode):
         attribute = self.attribute()
         if not attribute:
             return super().update(ticker)
+        cells = ticker.cells
+        if ticker.tells:
+            return self.count_on(ticker, attribute)
+        place = int(cells[self.count]) * len(STATUSES) + int(cells[self.child.at])
+        known = self.known.get(place, -1)
+        if known < 0:
+            status = self.count_on(ticker, attribute)
+            known = self.known[place] = int(cells[self.count]) * len(STATUSES) + status
+        cells[self.count] = known // len(STATUSES)
+        return known % len(STATUSES)
+
+    def count_on(self, ticker: Ticker, attribute: str) -> int:
+        """Have the behaviour count and decide."""
         setattr(self.behaviour, attribute, ticker.cells[self.count])
         status = super().update(ticker)
         ticker.cells[self.count] = getattr(self.behaviour, attribute)
@@ -204,6 +218,10 @@ class StockOneShotNode(StockDecoratorNode):
             self.child.stop(ticker)
         ticker.cells[self.at] = final
         return final
+
+    def update(self, ticker: Ticker) -> int:
+        """Return the child's status, as its class does while it keeps none."""
+        return super().update(ticker) if ticker.tells else ticker.cells[self.child.at]
 
     def terminate(self, ticker: Ticker, status: int) -> None:
         """Keep an outcome that counts."""

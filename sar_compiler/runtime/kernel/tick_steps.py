@@ -5,7 +5,7 @@ from collections.abc import Callable
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel.entry_cells import Memo
 from sar_compiler.runtime.kernel.forking import KNOWN, ForkingTicker
-from sar_compiler.runtime.kernel.searching import Judgement
+from sar_compiler.runtime.kernel.searching import Judgement, Stepper
 from sar_compiler.runtime.kernel.state_code import StateCode
 from sar_compiler.runtime.kernel.tree import FlatTree
 
@@ -15,7 +15,7 @@ Judge = Callable[[int, int, bool | None], Judgement]
 That is None while it is not known. Of the entries of the blackboard it looks at some that are known."""
 
 
-class TickSteps:
+class TickSteps(Stepper):
     """The steps between the states of a tree: all of its possible ticks.
 
     Args:
@@ -36,6 +36,7 @@ class TickSteps:
     def __init__(
         self, flat: FlatTree, ticker: ForkingTicker, judge: Judge, judged_by: list[int], *, forgets: bool
     ) -> None:
+        super().__init__()
         self._flat = flat
         self._ticker = ticker
         heeded = {node.at for node in flat.nodes if node.heeds_end}
@@ -47,9 +48,8 @@ class TickSteps:
         self._judged: dict[tuple[int, int, bool | None], Memo] = {}
         self._is_fresh = True
         self._first = self._write_state(0, 0)
-        self.state: bytes | None = self._first
-        self.waits = self.broken = self.outcome = 0
-        self.error: Exception | None = None
+        self.state = self._first
+        self.outcome = 0
 
     @property
     def known(self) -> int:
@@ -60,9 +60,8 @@ class TickSteps:
         """Return the state before the first tick."""
         return self._first
 
-    @property
     def path(self) -> tuple[int, ...]:
-        """The choices of the last step."""
+        """Return the choices of the last step."""
         return self._ticker.choices.path
 
     def enter(self, state: bytes) -> None:

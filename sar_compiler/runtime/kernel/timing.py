@@ -172,11 +172,11 @@ class SleepNode(ChildlessNode):
         if cells[self.at] != RUNNING:
             timer.start(self.seconds(), ticker)
         if timer.is_up(ticker):
-            self.tell("")
+            self.tell(ticker, "")
             timer.stop(ticker)
             cells[self.at] = SUCCESS
             return SUCCESS
-        self.tell(timer.left(ticker))
+        self.tell(ticker, timer.left(ticker))
         cells[self.at] = RUNNING
         return RUNNING
 
@@ -191,9 +191,10 @@ class SleepNode(ChildlessNode):
         """Return how long to wait, in seconds."""
         return seconds_of(self.behaviour, "msec")
 
-    def tell(self, left: str) -> None:
+    def tell(self, ticker: Ticker, left: str) -> None:
         """Set the feedback message to the time that is left; empty at the end."""
-        self.behaviour.feedback_message = left
+        if ticker.tells:
+            self.behaviour.feedback_message = left
 
 
 class TimerNode(SleepNode):
@@ -203,8 +204,10 @@ class TimerNode(SleepNode):
         """Return how long to run, in seconds."""
         return float(self.behaviour.duration)
 
-    def tell(self, left: str) -> None:
+    def tell(self, ticker: Ticker, left: str) -> None:
         """Set the feedback message."""
+        if not ticker.tells:
+            return
         behaviour = self.behaviour
         behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 

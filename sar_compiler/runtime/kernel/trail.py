@@ -3,6 +3,9 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from librt.vecs import vec
+from mypy_extensions import u8
+
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 
 
@@ -34,8 +37,8 @@ class Trail:
 
     Attributes:
         numbers: What has happened, in order.
-        keeps: Whether what the entries hold before each event is kept; a search has no use for it.
-        pasts: That, for each event.
+        keeps: Whether events are kept, and what the entries hold before each of them; a search has no use for it.
+        pasts: The latter, for each event.
         going_on: The leaves that run on as they were, and the timers that were not up, as bits.
         changed: The leaves that run and timers that count, but have begun in this tick, as bits.
         watched: What the properties remember.
@@ -50,9 +53,12 @@ class Trail:
         entries: EntryCells,
     ) -> None:
         self._guarded = guarded
-        self._heard = {*heard, *guarded}
+        numbers = {*heard, *guarded}
+        beside = [each.number for some in guarded.values() for each in some]
+        self._count: int = max([*numbers, *beside, -1]) + 1
+        self._heard = vec[u8]([number in numbers for number in range(self._count)])
         self._after = after
-        self._known: dict[tuple[int, int], tuple[int, int]] = {}
+        self._known: dict[int, tuple[int, int]] = {}
         self._bits: dict[int, int] = {}
         self._entries = entries
         self.numbers: list[int] = []
@@ -72,8 +78,9 @@ class Trail:
 
     def go_back(self, happened: int) -> None:
         """Forget all events but the first ones, of that number."""
-        del self.numbers[happened:]
-        del self.pasts[happened:]
+        if self.keeps:
+            del self.numbers[happened:]
+            del self.pasts[happened:]
 
     @property
     def known(self) -> int:
@@ -108,8 +115,9 @@ class Trail:
 
     def take(self, number: int) -> None:
         """Take an event, and what goes with it."""
-        if number not in self._heard:
-            self._add(number)
+        if number >= self._count or not self._heard[number]:
+            if self.keeps:
+                self._keep(number)
             return
         holding = [each for each in self._guarded.get(number, ()) if each.holds()]
         for each in holding:
@@ -120,14 +128,14 @@ class Trail:
             if not each.comes_first:
                 self._note(each.number)
 
-    def _add(self, number: int) -> None:
+    def _keep(self, number: int) -> None:
         self.numbers.append(number)
-        if self.keeps:
-            self.pasts.append(self._entries.now[:])
+        self.pasts.append(list(self._entries.now))
 
     def _note(self, number: int) -> None:
-        self._add(number)
-        place = (self.watched, number)
+        if self.keeps:
+            self._keep(number)
+        place = self.watched * self._count + number
         known = self._known.get(place)
         if known is None:
             known = self._known[place] = self._after(self.watched, number)

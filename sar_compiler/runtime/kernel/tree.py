@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from typing import Any, Final
 
+from librt.vecs import vec
+from mypy_extensions import i32
+
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import Layout, Part, Ticker, TreeNode
 
@@ -35,7 +38,7 @@ class FlatTree:
 
     def ticker(self, times: Times) -> Ticker:
         """Return what ticks the tree, which was never ticked."""
-        return Ticker(list(self._layout.cells), list(self._layout.values), times)
+        return Ticker(vec[i32](self._layout.cells), list(self._layout.values), times)
 
     def renumber(self, ticker: Ticker) -> None:
         """Keep the counts of writes to entries small, so that equal states compare equal.

@@ -7,6 +7,8 @@ children says in `begin` and `resume` which child it needs next, and the `Ticker
 from collections.abc import Hashable
 from typing import Any, ClassVar, Final
 
+from librt.vecs import vec
+from mypy_extensions import i32
 from py_trees.common import Status
 
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, INVALID, RUNNING, SKIPPED, STATUSES, number_of
@@ -177,7 +179,7 @@ class TreeNode:
         if ticker.is_live:
             self.behaviour.status = _INVALID
 
-    def show(self, cells: list[int]) -> None:
+    def show(self, cells: vec[i32]) -> None:
         """Give the behaviour the status that the cells say."""
         status: Any = STATUSES[cells[self.at]]
         if self.behaviour.status is not status:
@@ -227,11 +229,11 @@ class Ticker:
         is_live: Whether the cells are changed by ticks only, so that the statuses of behaviours agree with them.
         is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
         by_step: Whether leaves are called like all other nodes, and not in passing.
-        tells: Whether anybody reads what nodes tell of themselves.
+        tells: Whether anybody reads what nodes tell of themselves: their messages, and which child is the current one.
         visits: Where the nodes go that are ticked, in the order of their ends; None where nobody looks.
     """
 
-    def __init__(self, cells: list[int], values: list[Any], times: Times) -> None:
+    def __init__(self, cells: vec[i32], values: list[Any], times: Times) -> None:
         self.cells = cells
         self.values = values
         self.times = times
@@ -409,7 +411,8 @@ class ControlNode(OwnNode):
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
         """Tick a child, which is the current one, and go on after it; return the outcome of the node, or CALLED."""
-        self.behaviour.current_child = child.behaviour
+        if ticker.tells:
+            self.behaviour.current_child = child.behaviour
         return super().tick_child(child, ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
@@ -448,7 +451,8 @@ class InTurnNode(ControlNode):
                 if index < 0:
                     return self.end(ticker)
                 child = children[index]
-                behaviour.current_child = child.behaviour
+                if ticker.tells:
+                    behaviour.current_child = child.behaviour
                 outcome = child.tick(ticker)
                 if outcome == CALLED:
                     return CALLED

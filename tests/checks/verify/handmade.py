@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from sar_compiler.runtime.kernel.searching import Judgement, explore
+from sar_compiler.runtime.kernel.searching import Judgement, Stepper, explore
 
 
-class HandMade:
+class HandMade(Stepper):
     """States are numbers, as a byte; each tick leads to one, and may wait for something (bits).
 
     Args:
@@ -26,15 +26,13 @@ class HandMade:
         owing: Mapping[int, int] | None = None,
         idle_ends: Sequence[int] = (),
     ) -> None:
+        super().__init__()
         self._ticks = ticks
         self._ends = ends
         self._breaks = broken or {}
         self._owing = owing or {}
         self._idle_ends = idle_ends
-        self.path: tuple[int, ...] = ()
-        self.state: bytes | None = None
-        self.waits = self.broken = 0
-        self.error: Exception | None = None
+        self._place = 0
         self._left: list[tuple[int, int | tuple[int, int]]] = []
 
     def start(self):
@@ -47,10 +45,13 @@ class HandMade:
         if not self._left:
             return False
         place, tick = self._left.pop(0)
-        self.path = (place,)
+        self._place = place
         number, self.waits = tick if isinstance(tick, tuple) else (tick, 0)
         self.state = bytes([number])
         return True
+
+    def path(self):
+        return (self._place,)
 
     def judge(self, state, idle):
         number = state[0]

@@ -38,8 +38,9 @@ def found(count, report=lambda _: None):
         graph = explore(stepper.steps, 3000, report, helpers=helpers)
     finally:
         helpers.close()
-    others = [getattr(graph, each.name) for each in dataclasses.fields(graph) if each.name != "states"]
-    return [list(graph.states), *others, stepper.ran]
+    names = {each.name for each in dataclasses.fields(graph)} - {"states", "waits"}
+    waits = [graph.waits[edge] for edge in range(len(graph.targets))]
+    return [list(graph.states), waits, *(getattr(graph, name) for name in sorted(names)), stepper.ran]
 
 
 @pytest.fixture(scope="module")

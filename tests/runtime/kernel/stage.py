@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from librt.vecs import vec
+from mypy_extensions import i32
 from py_trees.common import Status
 
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree
@@ -225,7 +227,7 @@ class Saved:
     """A state of a tree in flat form, and when it had it."""
 
     cells: Any
-    entries: list[int]
+    entries: Any
     time: float
 
 
@@ -258,7 +260,8 @@ class FlatStage(Stage):
     def restore(self, saved: Saved) -> None:
         """Go back to a state."""
         assert self.entries is not None, "nothing was saved"
-        self.ticker.cells[:], self.ticker.values[:] = saved.cells
+        cells, self.ticker.values[:] = saved.cells
+        self.ticker.cells = vec[i32](cells)
         self.entries.restore(saved.entries)
         self.clock.advance(saved.time - self.clock.now())
         self.ticker.times = ClockTimes(self.clock)

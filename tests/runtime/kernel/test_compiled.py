@@ -1,5 +1,6 @@
 """Which kernel is in use: the compiled one only where it was made of the sources beside it."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -77,3 +78,25 @@ def test_the_version_says_which_is_in_use(capsys):
         main(["--version"])
     assert end.value.code == 0
     assert f"kernel: {kernel.describe()})" in capsys.readouterr().out
+
+
+VERIFY = "sys.exit(main(['verify', 'trees/search_and_rescue.xml', '--format', 'json']))"
+WITHOUT_LIBRT = """
+import importlib.util, sys
+missing, there = ('librt', 'mypy_extensions'), importlib.util.find_spec
+importlib.util.find_spec = lambda name, *given: None if name in missing else there(name, *given)
+sys.modules.update(dict.fromkeys(missing))
+from sar_compiler.runtime import kernel
+assert not kernel.IS_COMPILED
+"""
+
+
+def verified(before=""):
+    program = f"import sys\nfrom sar_compiler.cli.compile import main\n{before}{VERIFY}"
+    words = [sys.executable, "-c", program]
+    run = subprocess.run(words, cwd=PACKAGE.parent, capture_output=True, text=True, check=False)
+    return {**json.loads(run.stdout), "seconds": 0}, run.returncode, run.stderr
+
+
+def test_lists_stand_in_for_librt_where_that_is_not_installed():
+    assert verified(WITHOUT_LIBRT) == verified()

@@ -44,9 +44,9 @@ class TestShape:
             composites.Sequence("root", memory=True, children=[Success("a"), Running("b"), Failure("c")])
         )
         ticker = flat.ticker(TIMES)
-        assert ticker.cells[:4] == [INVALID] * 4
+        assert list(ticker.cells[:4]) == [INVALID] * 4
         assert tick(flat, ticker) == RUNNING
-        assert ticker.cells[:4] == [RUNNING, SUCCESS, RUNNING, INVALID]
+        assert list(ticker.cells[:4]) == [RUNNING, SUCCESS, RUNNING, INVALID]
 
     def test_a_tree_as_deep_as_py_trees_can_tick_has_a_flat_form(self):
         root: Behaviour = Success("leaf")
@@ -167,7 +167,7 @@ class TestLeaves:
         ticker = flat.ticker(TIMES)
         with pytest.raises(RuntimeError, match="out of battery"):
             tick(flat, ticker)
-        assert ticker.cells[:3] == [INVALID, RUNNING, INVALID]
+        assert list(ticker.cells[:3]) == [INVALID, RUNNING, INVALID]
 
     def test_an_answer_that_is_no_status_is_logged(self, monkeypatch):
         leaf = Answering("leaf", "SUCCESS")
@@ -245,7 +245,7 @@ class TestState:
         tick(flat, ticker)
         stop(flat, ticker, 2)
         put_to_rest(flat, ticker, 1)
-        assert (ticker.cells[:3], ended.ends) == ([RUNNING, INVALID, INVALID], [Status.INVALID])
+        assert (list(ticker.cells[:3]), ended.ends) == ([RUNNING, INVALID, INVALID], [Status.INVALID])
 
     def test_a_guard_that_answers_with_neither_a_bool_nor_a_status_raises_as_in_py_trees(self):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: 1))

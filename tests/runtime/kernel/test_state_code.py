@@ -2,6 +2,8 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
+from librt.vecs import vec
+from mypy_extensions import i32
 
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.numbering import Numbering
@@ -21,8 +23,12 @@ STATES = st.tuples(
 )
 
 
+def numbers(items):
+    return vec[i32](items)
+
+
 def code(forgotten=()):
-    return StateCode(FIRST_CELLS, FIRST_VALUES, list(forgotten))
+    return StateCode(numbers(FIRST_CELLS), FIRST_VALUES, list(forgotten))
 
 
 def without_end(entries):
@@ -36,16 +42,19 @@ def without_end(entries):
 def test_a_state_is_read_as_it_was_written(state):
     head, cells, values, entries = state
     states = code()
-    written = states.write(head, cells, values, entries)
-    read_cells, read_values = [9] * len(cells), [9] * len(values)
-    assert states.read(written, read_cells, read_values) == without_end(entries)
-    assert (read_cells, read_values, states.head(written)) == (cells, values, head)
+    written = states.write(head, numbers(cells), values, numbers(entries))
+    read_cells, read_values = numbers([9] * len(cells)), [9] * len(values)
+    assert list(states.read(written, read_cells, read_values)) == without_end(entries)
+    assert (list(read_cells), read_values, states.head(written)) == (cells, values, head)
 
 
 @given(st.lists(STATES, max_size=6))
 def test_two_states_are_written_alike_only_if_they_are_the_same(states):
     coding = code()
-    written = [coding.write(*state) for state in states]
+    written = [
+        coding.write(head, numbers(cells), values, numbers(entries))
+        for head, cells, values, entries in states
+    ]
     same = [(head, cells, values, without_end(entries)) for head, cells, values, entries in states]
     for index, one in enumerate(same):
         assert [other == one for other in same] == [other == written[index] for other in written]
@@ -54,15 +63,15 @@ def test_two_states_are_written_alike_only_if_they_are_the_same(states):
 def test_how_a_forgotten_node_has_ended_is_not_written():
     states = code([True, False, True])
     ended, running = [SUCCESS, FAILURE, INVALID, 0, 7], [INVALID, FAILURE, RUNNING, 0, 7]
-    read = [0] * 5
-    states.read(states.write([0, 0], ended, FIRST_VALUES, []), read, [0, 0])
-    assert read == [INVALID, FAILURE, INVALID, 0, 7]
-    states.read(states.write([0, 0], running, FIRST_VALUES, []), read, [0, 0])
-    assert read == running
+    read = numbers([0] * 5)
+    states.read(states.write([0, 0], numbers(ended), FIRST_VALUES, numbers([])), read, [0, 0])
+    assert list(read) == [INVALID, FAILURE, INVALID, 0, 7]
+    states.read(states.write([0, 0], numbers(running), FIRST_VALUES, numbers([])), read, [0, 0])
+    assert list(read) == running
 
 
 def test_a_tree_as_it_was_at_first_takes_two_bytes():
-    assert len(code().write([0, 0], FIRST_CELLS, FIRST_VALUES, [0, 0])) == 2
+    assert len(code().write([0, 0], numbers(FIRST_CELLS), FIRST_VALUES, numbers([0, 0]))) == 2
 
 
 @given(st.lists(st.binary(max_size=2), max_size=3000))
