@@ -1,6 +1,6 @@
 """The kernel: what ticks trees.
 
-A tree in flat form is a list of nodes over lists of cells, which are all that it remembers between two ticks, but for
+A tree in flat form is a list of nodes over vectors of cells, which are all that it remembers between two ticks, but for
 the blackboard and for what leaves keep to themselves.
 
 Where the package was built with a C compiler at hand, mypyc has compiled these modules. They are the same files, and do

@@ -126,13 +126,13 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
     """Yield the strongly connected components of a graph, each after all that can be reached from it.
 
     Tarjan's algorithm. Its recursion is as deep as the longest path, which may be a million states, so the path is
-    a list, and `_Walk.following` holds where each state on it goes on.
+    a list, and `_DepthFirst.following` holds where each state on it goes on.
 
     Args:
         graph: The graph.
         excluded: 1 for each state that is taken for not being there.
     """
-    walk = _Walk(graph, excluded)
+    walk = _DepthFirst(graph, excluded)
     stack: list[int] = []
     number = _NEW
     for root in range(len(graph.states)):
@@ -156,7 +156,7 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
                 yield _pop_component(stack, walk.on_stack, state)
 
 
-class _Walk:
+class _DepthFirst:
     """What Tarjan's algorithm knows of each state: its number in order, the least that it leads back to, and its next tick."""
 
     def __init__(self, graph: Graph, excluded: bytearray) -> None:
