@@ -73,6 +73,7 @@ def built(path: str) -> Made:
             "Parallel": lambda: py_trees.composites.Parallel(name, all_of, children),
             "KeepRunningUntilFailure": lambda: py_trees.decorators.SuccessIsRunning(name, children[0]),
             "Leaf": lambda: Leaf(name),
+            "AlwaysSuccess": lambda: py_trees.behaviours.Success(name),
             "SetBlackboard": lambda: Copy(
                 name, "/" + element.get("value", "").strip("{}"), "/" + element.get("output_key", "")
             ),
@@ -81,6 +82,8 @@ def built(path: str) -> Made:
                 name, py_trees.common.ComparisonExpression(key, int(value[3:]), operator.eq)
             ),
         }
+        if element.tag not in makers:
+            raise LookupError(f"py_trees has no {element.tag}")
         return makers[element.tag]()
 
     root = build(ET.parse(path).getroot()[0][0])  # noqa: S314 - a file of our own

@@ -66,7 +66,7 @@ def own_python(monkeypatch):
     monkeypatch.setattr(peers, "PYTHON", Path(sys.executable))
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", sorted(SHAPES.keys() - {"mixed"}))
 def test_py_trees_builds_and_ticks_a_file_that_is_right_for_this_project(shape, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text(document(SHAPES[shape](20)), encoding="utf-8")
@@ -78,6 +78,13 @@ def test_py_trees_builds_and_ticks_a_file_that_is_right_for_this_project(shape, 
     tick()
     assert root.status is live.root.status
     assert len(list(root.iterate())) == len(live.nodes)
+
+
+def test_what_py_trees_has_not_is_refused_by_name(tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<Inverter><Leaf/></Inverter>"), encoding="utf-8")
+    with pytest.raises(LookupError, match="py_trees has no Inverter"):
+        peer.built(str(path))
 
 
 def test_another_library_ticks_in_a_process_of_its_own(tmp_path, own_python):
