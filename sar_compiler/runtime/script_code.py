@@ -17,7 +17,7 @@ from typing import Any
 from sar_compiler.runtime import operators
 from sar_compiler.runtime.blackboard import Board, Entry
 from sar_compiler.runtime.entry_types import value_of, value_to_assign
-from sar_compiler.runtime.expressions import Script, parts
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.script_skeletons import (
     Applied,
     Chain,
@@ -37,8 +37,8 @@ from sar_compiler.runtime.variables import (
 MISSED = (KeyError, ArithmeticError, VariableError)
 """What a statement raises in its quick form if it has to be evaluated in the usual way."""
 
-_LARGEST = 200
-"""The most expressions of a script that is worth it."""
+_LONGEST = 1_000
+"""The length of a script, in characters, up to which it is worth it."""
 
 _ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
     "+": ast.Add,
@@ -61,7 +61,7 @@ def quick_script(
     usual: Sequence[Callable[[], ScriptValue]],
     condition: Callable[[ScriptValue], bool] | None = None,
 ) -> Callable[[], Any] | None:
-    """Return what evaluates a script; None if it is too large for that.
+    """Return what evaluates a script; None if it is too long for that.
 
     Args:
         script: The script.
@@ -70,7 +70,7 @@ def quick_script(
         usual: What evaluates each of its statements in the usual way.
         condition: If the script is a condition, what makes the answer of its value.
     """
-    if sum(1 for statement in script.statements for _ in parts(statement)) > _LARGEST:
+    if len(script.text) > _LONGEST:
         return None
     skeleton = Skeleton(script, enums)
     entries = [entry(name) for name in skeleton.names]
@@ -306,10 +306,17 @@ def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
         _let("given", seen),
         ast.Assign([_item_to("storage", target)], held),
     ]
-    return [
+    found: list[ast.stmt] = [
         _let("held", _item("storage", target)),
         _let("count", ast.BinOp(_item("stamps", target), ast.Add(), ast.Constant(1))),
-        *([ast.Expr(_item("kinds", target))] if creates else []),
+    ]
+    if creates:
+        made = _call("created", *map(_load, ("storage", "stamps", "kinds", target)))
+        pair = ast.Tuple([ast.Name("held", ast.Store()), ast.Name("count", ast.Store())], ast.Store())
+        handler = ast.ExceptHandler(_load("KeyError"), None, [ast.Assign([pair], made)])
+        found = [ast.Try([*found, ast.Expr(_item("kinds", target))], [handler], [], [])]
+    return [
+        *found,
         ast.If(is_like, [ast.Assign([_item_to("storage", target)], _load("given"))], unlike),
         ast.Assign([_item_to("stamps", target)], _load("count")),
     ]
@@ -428,6 +435,14 @@ def _number_seen(held: object) -> float:
     return as_real(_seen(held))
 
 
+def _created(
+    storage: Mapping[str, object], stamps: Mapping[str, int], kinds: dict[str, type | None], name: str
+) -> tuple[object, int]:
+    """Name an entry that may not be there; return what it holds, and how often it will have been written."""
+    kinds.setdefault(name, None)
+    return storage.get(name), stamps.get(name, 0) + 1
+
+
 def _fitted(
     held: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
 ) -> object:
@@ -442,6 +457,7 @@ def _fitted(
 _REACHED: dict[str, Any] = {
     "__builtins__": {},
     "MISSED": MISSED,
+    "KeyError": KeyError,
     "type": type,
     "bool": bool,
     "float": float,
@@ -460,5 +476,6 @@ _REACHED: dict[str, Any] = {
     "seen": _seen,
     "number_seen": _number_seen,
     "fitted": _fitted,
+    "created": _created,
 }
 """All that the code can call."""

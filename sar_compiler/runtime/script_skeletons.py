@@ -5,15 +5,12 @@ from typing import NamedTuple
 
 from sar_compiler.runtime.expressions import (
     Assignment,
-    ComparisonChain,
     Conditional,
     Expression,
     Literal,
     Name,
-    Operation,
     Prefix,
     Script,
-    parts,
 )
 from sar_compiler.runtime.variables import LARGEST_EXACT, ScriptValue
 
@@ -48,6 +45,10 @@ class Chain(NamedTuple):
 SkeletonPart = VariableSlot | ConstantSlot | Applied | Chain
 
 
+class _InnerAssignmentError(Exception):
+    """An expression assigns before it is calculated."""
+
+
 class Skeleton:
     """A script without its names and constants.
 
@@ -70,12 +71,12 @@ class Skeleton:
         self.statements = tuple(self._statement(each) for each in script.statements)
 
     def _statement(self, node: Expression) -> SkeletonPart | None:
-        inner = node.value if isinstance(node, Assignment) else node
-        if any(isinstance(part, Assignment) for part in parts(inner)):
+        try:
+            if not isinstance(node, Assignment):
+                return self._part(node)
+            return Applied(node.operator, (self._named(node.target.name), self._part(node.value)))
+        except _InnerAssignmentError:
             return None
-        if not isinstance(node, Assignment):
-            return self._part(node)
-        return Applied(node.operator, (self._named(node.target.name), self._part(node.value)))
 
     def _part(self, node: Expression) -> SkeletonPart:
         if isinstance(node, Literal):
@@ -87,7 +88,8 @@ class Skeleton:
             return Applied(node.operator, (self._part(node.operand),))
         if isinstance(node, Conditional):
             return Applied("?", tuple(map(self._part, (node.condition, node.then, node.otherwise))))
-        assert isinstance(node, (Operation, ComparisonChain))  # noqa: S101 - `_statement` has looked for assignments
+        if isinstance(node, Assignment):
+            raise _InnerAssignmentError
         operands = (node.first, *(step.operand for step in node.steps))
         return Chain(tuple(step.operator for step in node.steps), tuple(map(self._part, operands)))
 

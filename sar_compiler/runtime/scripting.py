@@ -158,23 +158,27 @@ class NodeScript:
         return self._recall(Program.holds) if quick is None else quick()
 
     def _bind(self) -> Callable[[], ScriptValue] | None:
-        self.quick_run = self._quick(None)
+        self.quick_run = self._quick()
         return self.quick_run
 
     def _bind_condition(self) -> Callable[[], bool] | None:
-        def condition(value: ScriptValue) -> bool:
-            return self._explained(self._current_program().as_condition, value)
-
-        self.quick_holds = self._quick(condition)
+        self.quick_holds = self._quick(self._answer)
         return self.quick_holds
 
-    def _quick(self, condition: Callable[[ScriptValue], bool] | None) -> Callable[[], Any] | None:
-        """Return its quick form; None if there is none, because the script may be another one in the next tick, or entries are numbers."""
+    def _quick(self, condition: Callable[[ScriptValue], bool] | None = None) -> Callable[[], Any] | None:
+        """Return its quick form; None if it may be another one in the next tick, if entries are numbers, or if it is too long."""
         if self._code.entry is not None or self._board.is_numbered:
             return None
-        program, variables = self._current_program(), self._variables
-        usual = [functools.partial(self._explained, each, variables) for each in program.statements]
-        return quick_script(program.script, variables.entry, self._enums.numbers, usual, condition)
+        script = self._code.get()
+        usual = [functools.partial(self._evaluate, at) for at in range(len(script.statements))]
+        return quick_script(script, self._variables.entry, self._enums.numbers, usual, condition)
+
+    def _evaluate(self, at: int) -> ScriptValue:
+        """Evaluate a statement in the usual way."""
+        return self._explained(self._current_program().statements[at], self._variables)
+
+    def _answer(self, value: ScriptValue) -> bool:
+        return self._explained(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         """Run it; on a numbered board it is not run twice where its variables have the same values."""
