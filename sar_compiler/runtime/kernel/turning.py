@@ -195,6 +195,7 @@ class ConditionsNode(DecoratorNode):
         """Tick the node; in passing where it is a leaf, unless all nodes are ticked step by step."""
         if self.has_children or ticker.by_step:
             return super().tick(ticker)
+        ticker.reach(self)
         try:
             return self.begin(ticker)
         except BaseException:
@@ -241,7 +242,8 @@ class ConditionsNode(DecoratorNode):
         return self.come_to(ticker, outcome)
 
     def rest(self, ticker: Ticker) -> None:
-        """Bring the node to rest, whose status is this one's."""
+        """Forget how both have ended, which have one status."""
+        super().rest(ticker)
         self.child.rest(ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
