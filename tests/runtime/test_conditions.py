@@ -5,6 +5,8 @@ from py_trees import composites
 from py_trees.common import Status
 from py_trees.decorators import SuccessIsFailure
 
+from sar_compiler.runtime.kernel.cells import RUNNING
+from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
@@ -55,6 +57,20 @@ def test_the_first_condition_that_holds_decides_and_is_named(scripts, answer, be
     root = on(stage, stage.leaf("a"), **scripts)
     assert stage.tick(root) == answer
     assert root.feedback_message == because
+
+
+def test_the_conditions_of_a_leaf_that_somebody_has_stopped_are_asked_again():
+    stage = Stage(x=0)
+    leaf = stage.leaf("a", "R")
+    tree = LiveTree(
+        Sequence("root", memory=True, children=[on(stage, leaf, success_if="x==1"), stage.leaf("b", "R")])
+    )
+    assert tree.tick() == RUNNING
+    leaf.stop(Status.INVALID)
+    stage.entry("x").write(1)
+    assert tree.tick() == RUNNING
+    assert leaf.status is Status.SUCCESS
+    assert stage.told() == "a=R halt a b=R"
 
 
 def test_while_the_node_runs_only_while_is_asked():

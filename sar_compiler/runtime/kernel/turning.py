@@ -2,6 +2,9 @@
 
 from typing import Any
 
+from librt.vecs import vec
+from mypy_extensions import i32
+
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING, SKIPPED, WORDS, number_of
 from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, Part, Ticker, TreeNode
 from sar_compiler.runtime.scripting import NodeScript
@@ -240,6 +243,11 @@ class ConditionsNode(DecoratorNode):
         if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
         return self.come_to(ticker, outcome)
+
+    def show(self, cells: vec[i32]) -> None:
+        """Give the behaviour the status that a condition has decided; any other is the node's, which shows it."""
+        if self.has_told:
+            super().show(cells)
 
     def rest(self, ticker: Ticker) -> None:
         """Forget how both have ended, which have one status."""
