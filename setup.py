@@ -49,6 +49,8 @@ def kernel() -> "list[Extension]":
     from mypyc.build import mypycify
 
     sources = sorted(path for path in KERNEL.glob("*.py") if path.stem != "__init__")
+    # A compiled module is used only beside the source that it was made of: as that is before mypyc reads it.
+    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sources}
     arguments = [*OPTIONS, "--python-executable", sys.executable, *map(str, sources)]
     try:
         # As mypy's own setup.py has it: where it need not be fast, half the time of the build can be saved.
@@ -59,8 +61,6 @@ def kernel() -> "list[Extension]":
         return []
     for module in modules:
         module.optional = True
-    # A compiled module is used only beside the source that it was made of.
-    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sources}
     RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
     return modules
 
