@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from librt.vecs import append, vec
-from mypy_extensions import i16, i32
+from mypy_extensions import i16, i32, i64
 
 from sar_compiler.runtime.kernel.numbering import StateStore
 
@@ -73,7 +73,7 @@ class Graph:
 
     states: StateStore
     origins: vec[i32] = field(default_factory=lambda: vec[i32]([]))
-    offsets: vec[i32] = field(default_factory=lambda: vec[i32]([0]))
+    offsets: vec[i64] = field(default_factory=lambda: vec[i64]([0]))
     targets: vec[i32] = field(default_factory=lambda: vec[i32]([]))
     waits: Waits = field(default_factory=Waits)
     waiting: list[int] = field(default_factory=list)

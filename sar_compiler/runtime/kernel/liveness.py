@@ -41,7 +41,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from librt.vecs import vec
-from mypy_extensions import i32
+from mypy_extensions import i32, i64
 
 from sar_compiler.runtime.kernel.graph import Graph
 
@@ -161,7 +161,7 @@ class _DepthFirst:
 
     def __init__(self, graph: Graph, excluded: bytearray) -> None:
         zeros = bytes(len(graph.states))
-        self.order, self.low, self.following = vec[i32](zeros), vec[i32](zeros), vec[i32](zeros)
+        self.order, self.low, self.following = vec[i32](zeros), vec[i32](zeros), vec[i64](zeros)
         self.on_stack = bytearray(zeros)
         self._graph = graph
         self._excluded = excluded
@@ -169,7 +169,7 @@ class _DepthFirst:
     def begin(self, state: int, number: int) -> None:
         """Give a state a number."""
         self.order[state] = self.low[state] = i32(number)
-        self.following[state] = i32(self._graph.edges(state).start)
+        self.following[state] = self._graph.edges(state).start
         self.on_stack[state] = 1
 
     def enter(self, state: int) -> int:
@@ -186,7 +186,7 @@ class _DepthFirst:
                 found = target
             elif on_stack[target] and order[target] < least:
                 least = order[target]
-        self.following[state], self.low[state] = i32(edge), least
+        self.following[state], self.low[state] = edge, least
         return found
 
 

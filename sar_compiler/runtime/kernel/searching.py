@@ -261,7 +261,7 @@ class _Exploration:
             if target:
                 graph.targets = append(graph.targets, i32(target - 1))
                 graph.waits.append(edge & _WAIT)
-        graph.offsets = append(graph.offsets, i32(len(graph.targets)))
+        graph.offsets = append(graph.offsets, len(graph.targets))
 
     def _judge_again(self, index: int, *, idle: bool) -> None:
         """Judge a state again now that all of its ticks are known.
