@@ -158,13 +158,19 @@ def test_of_a_run_that_was_held_longer_than_proofs_assume_it_can_be_asked_as_wel
     assert {"instead": {"status": "SUCCESS", "label": "arrived"}, "then": [], "root": "SUCCESS"} in found
 
 
-def test_a_journal_has_a_report_on_its_page(tmp_path):
-    place = tmp_path / "a.journal"
-    path = tmp_path / "tree.xml"
+def journal_of_one_leaf(folder):
+    """Fly a tree of one leaf; return the file of its journal."""
+    place = folder / "a.journal"
+    path = folder / "tree.xml"
     path.write_text(document("<ZonesRemaining/>"), encoding="utf-8")
     journal = open_journal(place)
     flown(simulated(path, default_registry()), Said(), journal, tree_file=str(path), tree_id="Main")
     journal.close()
+    return place
+
+
+def test_a_journal_has_a_report_on_its_page(tmp_path):
+    place = journal_of_one_leaf(tmp_path)
     report = journal_tools([place])["report"]
     assert "<h2>What to do next</h2>" in str(report.ask({"robot": 0}))
     with pytest.raises(ToolError, match="there is no such robot"):
@@ -176,11 +182,6 @@ def test_a_journal_has_a_report_on_its_page(tmp_path):
 
 @pytest.mark.parametrize("wrong", [{"robot": 1}, {"robot": -1}, {"run": 2}, {"node": 3}])
 def test_what_is_not_in_a_journal_cannot_be_asked(tmp_path, wrong):
-    place = tmp_path / "a.journal"
-    path = tmp_path / "tree.xml"
-    path.write_text(document("<ZonesRemaining/>"), encoding="utf-8")
-    journal = open_journal(place)
-    flown(simulated(path, default_registry()), Said(), journal, tree_file=str(path), tree_id="Main")
-    journal.close()
+    place = journal_of_one_leaf(tmp_path)
     with pytest.raises(ToolError, match="there is no such"):
         journal_tools([place])["otherwise"].ask({"robot": 0, "run": 1, "node": 0, "tick": 1, **wrong})

@@ -1,5 +1,6 @@
 """Pages, servers and browsers for tests."""
 
+import base64
 import http.client
 import json
 from contextlib import closing
@@ -8,6 +9,8 @@ from typing import Any
 import pytest
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import (
     Alarm,
@@ -21,6 +24,7 @@ from sar_compiler.journal.situation import (
     MissionPhase,
 )
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.views.report_html import html_report
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import PageServer
 from sar_compiler.web.replay import Replay
@@ -201,3 +205,20 @@ def two(tmp_path):
     with closing(PageServer(feed, 0)) as server:
         server.start()
         yield server
+
+
+def patrol_report(tell):
+    """Return the report of a patrol of which the journal was told something."""
+    entries: list[JournalEntry] = []
+    journal = Journal()
+    journal.clock = ManualClock(100.0)
+    journal.listen(entries.append)
+    journal.attach(Patrol(), KINDS)
+    journal.begin(ABOUT, {"node": "/patrol"})
+    tell(journal)
+    return html_report(MissionState.of(entries))
+
+
+def as_address(page):
+    """Return a page as an address."""
+    return f"data:text/html;base64,{base64.b64encode(page.encode()).decode()}"

@@ -1,6 +1,5 @@
 """Both pages and the report for everybody: what axe-core finds, keys instead of a mouse, and what a finger can hit."""
 
-import base64
 import json
 from importlib.resources import files
 
@@ -8,13 +7,9 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.cli.run_page import _form, _TellsWhy
-from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.views.report_html import html_report
-from tests.web.conftest import ABOUT, KINDS, Patrol
+from tests.web.conftest import as_address, patrol_report
 from tests.web.flown import SCENES
 from tests.web.test_page import Asked
 from tests.web.test_page_server import Operator
@@ -112,15 +107,7 @@ def test_axe_finds_nothing_wrong_with_a_replay_of_two_robots(two, browser, axe, 
 
 
 def test_axe_finds_nothing_wrong_with_the_report(browser, axe):
-    entries: list[JournalEntry] = []
-    journal = Journal()
-    journal.clock = ManualClock(100.0)
-    journal.listen(entries.append)
-    journal.attach(Patrol(), KINDS)
-    journal.begin(ABOUT, {"node": "/patrol"})
-    tell(journal, "failed")
-    report = html_report(MissionState.of(entries))
-    browser.driver.get(f"data:text/html;base64,{base64.b64encode(report.encode()).decode()}")
+    browser.driver.get(as_address(patrol_report(lambda journal: tell(journal, "failed"))))
     require_none(browser, axe, "the report")
 
 

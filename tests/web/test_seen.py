@@ -4,13 +4,10 @@ import base64
 
 import pytest
 
-from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import Ending, JournalEntry
-from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.views.report_html import html_report
 from tests.views.test_reports import CONFIRMED, alarm, mission
-from tests.web.conftest import ABOUT, KINDS, Patrol
+from tests.web.conftest import as_address, patrol_report
 
 pytestmark = pytest.mark.unmeasured
 
@@ -35,26 +32,13 @@ return labels.flatMap(([text, box]) => others.filter(([, other]) => other !== bo
 """The labels of which more than 4 square pixels share their place with a mark or with another label."""
 
 
-def address(page):
-    """Return a report as an address."""
-    return f"data:text/html;base64,{base64.b64encode(page.encode()).decode()}"
-
-
-def report(tell):
-    """Return the report of a patrol, as an address."""
-    entries: list[JournalEntry] = []
-    journal = Journal()
-    journal.clock = ManualClock(100.0)
-    journal.listen(entries.append)
-    journal.attach(Patrol(), KINDS)
-    journal.begin(ABOUT, {"node": "/patrol"})
-    tell(journal)
+def find_around_and_end(journal):
+    find_around(journal)
     journal.end(Ending.OVER, 0)
-    return address(html_report(MissionState.of(entries)))
 
 
 def test_no_label_of_a_report_is_hidden(browser):
-    browser.driver.get(report(find_around))
+    browser.driver.get(as_address(patrol_report(find_around_and_end)))
     assert browser.js(HIDDEN, ".map") == []
 
 
@@ -82,7 +66,7 @@ def large():
         for number in range(2, 7)
     ]
     alarms = [alarm(f"There is a survivor at no usable position in zone_{each}") for each in "abc"]
-    return address(html_report(mission(*named, CONFIRMED, *alarms, ("zone_visited", {"zone": "zone_c"}))))
+    return as_address(html_report(mission(*named, CONFIRMED, *alarms, ("zone_visited", {"zone": "zone_c"}))))
 
 
 def test_what_a_coordinator_reads_is_on_two_sheets(browser, large):

@@ -4,6 +4,7 @@ import random
 
 import pytest
 
+from sar_compiler.runtime.kernel.graph import Waits
 from sar_compiler.runtime.kernel.liveness import components, endings, is_fair, lasso, owing_for_ever
 from tests.checks.verify.handmade import explored, numbers
 
@@ -148,3 +149,11 @@ def test_a_lasso_of_a_random_graph_goes_round_and_leaves_off_waiting_for_each(se
             assert edge in graph.edges(state)
             state, waiting = graph.targets[edge], waiting & graph.waiting[graph.waits[edge]]
         assert (state, waiting) == (found.stem[-1], 0)
+
+
+def test_what_ticks_wait_for_is_kept_however_many_sets_there_are():
+    waits = Waits()
+    numbers = [7, 32_767, 32_768, 3]
+    for number in numbers:
+        waits.append(number)
+    assert [waits[edge] for edge in range(len(numbers))] == numbers

@@ -36,6 +36,16 @@ def test_a_composite_that_somebody_stops_begins_again():
     assert stage.told() == "a=S b=R halt b a=S b=R"
 
 
+@pytest.mark.parametrize("last", ["R", "S"])
+def test_the_current_child_is_pointed_at_again_after_somebody_has_stopped_the_composite(last):
+    root = composites.Sequence("root", memory=True, children=Stage().leaves(a="S", b=last))
+    live = LiveTree(root)
+    live.tick()
+    root.stop(Status.INVALID)
+    live.tick()
+    assert root.tip() is root.children[1]
+
+
 def test_how_a_oneshot_has_ended_can_be_read_from_it():
     root = decorators.OneShot("once", Success("a"), OneShotPolicy.ON_COMPLETION)
     LiveTree(root).tick()
