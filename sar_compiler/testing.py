@@ -120,10 +120,7 @@ def simulate(
 
 
 def assert_scenario_holds(
-    tree: str | Path,
-    scenario: str | Path,
-    registry: Registry | None = None,
-    nodes: Iterable[Named] = (),
+    tree: str | Path, scenario: str | Path, registry: Registry | None = None, nodes: Iterable[Named] = ()
 ) -> None:
     """Play a scenario file, and compare the result with its expectations.
 

@@ -181,10 +181,7 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
     tools = journal_tools(paths, team.reading)
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
     team.feed = feed = LiveFeed(hello, team.beat, len(paths))
-    with (
-        ordering(print_error) as orders,
-        _serve(feed, port, tools, orders, opens=opens) as server,
-    ):
+    with ordering(print_error) as orders, _serve(feed, port, tools, orders, opens=opens) as server:
         team.orders = orders
         while not server.wait(_LOOK_SEC):
             team.look()

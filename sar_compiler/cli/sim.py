@@ -21,14 +21,7 @@ from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
-from sar_compiler.sim.placement import (
-    MANNER_NAMES,
-    PARTS,
-    QUICK_NAME,
-    ROBOT,
-    Placement,
-    parse_placement,
-)
+from sar_compiler.sim.placement import MANNER_NAMES, PARTS, QUICK_NAME, ROBOT, Placement, parse_placement
 
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation

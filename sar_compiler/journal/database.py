@@ -12,14 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.errors import JournalError, JournalPlaceError
-from sar_compiler.journal.journal_entries import (
-    RUN_BEGAN,
-    RUN_ENDED,
-    Ending,
-    JournalEntry,
-    JournalRun,
-    Row,
-)
+from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, Ending, JournalEntry, JournalRun, Row
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_reserve
 

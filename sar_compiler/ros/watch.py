@@ -175,12 +175,7 @@ class Watch:
     """
 
     def __init__(
-        self,
-        node: Node,
-        uses: Iterable[Use],
-        *,
-        sole: SoleMission | None = None,
-        drives: Iterable[str] = (),
+        self, node: Node, uses: Iterable[Use], *, sole: SoleMission | None = None, drives: Iterable[str] = ()
     ) -> None:
         uses, drives = list(dict.fromkeys(uses)), list(drives)
         self.trouble = self.deafness = ""

@@ -75,12 +75,7 @@ def as_written(path: Path) -> Path:
 
 
 def source_of(
-    data: bytes | str,
-    path: str,
-    spans: Spans,
-    declared: str | None,
-    empty_hint: str,
-    limit: int = MAX_BYTES,
+    data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str, limit: int = MAX_BYTES
 ) -> Source:
     """Make the source of a file's content.
 

@@ -41,15 +41,7 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
     """
     title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
     found, others = (_landmarks(state, is_found=each) for each in (True, False))
-    parts = (
-        _head(state),
-        found,
-        _map(state),
-        others,
-        _alarms(state),
-        _next_steps(state),
-        _annex(state, why),
-    )
+    parts = (_head(state), found, _map(state), others, _alarms(state), _next_steps(state), _annex(state, why))
     body = "".join(itertools.chain(*parts))
     css = style() + files(__package__).joinpath("report.css").read_text("utf-8")
     return (

@@ -382,11 +382,7 @@ class PageServer:
     """
 
     def __init__(
-        self,
-        feed: Feed,
-        port: int | None = None,
-        orders: Orders | None = None,
-        tools: Tools | None = None,
+        self, feed: Feed, port: int | None = None, orders: Orders | None = None, tools: Tools | None = None
     ) -> None:
         self.token = secrets.token_urlsafe(16)
         self._feed = feed

@@ -6,13 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.journal_entries import (
-    GOAL_ENDED,
-    GOAL_SENT,
-    RUN_BEGAN,
-    RUN_ENDED,
-    JournalEntry,
-)
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import FAILURE, HALTED, RUNNING, SUCCESS, MissionState, RunProcess
 from sar_compiler.journal.situation import CHANGED, FactTime, Landmark, told_with_giver
 

@@ -81,11 +81,7 @@ _BY_DIRECTION = {
     Direction.INOUT: KeyRole(AccessKind.BOTH),
     None: KeyRole(AccessKind.FIXED),
 }
-_BY_ACCESS = {
-    Access.READ: AccessKind.READ,
-    Access.CREATE: AccessKind.WRITE,
-    Access.CHANGE: AccessKind.CHANGE,
-}
+_BY_ACCESS = {Access.READ: AccessKind.READ, Access.CREATE: AccessKind.WRITE, Access.CHANGE: AccessKind.CHANGE}
 _POST = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 _SCOPE = path_of(Scope)
 _OUR_OWN = ("sar_compiler.", "py_trees.")

@@ -11,13 +11,7 @@ from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, text_of_outpu
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.spec import Direction
 from sar_compiler.nodes.values import join_words
-from sar_compiler.runtime.expressions import (
-    ComparisonChain,
-    Literal,
-    Name,
-    children,
-    parts,
-)
+from sar_compiler.runtime.expressions import ComparisonChain, Literal, Name, children, parts
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 

@@ -6,14 +6,7 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import (
-    Clock,
-    RobotEstimate,
-    RosLeaf,
-    Seconds,
-    TopicLeaf,
-    robot_estimate,
-)
+from sar_compiler.leaves import Clock, RobotEstimate, RosLeaf, Seconds, TopicLeaf, robot_estimate
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence

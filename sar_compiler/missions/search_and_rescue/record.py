@@ -6,13 +6,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
-from sar_compiler.missions import (
-    FactTime,
-    Journal,
-    JournalEntry,
-    mission_context,
-    position,
-)
+from sar_compiler.missions import FactTime, Journal, JournalEntry, mission_context, position
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 DUPLICATE_RADIUS_M = 3.0
