@@ -66,6 +66,19 @@ def test_an_abandoned_zone_is_missing_whatever_else_is_done(
     assert record.shortfalls(zones) == ["zone_a was abandoned after attempt 1."]
 
 
+def test_zones_of_which_the_same_is_missing_share_a_sentence() -> None:
+    plan = [{"id": f"zone_{letter}", "x": 0, "y": 0, "yaw": 0} for letter in "abcdef"]
+    search = Search(ZoneManager(plan, {"x": 0, "y": 0, "yaw": 0}))
+    search.zones.abandon("the operator has skipped it")
+    for _ in range(3):
+        search.zones.abandon("the battery is low")
+    assert search.shortfalls()[:3] == [
+        "zone_e and zone_f were not visited.",
+        "zone_a was given up: the operator has skipped it.",
+        "zone_b, zone_c and zone_d were given up: the battery is low.",
+    ]
+
+
 def test_a_report_is_kept_until_it_is_acknowledged(record: MissionRecord) -> None:
     record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)

@@ -189,7 +189,7 @@ class TestTheLog:
         assert stage.run(drive_home(stage)) is Status.SUCCESS
         assert "All zones visited. Returning to base." not in stage.lines
         assert "Mission complete." not in stage.lines
-        assert "zone_a was not visited. zone_b was not visited." in stage.lines[-1]
+        assert "zone_a and zone_b were not visited." in stage.lines[-1]
         assert stage.record.home
 
 

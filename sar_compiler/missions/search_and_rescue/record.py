@@ -89,7 +89,7 @@ class ZoneRecord:
         searched: When a search of it was finished; None if none was.
         left: When it was visited, postponed or given up.
         unplaced: Why somebody whom its last search has found cannot be where that says, in words; empty if there is nobody.
-        given_up: Why it was given up, in a sentence that begins with its name; empty if it was not.
+        given_up: How it was given up and why, as said behind its name and `was`; empty if it was not.
     """
 
     attempts: int = 0
@@ -98,6 +98,22 @@ class ZoneRecord:
     left: FactTime | None = None
     unplaced: str = ""
     given_up: str = ""
+
+
+def how_given_up(attempts: int, reason: str) -> str:
+    """Return how a zone was given up and why, as said behind its name and `was`."""
+    return f"given up: {reason}" if reason else f"abandoned after attempt {attempts}"
+
+
+def _told(zones: Iterable[tuple[str, str]]) -> list[str]:
+    """Return what zones were in sentences, one for all that were the same."""
+    names: dict[str, list[str]] = {}
+    for zone, what in zones:
+        names.setdefault(what, []).append(zone)
+    return [
+        f"{', '.join(others)} and {last} were {what}." if others else f"{last} was {what}."
+        for what, (*others, last) in names.items()
+    ]
 
 
 @dataclass(frozen=True)
@@ -357,12 +373,12 @@ class MissionRecord:
 
     def remarks(self) -> list[str]:
         """Return in sentences what a complete mission has left open: it is complete where every zone was visited."""
-        return [f"{zone} was {UNSEARCHED}." for zone in self.unsearched]
+        return _told((zone, UNSEARCHED) for zone in self.unsearched)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
         """Return in sentences what is missing for a complete mission; empty if it is complete."""
-        lacking = [f"{zone['id']} was not visited." for zone in zones.remaining_zones()]
-        lacking += [f"{zone_id} {zone.given_up}." for zone_id, zone in self._zones.items() if zone.given_up]
+        given_up = [(name, zone.given_up) for name, zone in self._zones.items() if zone.given_up]
+        lacking = _told([*((zone["id"], "not visited") for zone in zones.remaining_zones()), *given_up])
         lacking += [f"{each}." for each in self.unplaced()]
         owed = (each for each in self._survivors if each.counts and not each.acknowledged)
         lacking += [f"The base station did not acknowledge {survivor}." for survivor in owed]
@@ -396,8 +412,7 @@ class MissionRecord:
         self.zone = ""
 
     def _take_zone_abandoned(self, at: FactTime, zone: str, attempts: int, reason: str) -> None:
-        why = f"was given up: {reason}" if reason else f"was abandoned after attempt {int(attempts)}"
-        self._take_zone_postponed(at, zone, why)
+        self._take_zone_postponed(at, zone, how_given_up(int(attempts), reason))
 
     def _take_survivor_named(
         self, at: FactTime, survivor: str, x: Any, y: Any, possibly: str | None = None

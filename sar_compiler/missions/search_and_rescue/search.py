@@ -27,6 +27,7 @@ from sar_compiler.missions.search_and_rescue.record import (
     KeptReports,
     MissionRecord,
     Standing,
+    how_given_up,
 )
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence, Zone, ZoneManager
 
@@ -156,7 +157,7 @@ class Search(MissionRun):
             "somebody out of place": known.unplaced,
         }
         # The state says the rest of the sentence.
-        reason = known.given_up.removeprefix("was given up: ").removeprefix("was abandoned ")
+        reason = known.given_up.removeprefix("given up: ").removeprefix("abandoned ")
         return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
 
     def _base(self) -> Landmark:
@@ -269,7 +270,7 @@ def _searched(zone: str, survivor: Sequence[float] | None) -> str:
 
 
 def _abandoned(zone: str, attempts: int, reason: str) -> str:
-    return f"{zone} was given up: {reason}" if reason else f"{zone} was abandoned after attempt {attempts}"
+    return f"{zone} was {how_given_up(attempts, reason)}"
 
 
 def _named(survivor: str, x: float, y: float, possibly: str | None = None) -> str:
