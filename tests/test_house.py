@@ -271,7 +271,6 @@ SAID_ELSEWHERE = {
         "sar_detect_survivor_server",
         "sar_report_survivor_server",
         "search_and_rescue",
-        "survivor",
     },
 }
 

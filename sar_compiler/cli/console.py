@@ -8,42 +8,8 @@ import importlib
 import os
 import signal
 import sys
+from functools import partial
 from types import FrameType
-
-
-def sar_compile() -> int:
-    """Run `sar-compile` and return its exit status."""
-    return _command("cli.compile")
-
-
-def sar_run() -> int:
-    """Run `sar-run` and return its exit status."""
-    return _command("cli.run", "command")
-
-
-def sar_run_repeatedly() -> int:
-    """Run `sar-run` as often as it is asked for on standard input."""
-    return _command("cli.run_repeatedly", "serve")
-
-
-def sar_sim() -> int:
-    """Run `sar-sim` and return its exit status."""
-    return _command("cli.sim", is_server=sys.argv[1:2] == ["run"])
-
-
-def sar_journal() -> int:
-    """Run `sar-journal` and return its exit status."""
-    return _command("cli.journal_command")
-
-
-def sar_detect_survivor_server() -> int:
-    """Run `sar-detect-survivor-server` and return its exit status."""
-    return _command("missions.search_and_rescue.server_commands", "detect", is_server=True)
-
-
-def sar_report_survivor_server() -> int:
-    """Run `sar-report-survivor-server` and return its exit status."""
-    return _command("missions.search_and_rescue.server_commands", "report", is_server=True)
 
 
 def _command(module: str, function: str = "main", *, is_server: bool = False) -> int:
@@ -85,3 +51,13 @@ def _leave_current_folder() -> None:
         from sar_compiler.nodes.installed import pass_over
 
         pass_over(here)
+
+
+sar_compile = partial(_command, "cli.compile")
+sar_run = partial(_command, "cli.run", "command")
+sar_run_repeatedly = partial(_command, "cli.run_repeatedly", "serve")
+sar_sim = partial(_command, "cli.sim", is_server=sys.argv[1:2] == ["run"])
+sar_journal = partial(_command, "cli.journal_command")
+_SERVERS = "missions.search_and_rescue.server_commands"
+sar_detect_survivor_server = partial(_command, _SERVERS, "detect", is_server=True)
+sar_report_survivor_server = partial(_command, _SERVERS, "report", is_server=True)

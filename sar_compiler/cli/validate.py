@@ -232,16 +232,18 @@ class _Validation:
         """Print on standard error how much was found, unless there was only one file without findings."""
         if not told and self._checked <= 1:
             return
+        from sar_compiler.views.plain import count_text
+
         counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
-        listed = [_count(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
+        listed = [count_text(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
         if any(each.code == "more-findings" for each in self.findings):
             listed.append("more that are not shown")
         fixable = f"; {self._fixable:,} fixable with --fix" if self._fixable else ""
         found = ", ".join(listed) or "no findings"
         more = len(self.findings) - len(told)
-        places = f"; --all tells {_count(len(self.findings), 'place')}" if more else ""
+        places = f"; --all tells {count_text(len(self.findings), 'place')}" if more else ""
         sys.stdout.flush()
-        print(f"{found} in {_count(self._checked, 'file')}{fixable}{places}", file=sys.stderr)
+        print(f"{found} in {count_text(self._checked, 'file')}{fixable}{places}", file=sys.stderr)
 
     def print_findings(self) -> None:
         """Print what was found."""
@@ -274,10 +276,6 @@ class _Validation:
         for fix in chosen:
             print(visible(fix.describe()), file=output)
         return bool(chosen)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:

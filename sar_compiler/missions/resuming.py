@@ -18,11 +18,8 @@ _ADVICE = "or begin anew, and keep that journal: --new"
 
 def as_data(value: object) -> Any:
     """Return a value as it is read from a journal: JSON values, arrays as lists."""
-    return json_value(json_text(value, default=_array_or_text))
-
-
-def _array_or_text(value: Any) -> object:
-    return [*value] if hasattr(value, "__iter__") else str(value)
+    text = json_text(value, default=lambda each: [*each] if hasattr(each, "__iter__") else str(each))
+    return json_value(text)
 
 
 def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:

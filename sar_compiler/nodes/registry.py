@@ -178,7 +178,9 @@ def load_registry(
             registry.add_module(each)
         else:
             registry.add_class(each)
-    _add_palettes(registry, load_palettes(palettes, checkout))
+    for spec in load_palettes(palettes, checkout):
+        if spec.tag not in registry:
+            registry.add(spec)
     return registry
 
 
@@ -213,13 +215,6 @@ def is_own_word(tag: str) -> bool:
 def default_registry() -> Registry:
     """Return the registry of all installed nodes."""
     return load_registry()
-
-
-def _add_palettes(registry: Registry, specs: Iterable[NodeSpec]) -> None:
-    """Add what palettes know, but for tags that somebody has registered."""
-    for spec in specs:
-        if spec.tag not in registry:
-            registry.add(spec)
 
 
 def _add_import(registry: Registry, name: str, source: str, load: Callable[[str], ModuleType]) -> None:

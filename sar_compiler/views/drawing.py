@@ -275,12 +275,8 @@ def too_large(flowchart: str) -> bool:
 
 def _mermaid_node(number: int, node: DrawnNode) -> str:
     before, behind = _BRACKETS[node.shape]
-    label = "<br>".join(map(_as_entities, filter(None, (node.label, node.details))))
+    label = "<br>".join(_SIGN.sub(_entity, text) for text in (node.label, node.details) if text)
     return f'  n{number}{before}"{label}"{behind}:::{node.shape.value}'
-
-
-def _as_entities(text: str) -> str:
-    return _SIGN.sub(_entity, text)
 
 
 def _entity(match: re.Match[str]) -> str:

@@ -133,19 +133,13 @@ def _tick_lines(number: int, tick: TickRecord, labels: Mapping[int, str]) -> Ite
     done = [f"{labels[event.number]} {event.deed}" for event in seen]
     came_to = [f"root {tick.root}"] if tick.root else []
     values = {**tick.keys, **tick.facts}
-    changes = [f"{name}: {_value(was)} -> {_value(now)}" for name, (was, now) in values.items()]
+    changes = [
+        f"{name}: {value_as_script(was)} -> {value_as_script(now)}" for name, (was, now) in values.items()
+    ]
     for line in (", ".join(done), "; ".join([*came_to, *changes]), tick.error):
         if line:
             yield from textwrap.wrap(line, _WIDTH, initial_indent=label, subsequent_indent=" " * len(label))
             label = " " * len(label)
-
-
-def _value(value: object) -> str:
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value)
 
 
 def _summary(verification: Verification, seconds: float) -> Iterator[str]:

@@ -14,6 +14,8 @@ from sar_compiler.nodes.values import join_words
 from sar_compiler.runtime.expressions import ComparisonChain, Literal, Name, children, parts
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
+_KeysOf = Callable[[BoundTree], frozenset[str] | None]
+
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield trees that are used by no other, and attributes of `SubTree` that the tree does not use, or not as meant."""
@@ -23,12 +25,12 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     if not context.sound:
         return  # a mistake in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
-    wanted = _Wanted(context.key_accesses)
+    keys_of = _keys_of_trees(context.key_accesses)
     for tree in context.trees:
         for use in tree.uses:
-            yield from _unused_arguments(use, context, wanted)
+            yield from _unused_arguments(use, context, keys_of)
             yield from _texts_of_outputs(use, context)
-        yield from _unused_ports(tree, context, wanted.by(tree))
+        yield from _unused_ports(tree, context, keys_of(tree))
 
 
 def _unused_ports(
@@ -110,33 +112,24 @@ def _compared(tree: BoundTree) -> frozenset[tuple[str, object]]:
     )
 
 
-class _Wanted:
-    """The keys that each tree uses."""
+def _keys_of_trees(accesses: Mapping[BoundTree, KeyAccesses]) -> _KeysOf:
+    """Return what returns the keys that a tree uses; None if a node may access any key."""
 
-    def __init__(self, accesses: Mapping[BoundTree, KeyAccesses]) -> None:
-        self._accesses = accesses
-        self._known: dict[BoundTree, frozenset[str] | None] = {}
-
-    def by(self, tree: BoundTree) -> frozenset[str] | None:
-        """Return the keys; None if a node may access any key."""
-        if tree not in self._known:
-            self._known[tree] = self._keys(tree)
-        return self._known[tree]
-
-    def _keys(self, tree: BoundTree) -> frozenset[str] | None:
-        accesses = self._accesses[tree]
-        if accesses.is_open:
+    @functools.cache
+    def keys_of(tree: BoundTree) -> frozenset[str] | None:
+        if accesses[tree].is_open:
             return None
-        keys = set(accesses.keys)
+        keys = set(accesses[tree].keys)
         for use in tree.subtrees():
             keys.update(use.remapping.keys.values())
-            inner = (
-                self.by(use.subtree) if use.subtree is not None and use.remapping.autoremap else frozenset()
-            )
-            if inner is None:
-                return None
-            keys.update(inner)
+            if use.subtree is not None and use.remapping.autoremap:
+                inner = keys_of(use.subtree)
+                if inner is None:
+                    return None
+                keys.update(inner)
         return frozenset(keys)
+
+    return keys_of
 
 
 def _texts_of_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
@@ -148,12 +141,12 @@ def _texts_of_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnos
             yield text_of_output("unwritten-key", use.element, port.name, text)
 
 
-def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) -> Iterator[Diagnostic]:
+def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -> Iterator[Diagnostic]:
     tree = use.subtree
     if tree is None:
         yield from _undeclared_arguments(use, context)
         return
-    keys = wanted.by(tree)
+    keys = keys_of(tree)
     if keys is None:
         return
     model = context.bound.models.subtrees.get(tree.name)

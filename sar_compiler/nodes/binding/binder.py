@@ -30,7 +30,7 @@ from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TA
 
 _KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
 
-_OF_ANY = ("ID", "name", ONESHOT)
+OF_ANY = ("ID", "name", ONESHOT)
 """Attributes that say nothing of whose node it is."""
 _UNKNOWN = "no nodes are called like these"
 _UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette (nodes --from-use makes one)"
@@ -530,7 +530,7 @@ def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeS
 
 def is_anothers(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
     """Return whether a node has nothing of any meaning of its tag: several attributes, and none that is known or near."""
-    written = [name for name in element.attributes if name not in _OF_ANY and not name.startswith("_")]
+    written = [name for name in element.attributes if name not in OF_ANY and not name.startswith("_")]
     known = {name for spec in variants for name in spec.parameters}
     return len(written) > 1 and not any(
         name in known or guesses.nearest(name, known) is not None for name in written

@@ -7,7 +7,7 @@ this project and py_trees are replaced by its own nodes. Anything without a coun
 import dataclasses
 from collections.abc import Iterable, Iterator
 
-from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
 from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
@@ -29,8 +29,6 @@ from sar_compiler.tree.model import (
     TreeFile,
     synthetic_element,
 )
-
-_KIND_TAGS = frozenset(kind.value for kind in Kind)
 
 _LIMITS = {
     "short": (-(2**15), 2**15 - 1),
@@ -179,7 +177,7 @@ class _Conversion:
 
     def _draft(self, element: Element) -> Draft:
         attributes = dict(element.attributes)
-        explicit = element.tag in _KIND_TAGS and "ID" in attributes
+        explicit = element.tag in KIND_TAGS and "ID" in attributes
         tag = attributes.pop("ID") if explicit else element.tag
         for name, unit in self._durations(tag).items():
             if name in attributes:
@@ -195,7 +193,7 @@ class _Conversion:
         """Return the keys that attributes read as durations, with the unit of their plain numbers."""
         units: dict[str, str] = {}
         for element in tree_file.root.iterate():
-            tag = element.attributes.get("ID", "") if element.tag in _KIND_TAGS else element.tag
+            tag = element.attributes.get("ID", "") if element.tag in KIND_TAGS else element.tag
             for name, unit in self._durations(tag).items():
                 key = blackboard_key(element.attributes.get(name, ""), name)
                 if key is not None:
@@ -304,11 +302,11 @@ class _Conversion:
 
     def _explicit(self, draft: Draft, parent: str) -> bool:
         """Return whether a node is written in explicit form."""
-        if draft.tag in _KIND_TAGS and draft.tag in self._registry:
+        if draft.tag in KIND_TAGS and draft.tag in self._registry:
             return True  # its own name would be taken for the explicit form
         if draft.explicit and parent == DROPS_EXPLICIT:
             message = f"BehaviorTree.CPP does not find <{draft.element.tag}> directly in <{parent}>"
-            if refused_in(draft.tag) or draft.tag in _KIND_TAGS:
+            if refused_in(draft.tag) or draft.tag in KIND_TAGS:
                 hint = "put it into a Sequence of its own"
                 self.notes.add("no-counterpart", message, draft.element, hint=hint)
                 return True

@@ -5,8 +5,8 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT
-from sar_compiler.nodes.binding.binder import is_anothers
+from sar_compiler.nodes.binding.attributes import KIND_TAGS
+from sar_compiler.nodes.binding.binder import OF_ANY, is_anothers
 from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.models import FROM_USE, METADATA_TAG, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_own_word
@@ -25,7 +25,6 @@ from sar_compiler.tree.showing import shortened
 
 _KEY = re.compile(r"\{(@?[^{}\s]+)\}")
 _MADE_BY_SCRIPT = re.compile(r"(?<![\w@])(@?[A-Za-z_]\w*)\s*:?=(?!=)", re.ASCII)
-_OF_ANY = ("ID", "name", ONESHOT)
 _NOT_NODES = (SUBTREE_TAG, TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 _TYPES = (
     ("bool", re.compile(r"true|false", re.IGNORECASE)),
@@ -74,7 +73,7 @@ class _NodeUse:
         self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])
         self.children = max(self.children, len(node.children))
         for name, text in node.attributes.items():
-            if name not in _OF_ANY and not name.startswith("_") and can_be_tag(name):
+            if name not in OF_ANY and not name.startswith("_") and can_be_tag(name):
                 key = _KEY.fullmatch(text.strip())
                 self.ports.setdefault(name, []).append(
                     _PortUse(text, key is not None, bool(key and key[1] in made))
