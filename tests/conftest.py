@@ -3,6 +3,7 @@
 import fcntl
 import os
 import signal
+import subprocess
 import tempfile
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from coverage import Coverage
 from hypothesis import HealthCheck, is_hypothesis_test, settings
 
+from tests import warm
 from tests.chance import rounds
 
 # Ports of higher domains are among those that Linux gives to anybody.
@@ -37,6 +39,8 @@ def _take_domain():
 _domain, _lock = _take_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+subprocess.Popen = warm.Popen  # type: ignore[misc]
 
 # The journals of missions that tests start otherwise than by `tests.processes`.
 _state = tempfile.TemporaryDirectory(prefix="state_of_tests")
