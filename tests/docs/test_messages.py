@@ -1,6 +1,7 @@
 """The messages that the documentation explains are those that the project prints."""
 
 import ast
+import functools
 import re
 import subprocess
 from pathlib import Path
@@ -24,32 +25,37 @@ NOT_HERE = ("What other programs say", "Installing", "Wrong usage, status 2")
 ELSEWHERE = (Path("Makefile"),)
 
 
-def constants_of(module):
+@functools.cache
+def tree_of(path):
+    """Return the syntax tree of a module."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def constants_of(path):
     """Return the texts that a module gives names."""
     return {
         target.id: node.value.value
-        for node in module.body
+        for node in tree_of(path).body
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
         for target in node.targets
         if isinstance(target, ast.Name) and isinstance(node.value.value, str)
     }
 
 
-def imported_constants(module):
+def imported_constants(path):
     """Yield the texts that a module imports by name from others of the project."""
-    for node in module.body:
+    for node in tree_of(path).body:
         if isinstance(node, ast.ImportFrom) and node.module:
-            path = Path(f"{node.module.replace('.', '/')}.py")
-            if path.is_file():
-                known = constants_of(ast.parse(path.read_text(encoding="utf-8")))
+            other = Path(f"{node.module.replace('.', '/')}.py")
+            if other.is_file():
+                known = constants_of(other)
                 yield from ((each.name, known[each.name]) for each in node.names if each.name in known)
 
 
 def texts_of(path):
     """Return the texts of a module; f-strings with what is filled in cut out, but for constants of the project."""
-    module = ast.parse(path.read_text(encoding="utf-8"))
-    constants = {**dict(imported_constants(module)), **constants_of(module)}
-    for node in ast.walk(module):
+    constants = {**dict(imported_constants(path)), **constants_of(path)}
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
         elif isinstance(node, ast.JoinedStr):
@@ -63,13 +69,11 @@ def piece_of(value, constants):
     return constants.get(value.value.id, "\0") if named else "\0"
 
 
+@functools.cache
 def texts_of_the_source():
     """Return all the texts in the source, by file."""
     texts = {str(path): list(texts_of(path)) for path in Path("sar_compiler").rglob("*.py")}
     return texts | {str(path): [path.read_text(encoding="utf-8")] for path in ELSEWHERE}
-
-
-TEXTS = texts_of_the_source()
 
 
 def quoted(page, chosen):
@@ -96,7 +100,9 @@ def test_a_message_that_is_explained_is_printed_by_the_project(message):
     parts = [part.strip() for part in message.split("…") if part.strip()]
     assert any(len(part) > 4 for part in parts), f"nothing of '{message}' is fixed"
     speakers = [
-        file for file, texts in TEXTS.items() if all(any(part in text for text in texts) for part in parts)
+        file
+        for file, texts in texts_of_the_source().items()
+        if all(any(part in text for text in texts) for part in parts)
     ]
     assert speakers, f"no file of the source says {parts}"
 
