@@ -56,13 +56,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return run_in(sys.argv[1:] if argv is None else argv, ros)
 
 
-def run_in(argv: Sequence[str], ros: ExitStack, *, by_events: bool = False) -> int:
+def run_in(argv: Sequence[str], ros: ExitStack) -> int:
     """Run `sar-run` in this process, and leave it to the caller to take ROS down.
 
     Args:
         argv: The arguments.
         ros: Takes ROS down.
-        by_events: Whether rclpy's `EventsExecutor` serves the mission's node, which takes half of the time and is experimental.
 
     Returns:
         The exit status.
@@ -70,14 +69,13 @@ def run_in(argv: Sequence[str], ros: ExitStack, *, by_events: bool = False) -> i
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
     try:
-        return run(lambda: _run(argv, signals, ros, by_events), PROG)
+        return run(lambda: _run(argv, signals, ros), PROG)
     finally:
         signals.give_back()
 
 
-def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, by_events: bool) -> int:
+def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
     options, supervision = _options(argv), own_supervision()
-    options.by_events = by_events
     if options.supervise is not None and not supervision.is_there:
         from sar_compiler.cli.supervisor import supervise
 
@@ -304,8 +302,15 @@ def _add_safety(parser: Parser, group: "_ArgumentGroup") -> None:
 def _add_for_experts(parser: Parser, group: "_ArgumentGroup") -> None:
     text = "what ticks the tree: the project's runner (default own), or py_trees_ros where that is installed"
     engine = group.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help=text)
+    text = (
+        "which executor of rclpy runs the callbacks of the mission's node: EventsExecutor, where rclpy has it and it can serve the "
+        "leaves (default events), or SingleThreadedExecutor (single-threaded)"
+    )
+    executor = group.add_argument(
+        "--executor", choices=("events", "single-threaded"), default="events", help=text
+    )
     text = "show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)"
-    parser.hide(engine, group.add_argument("--traceback", action="store_true", help=text))
+    parser.hide(engine, executor, group.add_argument("--traceback", action="store_true", help=text))
 
 
 if __name__ == "__main__":

@@ -4,12 +4,11 @@ import os
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rclpy.context import Context
-from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -30,6 +29,7 @@ from sar_compiler.project import Workspace
 from sar_compiler.ros.arguments import init_arguments, node_arguments, parameter_files
 from sar_compiler.ros.clock import mission_clock, steady_timer, trust_simulation
 from sar_compiler.ros.engine import find_engine, show_tracebacks
+from sar_compiler.ros.executors import make_executor
 from sar_compiler.ros.faults import NAVIGATION, Fault, FaultPlan
 from sar_compiler.ros.middleware import ros_up
 from sar_compiler.ros.parameter_reader import ParameterReader
@@ -96,7 +96,7 @@ def run_mission(
             if world is not None:
                 _require_navigation(tree, world)
             simulation = ros.enter_context(_simulation(setup, world, faults))
-            executor = make_executor(context, by_events=options.by_events)
+            executor = make_executor(context, options.executor)
             ros.callback(executor.shutdown)
             if options.supervision.is_there:
                 options.supervision.tell_alive()
@@ -106,16 +106,6 @@ def run_mission(
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
-
-
-def make_executor(context: Context, *, by_events: bool) -> Executor:
-    """Return what serves the mission's node: rclpy's `EventsExecutor` if that is wanted, and if this rclpy has it."""
-    if by_events:
-        with suppress(ImportError):
-            from rclpy.experimental import EventsExecutor
-
-            return EventsExecutor(context=context)
-    return SingleThreadedExecutor(context=context)
 
 
 def _world(options: Namespace) -> "World | None":

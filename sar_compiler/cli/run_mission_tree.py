@@ -11,6 +11,7 @@ from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
+from rclpy.task import Future
 
 from sar_compiler.cli.companions import Companions, RunSetup
 from sar_compiler.cli.supervision import ADRIFT
@@ -26,6 +27,7 @@ from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.arguments import readable_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, send_cancels, tell
+from sar_compiler.ros.executors import suited
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import declared_types, qos_profile
 from sar_compiler.ros.left_goals import LeftGoals
@@ -43,8 +45,8 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
-# A signal is noticed between two turns of the executor.
-_TURN_SEC = 0.05
+# A signal is noticed between two turns of the executor; in one of a flight it does whatever there is to do.
+_TURN_SEC, _FLIGHT_TURN_SEC = 0.05, 0.1
 
 # A tree can swing between two things to do for ever; seconds of simulated time.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
@@ -207,6 +209,7 @@ class TreeRun:
         self._parameters, self._signals = self.setup.parameters, self.setup.signals
         self._clock = mission_clock(self._node)
         self._result: RunResult | None = None
+        self._turn_over = Future()
         self._reason = ""
         self._last_words: list[str] = []
         self._started = 0.0
@@ -236,6 +239,7 @@ class TreeRun:
         for line in self.setup.mission.greeting():
             self._node.get_logger().info(in_one_line(line))
         self.executor.add_node(self._node)
+        self.executor = suited(self.executor, self._node)
         try:
             self._wait()
         except NotReadyError:
@@ -310,6 +314,7 @@ class TreeRun:
         self.companions.begin_run()
         try:
             engine.setup(node=self._node)
+            self.executor = suited(self.executor, self._node)
             self.setup.orders.begin()
             self._signals.last_words = self._leave_at_once
             self._begin_watching()
@@ -347,7 +352,10 @@ class TreeRun:
         with AWAKE.turning(self._node.get_logger().warning):
             while self._result is None and self.engine.failure is None and not self._over:
                 AWAKE.now()
-                self._turn()
+                self._turn_over = Future()
+                self._turn(
+                    lambda: self.executor.spin_until_future_complete(self._turn_over, _FLIGHT_TURN_SEC)
+                )
                 if self._watch is not None and self._watch.deafness:
                     self._options.supervision.tell_deaf()
 
@@ -364,15 +372,15 @@ class TreeRun:
         while robot is not None and robot.stands is False and time.monotonic() < deadline:
             if not self._node.context.ok():
                 return
-            self._turn()
+            self._turn(lambda: self.executor.spin_once(_TURN_SEC))
         if robot is not None and robot.moves and not names:
             self._adrift = (
                 f"no goal of this mission is active, and the robot still moves ({robot.speed_in_words})"
             )
 
-    def _turn(self) -> None:
+    def _turn(self, spin: Callable[[], object]) -> None:
         try:
-            self.executor.spin_once(timeout_sec=_TURN_SEC)
+            spin()
         except ExternalShutdownException:
             pass  # noticed by the enclosing loop
         except Exception as error:  # noqa: BLE001 - of a leaf's own callback, or of rclpy's: a clock before 0
@@ -417,6 +425,8 @@ class TreeRun:
     def _look_for_end(self, tree: BehaviourTree) -> None:
         status = Status.INVALID if was_skipped(tree.root) else tree.root.status
         self._result = self.end.after_tick(status, self._clock.now() - self._started)
+        if self._result is not None:
+            self._turn_over.set_result(None)
 
     def _conclude(self, elapsed_sec: float, texts: list[str]) -> int:
         """Add the summary to texts; returns the exit status."""

@@ -34,8 +34,7 @@ class VerbCalls:
         types = {verb.name: find_interface("Verb", "srv", verb.name, verb.service_type) for verb in verbs}
         self._clients = {name: node.create_client(kind, f"{of}/{name}") for name, kind in types.items()}
         self._waiting: deque[Callable[[], None]] = deque()
-        # The node keeps both as long as it lives.
-        self._bell = node.create_guard_condition(self._call)
+        self._node = node
 
     def available(self) -> list[str]:
         """Return the verbs whose services are there: those that the tree's leaves heed."""
@@ -66,7 +65,8 @@ class VerbCalls:
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()
         self._waiting.append(lambda: self._send(known, client, request, answer, by))
-        self._bell.trigger()
+        # It has an executor: the services are there once the tree is set up.
+        self._node.executor.create_task(self._call)
         return answer
 
     def _call(self) -> None:

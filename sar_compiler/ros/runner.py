@@ -40,7 +40,7 @@ from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
 class Beat:
-    """Ticks by a node's clock, and by the steady clock while the node's clock is stopped.
+    """Ticks by a node's clock where that is simulated time, and by the steady clock where it is not, or is stopped.
 
     Args:
         node: The node whose clock is used.
@@ -53,13 +53,12 @@ class Beat:
         self, node: Node, period_sec: float, tick: Callable[[], None], count: Callable[[], int]
     ) -> None:
         self._node = node
+        self._period_sec = period_sec
         self._tick = tick
         self._count = count
         self._seen = (-1, -1)
-        self._silent = 0
-        by_clock: Timer = node.create_timer(period_sec, tick)
-        self._timers = [by_clock, steady_timer(node, period_sec, self._watch)]
-        # A stopped clock is noticed at the first check, one period from now.
+        self._timers = [steady_timer(node, period_sec, self._beat)]
+        self._is_simulated = False
         self._look()
 
     def destroy(self) -> None:
@@ -75,27 +74,27 @@ class Beat:
         except Exception as error:  # noqa: BLE001
             self._node.get_logger().debug(f"a timer could not be given back: {error_text(error)}")
 
-    def _look(self) -> tuple[bool, bool]:
-        """Return whether there was no tick, and whether the clock was stopped, since the last call."""
-        seen = (self._count(), self._node.get_clock().now().nanoseconds)
-        unticked, still = (seen[0] == self._seen[0], seen[1] == self._seen[1])
-        self._seen = seen
-        return unticked, still
+    def _look(self) -> bool:
+        """Follow the node's clock, simulated or not; return whether there was no tick in it and it was stopped since the last call."""
+        clock = self._node.get_clock()
+        if clock.ros_time_is_active != self._is_simulated:
+            self._is_simulated = not self._is_simulated
+            if self._is_simulated:
+                self._timers.append(self._node.create_timer(self._period_sec, self._tick))
+            else:
+                self._destroy(self._timers.pop())
+        seen, self._seen = self._seen, (self._count(), clock.now().nanoseconds)
+        return seen == self._seen
 
-    def _watch(self) -> None:
-        """Tick if the node's clock does not, because it is paused, missing, or was set back.
+    def _beat(self) -> None:
+        """Tick if the node's clock does not: it is not simulated, is paused, or missing.
 
         The leaves' deadlines for servers use the steady clock and must be checked nevertheless. No ticks are added
         to a simulation that is only slow.
         """
-        unticked, still = self._look()
-        self._silent = self._silent + 1 if unticked else 0
-        # The system's clock was set back: its timer waits for the old time to come again. Once is not
-        # enough to tell, because the two timers drift past each other.
-        set_back = self._silent > 1 and not self._node.get_clock().ros_time_is_active
-        if unticked and (still or set_back):
+        if self._look() or not self._is_simulated:
             self._tick()
-            self._look()
+            self._seen = (self._count(), self._seen[1])
 
 
 TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
@@ -117,13 +116,15 @@ class SetupTimeoutError(SarError, RuntimeError):
 class _TaskGuard:
     """Stands in for a guard condition where an executor has none: rclpy's experimental `EventsExecutor`."""
 
-    def __init__(self, executor: Any, callback: Callable[[], None]) -> None:
-        self._executor = executor
+    def __init__(self, node: Node, callback: Callable[[], None]) -> None:
+        self._node = node
         self._callback = callback
 
     def trigger(self) -> None:
         """Have the callback called."""
-        self._executor.create_task(self._callback)
+        executor: Any = self._node.executor  # of now
+        if executor is not None:
+            executor.create_task(self._callback)
 
 
 class TreeRunner(py_trees.trees.BehaviourTree):
@@ -209,7 +210,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         executor: Any = node.executor
         if executor is None or isinstance(executor, Executor):
             return node.create_guard_condition(self._on_wake)
-        return _TaskGuard(executor, self._on_wake)
+        return _TaskGuard(node, self._on_wake)
 
     def _set_up_behaviours(
         self, limit_sec: float, visitor: py_trees.visitors.VisitorBase | None, given: dict[str, Any]

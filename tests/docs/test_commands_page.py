@@ -55,6 +55,7 @@ MORE = {
     "sar-run --check": ["mission.md#before-the-flight"],
     "sar-run --guardian": ["security.md#the-guardian"],
     "sar-run --engine": ["getting_started.md#what-ticks-the-tree"],
+    "sar-run --executor": ["getting_started.md#what-ticks-the-tree"],
     "sar-run --journal": ["journal.md"],
     "sar-run --supervise": ["journal.md#a-supervisor"],
     "sar-run --report": ["reports.md"],

@@ -75,12 +75,12 @@ def test_flights_go_on_with_an_rclpy_that_has_no_executor_of_events(monkeypatch)
     from rclpy.context import Context
     from rclpy.executors import SingleThreadedExecutor
 
-    from sar_compiler.cli.run_mission import make_executor
+    from sar_compiler.ros.executors import make_executor
 
     monkeypatch.setitem(sys.modules, "rclpy.experimental", None)
     context = Context()
     context.init()
-    assert isinstance(make_executor(context, by_events=True), SingleThreadedExecutor)
+    assert isinstance(make_executor(context, "events"), SingleThreadedExecutor)
     context.try_shutdown()
 
 

@@ -1,0 +1,39 @@
+"""The executor that runs the callbacks of a mission's node.
+
+One with a wait set looks at all that its nodes have whenever anything happens. rclpy's `EventsExecutor` is told what has happened, which takes
+a fraction of the time. In Jazzy it refuses guard conditions, and sends the coroutine of a service's callback in the place of an answer.
+"""
+
+from contextlib import suppress
+from inspect import iscoroutinefunction
+
+from rclpy.context import Context
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
+
+
+def make_executor(context: Context, kind: str) -> Executor:
+    """Return an executor: that of `events` if that is wanted, and if this rclpy has it; else one with a wait set."""
+    if kind == "events":
+        with suppress(ImportError):
+            from rclpy.experimental import EventsExecutor
+
+            return EventsExecutor(context=context)
+    return SingleThreadedExecutor(context=context)
+
+
+def suited(executor: Executor, node: Node) -> Executor:
+    """Return the executor of a node, or one with a wait set that has taken its place, if the node has what needs one."""
+    has_coroutine = any(iscoroutinefunction(service.callback) for service in node.services)
+    # rclpy's EventsExecutor is no Executor.
+    if isinstance(executor, Executor) or not (has_coroutine or any(node.guards)):
+        return executor
+    executor.shutdown()
+    node.get_logger().info(
+        f"A {'service has a coroutine' if has_coroutine else 'guard condition is there'}: callbacks are run by a "
+        "SingleThreadedExecutor, for which each turn takes longer."
+    )
+    other = SingleThreadedExecutor(context=node.context)
+    node.context.on_shutdown(other.shutdown)
+    other.add_node(node)
+    return other
