@@ -189,10 +189,11 @@ class ClockedTime:
 
     def now(self) -> float:
         """Return the time in seconds, to be asked for twice a second or more; only differences mean anything."""
-        awake, ros_ns = AWAKE.now(), int(self._clock.now().nanoseconds)
-        if ros_ns != self._ros_ns:
+        awake, is_simulated = AWAKE.now(), self._clock.ros_time_is_active
+        ros_ns = int(self._clock.now().nanoseconds) if is_simulated else -1
+        if ros_ns != self._ros_ns or not is_simulated:
             passed = awake - self._counted_to
-            self._now += min(passed, _GAP_SEC) if self._clock.ros_time_is_active else passed
+            self._now += min(passed, _GAP_SEC) if is_simulated else passed
             self._counted_to, self._ros_ns = awake, ros_ns
         return self._now
 
@@ -209,7 +210,9 @@ def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "T
     """Return a timer of a node by the machine's steady clock, which no simulator stops."""
     from rclpy.clock import Clock, ClockType
 
-    return node.create_timer(period_sec, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    # One for all: the executor of events has a thread for each clock.
+    clock = of_node(node, ClockType.STEADY_TIME, lambda: Clock(clock_type=ClockType.STEADY_TIME))
+    return node.create_timer(period_sec, call, clock=clock)
 
 
 # After this time without an advance, simulated time counts as stopped: long before most deadlines, which are ten.

@@ -18,7 +18,11 @@ def turn_by(orientation: Any, yaw: float) -> None:
 
 def yaw_of(orientation: Any) -> float:
     """Return the angle about z of a quaternion, in radians; whatever its length; not a number if it is not finite."""
-    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    return yaw_of_turn(orientation.x, orientation.y, orientation.z, orientation.w)
+
+
+def yaw_of_turn(x: float, y: float, z: float, w: float) -> float:
+    """Return the same of a quaternion's parts."""
     if not math.isfinite(math.hypot(x, y, z, w)):
         return math.nan
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)

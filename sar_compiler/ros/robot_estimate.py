@@ -4,7 +4,9 @@ Leaves, watch, readiness, journal and the end of a run read it. What it subscrib
 """
 
 import math
-from collections.abc import Callable
+import struct
+import sys
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,7 +16,7 @@ from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
 from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
-from sar_compiler.ros.poses import yaw_of
+from sar_compiler.ros.poses import yaw_of, yaw_of_turn
 from sar_compiler.runtime.leaf_protocol import Wake
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
 TRANSFORM_SEC = 3.0
 # Older odometry says nothing of now, steady seconds.
 _FRESH_SEC = 1.0
+# Where a message as it came has its content, and where the stamp that it begins with ends.
+_HEAD, _STAMP_END = 4, 12
 # What `map` looks like as the frame of a transform, in the message as it came.
 FROM_MAP = b"\x04\x00\x00\x00map\x00"
 
@@ -43,7 +47,7 @@ class RobotEstimate:
         pose: The last message of `amcl_pose` whose numbers are finite, as all that is kept here; None if none has come.
         pose_at: When it came, steady seconds.
         is_diverged: Whether the last message of `amcl_pose` was no pose: its numbers are not finite.
-        odometry: The pose of the last message of `odometry/filtered`, frame `odom`; None if none has come.
+        odometry: The pose of the last message of `odometry/filtered`: x and y (m), yaw (rad), frame `odom`; None if none has come.
         odometry_at_pose: The same as it was when `pose` came.
         speed: What the last odometry says: m/s and rad/s.
         settle_timeout_sec: How long it is waited for that the robot stands, seconds.
@@ -60,8 +64,8 @@ class RobotEstimate:
         self.pose: Any = None
         self.pose_at = -math.inf
         self.is_diverged = False
-        self.odometry: Any = None
-        self.odometry_at_pose: Any = None
+        self.odometry: tuple[float, float, float] | None = None
+        self.odometry_at_pose: tuple[float, float, float] | None = None
         self.speed = (0.0, 0.0)
         self.settle_timeout_sec = SETTLE_SEC
         self.transform_at: float | None = None
@@ -71,7 +75,7 @@ class RobotEstimate:
         self.clock = deadline_clock(node)
         # However fast a simulation is: this is no limit for others.
         self._own_time = NodeTime(node, steady=AWAKE.now)
-        self._frames = ("", "")
+        self._frames = (b"", b"")
         self._odometry_at = -math.inf
         self._slow_since: float | None = None
         self._transforms = b""
@@ -79,11 +83,14 @@ class RobotEstimate:
         self._clocked, self._transform_clocked_at = ClockedTime(node), -math.inf
         self._listeners: list[PoseListener] = []
         self._awaiting: list[Callable[[], None]] = []
+        self._odometry_listeners: list[Callable[[], None]] = []
         latched = qos_profile(type(self).__name__, "transient_local")
         # A robot that stands still, and may be held there, has said where before; AMCL says it again only when it has moved.
         node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched)
-        node.create_subscription(Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data)
-        # As it came: a message of a busy topic takes longer to read than to look through.
+        # As they came: a message of a busy topic takes longer to read than to look through.
+        node.create_subscription(
+            Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data, raw=True
+        )
         node.create_subscription(TFMessage, "/tf", self._on_transforms, qos_profile_sensor_data, raw=True)
 
     @property
@@ -160,17 +167,24 @@ class RobotEstimate:
         for listener in self._listeners:
             listener(message)
 
-    def _on_odometry(self, message: Any) -> None:
+    def listen_to_odometry(self, listener: Callable[[], None]) -> None:
+        """Have a function called whenever odometry has come."""
+        self._odometry_listeners.append(listener)
+
+    def _on_odometry(self, message: bytes) -> None:
         self._clocked.now()
-        if _is_finite(message.pose.pose):
-            self.odometry = message.pose.pose
-            self._frames = (message.header.frame_id, message.child_frame_id)
+        frames, pose, (x, y, z, _, _, turning) = _read_odometry(message)
+        if all(map(math.isfinite, pose)):
+            self.odometry, self._frames = pose, frames
             if self.odometry_at_pose is None:
                 self.odometry_at_pose = self.odometry
-        linear = message.twist.twist.linear
-        speed = math.hypot(linear.x, linear.y, linear.z), abs(message.twist.twist.angular.z)
-        if not all(map(math.isfinite, speed)):
-            return
+        speed = math.hypot(x, y, z), abs(turning)
+        if all(map(math.isfinite, speed)):
+            self._on_speed(speed)
+        for listener in self._odometry_listeners:
+            listener()
+
+    def _on_speed(self, speed: tuple[float, float]) -> None:
         self.speed, self._odometry_at = speed, AWAKE.now()
         if speed[0] >= _STANDS_MPS or speed[1] >= _STANDS_RADPS:
             self._slow_since = None
@@ -196,15 +210,39 @@ class RobotEstimate:
         odom, base = self._frames
         for each in deserialize_message(self._transforms, TFMessage).transforms:
             x, y, yaw = _flat(each.transform.translation, each.transform.rotation)
+            child = each.child_frame_id.encode()
             if each.header.frame_id != "map" or not all(map(math.isfinite, (x, y, yaw))):
                 continue
-            if each.child_frame_id == base:
+            if child == base:
                 return x, y, yaw
-            if each.child_frame_id == odom:
-                there_x, there_y, turned = _flat(self.odometry.position, self.odometry.orientation)
+            if child == odom:
+                there_x, there_y, turned = self.odometry
                 cos, sin = math.cos(yaw), math.sin(yaw)
                 return x + cos * there_x - sin * there_y, y + sin * there_x + cos * there_y, yaw + turned
         return None
+
+
+_NATIVE = b"\0\x01" if sys.byteorder == "little" else b"\0\0"
+_POSE_AND_TWIST = struct.Struct("=7d288x6d")
+"""Each has a covariance of 36 numbers behind it."""
+
+
+def _read_odometry(message: bytes) -> tuple[tuple[bytes, bytes], tuple[float, float, float], Sequence[float]]:
+    """Return what a message of odometry says, as it came: the two frames; x and y (m), yaw (rad); the six speeds."""
+    if message[:2] != _NATIVE:  # of a machine that writes numbers the other way round
+        from nav_msgs.msg import Odometry
+        from rclpy.serialization import deserialize_message, serialize_message
+
+        message = serialize_message(deserialize_message(message, Odometry))
+    at, frames = _STAMP_END, [b"", b""]
+    for number in range(2):
+        length = int.from_bytes(message[at : at + 4], sys.byteorder)
+        frames[number] = message[at + 4 : at + 3 + length]
+        at += (4 + length + 3) // 4 * 4
+    # Numbers of eight bytes begin at a multiple of eight, counted from behind the head.
+    numbers = _POSE_AND_TWIST.unpack_from(message, at + (_HEAD - at) % 8)
+    x, y, _, *turn = numbers[:7]
+    return (frames[0], frames[1]), (x, y, yaw_of_turn(*turn)), numbers[7:]
 
 
 def _is_finite(pose: Any) -> bool:

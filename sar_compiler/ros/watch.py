@@ -1,8 +1,7 @@
 """Watching, while a tree runs, what it relied on at the start; and a robot that moves although no goal is active."""
 
 import math
-from collections.abc import Collection, Iterable
-from typing import Any
+from collections.abc import Collection, Iterable, Sequence
 
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -22,12 +21,11 @@ from sar_compiler.ros.leaves.goals import (
 )
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.lifecycle import NAV2_NODES, with_full_name
-from sar_compiler.ros.poses import estimated_pose, yaw_of
+from sar_compiler.ros.poses import estimated_pose
 from sar_compiler.ros.readiness import SHADOW_SEC, OneServer
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.sole_mission import SoleMission
 
-_MOTION_PERIOD_SEC = 0.1
 # How long a robot may brake, and how long after the end of a goal a movement is taken for that goal's, seconds.
 _BRAKES_SEC, _LATEST_SEC = 0.7, 2.0
 # How often everything is cancelled while it moves on, steady seconds.
@@ -37,7 +35,7 @@ _SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
 
 
 class UnaskedMotion:
-    """Looks at the odometry of a robot while no goal of this node is active.
+    """Looks at the odometry of a robot, as it comes, while no goal of this node is active.
 
     A goal that has ended is no proof that the robot stands: Nav2's navigator can give up a goal that its controller drives on
     for. What moves then is told, and every goal of Nav2 is cancelled, unless another client's goal is active. Any other movement
@@ -63,8 +61,7 @@ class UnaskedMotion:
         self._told = self._blindness_told = False
         self._cancelled_at = -math.inf
         self._goals.listen(self._on_goal)
-        # Steady: what has stopped may be the node's clock.
-        steady_timer(node, _MOTION_PERIOD_SEC, self.look)
+        self._robot.listen_to_odometry(self.look)
 
     def look(self) -> None:
         """Look once, say what has changed, and cancel what is to be cancelled."""
@@ -202,6 +199,8 @@ class Watch:
             for line in self._localisation.look():
                 self._node.get_logger().warning(line)
             self.deafness = self._localisation.deafness
+        if self._motion is not None:
+            self._motion.look()
 
     def _count_servers(self, server: OneServer) -> None:
         now = AWAKE.now()
@@ -337,11 +336,9 @@ class _Localisation:
             yield f"{lost}." if lost else "Transforms from 'map' come again."
 
 
-def _between(there: Any, here: Any) -> tuple[float, float]:
-    """Return how far two poses are apart: metres, radians."""
-    moved = math.hypot(here.position.x - there.position.x, here.position.y - there.position.y)
-    turned = yaw_of(here.orientation) - yaw_of(there.orientation)
-    return moved, abs(math.remainder(turned, math.tau))
+def _between(there: Sequence[float], here: Sequence[float]) -> tuple[float, float]:
+    """Return how far two places, x, y and yaw, are apart: metres, radians."""
+    return math.dist(here[:2], there[:2]), abs(math.remainder(here[2] - there[2], math.tau))
 
 
 def refuse_parameters(node: Node, names: Collection[str]) -> None:

@@ -40,7 +40,7 @@ def under_way(
 
 def results_awaited(leaf: NavigateToZone) -> int:
     assert leaf._port is not None
-    return len(leaf._port.client._pending_result_requests)
+    return len(leaf._port.prober._pending_requests)
 
 
 def visit_every_zone(stage: "Stage") -> None:

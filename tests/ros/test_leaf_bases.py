@@ -133,6 +133,34 @@ class TestActionLeaf:
         assert leaf.fed == [2.5]
         assert leaf.status is Status.RUNNING
 
+    def test_feedback_is_read_no_more_often_than_the_leaf_says(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["feedback"]
+        leaf = driver(stage, feedback_period_sec=60.0)
+        stage.tick_until(leaf, lambda: leaf.fed, "feedback")
+        server.order("feedback")
+        stage.tick_until(leaf, lambda: leaf._exchange and leaf._exchange.has_feedback, "more of it")
+        leaf.tick_once()
+        assert leaf.fed == [2.5]
+        leaf.feedback_period_sec, leaf._next_feedback = 0.0, Deadline(0.0)
+        leaf.tick_once()
+        server.order("feedback")
+        stage.tick_until(leaf, lambda: len(leaf.fed) > 2, "what is read in each tick")
+
+    def test_feedback_that_the_leaf_has_no_use_for_is_not_read(
+        self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        server = stage.nav_server()
+        server.script = ["feedback"]
+        monkeypatch.delattr(DriveTo, "on_feedback")
+        leaf = driver(stage)
+        stage.tick_until(leaf, lambda: leaf._exchange and leaf._exchange.has_feedback, "feedback")
+        leaf.tick_once()
+        assert leaf._exchange is not None
+        assert leaf._exchange.has_feedback
+        server.order("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+
     def test_a_leaf_that_says_nothing_itself_says_how_long_its_goal_is_under_way(
         self, stage: "Stage"
     ) -> None:
@@ -169,7 +197,7 @@ class TestActionLeaf:
         assert port is not None
         stage.until(lambda: port.server_is_ready, "the server")
         stage.tick_until(leaf, lambda: leaf.fed, "feedback")
-        doubts = port.client._pending_result_requests
+        doubts = port.prober._pending_requests
         stage.tick_until(leaf, lambda: len(doubts) > 2, "doubt about the server")
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS

@@ -107,13 +107,14 @@ def test_a_deadline_is_no_faster_than_the_network_unless_who_simulates_waits_for
 @pytest.mark.ros
 def test_a_robot_stands_after_half_a_second_of_its_own_time_however_fast_that_is(bench):
     from nav_msgs.msg import Odometry
+    from rclpy.serialization import serialize_message
 
     from sar_compiler.ros.robot_estimate import RobotEstimate
 
     heard = {}
     node = bench.node(create_subscription=lambda _, topic, call, *_a, **_k: heard.update({topic: call}))
     robot = RobotEstimate(node)
-    heard["odometry/filtered"](Odometry())
+    heard["odometry/filtered"](serialize_message(Odometry()))
     stands = []
     for _ in range(2):
         bench.steady_sec += 0.01

@@ -152,8 +152,9 @@ def test_without_odometry_the_end_of_a_goal_counts_and_that_is_told_once(robot: 
     robot.speed = None
     robot.ros.spin_until(lambda: robot.estimate.moves is None, "the silence")
     robot.end(robot.drive())
+    for _ in range(3):
+        robot.motion.look()
     robot.ros.spin_until(lambda: said.has("No odometry comes on odometry/filtered"), "the note")
-    robot.ros.spin_for(0.5)
     assert sum("No odometry comes" in line for line in said.lines()) == 1
     assert robot.estimate.stands is None
 

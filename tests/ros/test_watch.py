@@ -106,7 +106,7 @@ class Scene:
 
         def has_come() -> bool:
             self.nav2.publish_odometry(odometry)
-            return known._robot.odometry is not None and known._robot.odometry.position.x == odometry
+            return known._robot.odometry is not None and known._robot.odometry[0] == odometry
 
         self.until(has_come, "the odometry")
 

@@ -43,6 +43,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         feedback_timeout_sec: How long the server may be silent, once it has sent feedback; None for no limit. It
             also limits how long a server without feedback may leave other questions unanswered (None:
             `server_timeout_sec`). Of a leaf that uses Nav2 2 s are enough while `bt_navigator` answers nothing.
+        feedback_period_sec: How long feedback is not read after some was, seconds; 0 to read the latest in each tick.
         absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is under way.
         hold_timeout_sec: How long to wait, in an activation, for what keeps the server from taking the goal.
         pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
@@ -67,6 +68,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     action_name: str = ""
     acceptance_timeout_sec: float = 5.0
     feedback_timeout_sec: float | None = None
+    feedback_period_sec: float = 0.0
     absence_timeout_sec: float = 0.5
     hold_timeout_sec: float = 60.0
     pause_sec: float = 1.0
@@ -81,6 +83,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._failures = 0
         self._has_asked = False
         self._under_way = ""
+        self._next_feedback = Deadline(0.0, self._clock)
         self._robot: RobotEstimate | None = None
         self._rest: Standstill | None = None
 
@@ -93,7 +96,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         """
 
     def on_feedback(self, feedback: Any) -> Status | None:  # noqa: ARG002 - for subclasses
-        """Handle the latest feedback; called in the tick after its arrival.
+        """Handle the latest feedback; called in the tick after its arrival, `feedback_period_sec` after the last call at the earliest.
 
         Returns:
             SUCCESS or FAILURE to end the leaf now, which cancels the goal; None or RUNNING to continue.
@@ -274,14 +277,17 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if navigator is not None and navigator.is_silent and not navigator.has_heard_nothing:
             exchange.lose_if_quiet(NAVIGATOR)
         status = super()._progress(exchange)
-        if exchange.is_accepted and status is Status.RUNNING:
-            self._say_how_long(exchange)
-        feedback = exchange.take_feedback()
-        if feedback is None or status is not Status.RUNNING:
+        if not exchange.is_accepted or status is not Status.RUNNING:
             return status
-        if exchange.is_accepted:
-            self._hold = None
-        verdict = self.on_feedback(feedback)
+        self._say_how_long(exchange)
+        if not exchange.has_feedback:
+            return status
+        self._hold = None
+        if type(self).on_feedback is ActionLeaf.on_feedback or not self._next_feedback.passed:
+            return status
+        if self.feedback_period_sec:
+            self._next_feedback = Deadline(self.feedback_period_sec, self._clock)
+        verdict = self.on_feedback(exchange.take_feedback())
         if verdict is None or verdict is Status.RUNNING:
             return Status.RUNNING
         self._cancel()

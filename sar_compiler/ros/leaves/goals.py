@@ -8,7 +8,7 @@ import time
 import uuid
 from collections.abc import Callable, Collection
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from weakref import WeakMethod
 
 from sar_compiler.ros.clock import AWAKE, Deadline
@@ -17,7 +17,6 @@ from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
-    from rclpy.action.client import ClientGoalHandle
     from rclpy.client import Client
     from rclpy.node import Node
     from rclpy.task import Future
@@ -41,6 +40,10 @@ _ENDS = {
 }
 
 StatusListener = Callable[[int], None]
+FeedbackListener = Callable[[bytes], None]
+
+# Where a message of feedback has its goal's id, behind the four bytes that say how it is written.
+_GOAL_ID = slice(4, 20)
 
 
 def end_in_words(status: int) -> str:
@@ -134,6 +137,45 @@ class GoalStatuses:
 def goal_statuses_of(node: "Node", action: str) -> GoalStatuses:
     """Return the statuses of an action's goals, the same object in every call with a node; they exist as long as it."""
     return of_node(node, (GoalStatuses, action), lambda: GoalStatuses(node, action))
+
+
+class GoalFeedback:
+    """The feedback on all goals of one action, as it came: only who has a use for a message reads it. Use `goal_feedback_of`.
+
+    Args:
+        node: The rclpy node.
+        action_type: The action's Python type.
+        action: The action's (relative) name.
+    """
+
+    def __init__(self, node: "Node", action_type: Any, action: str) -> None:
+        from rclpy.qos import QoSProfile
+
+        self._type = action_type.Impl.FeedbackMessage
+        self._listeners: dict[str, WeakMethod[FeedbackListener]] = {}
+        name, qos = f"{action}/_action/feedback", QoSProfile(depth=10)
+        node.create_subscription(self._type, name, self._take, qos, raw=True)
+
+    def follow(self, goal: str, on_feedback: FeedbackListener) -> None:
+        """Have a method called with each message for a goal; it is referred to weakly."""
+        self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
+        self._listeners[goal] = WeakMethod(on_feedback)
+
+    def read(self, message: bytes) -> Any:
+        """Return the feedback in a message."""
+        from rclpy.serialization import deserialize_message
+
+        return deserialize_message(message, self._type).feedback
+
+    def _take(self, message: bytes) -> None:
+        listener = self._listeners.get(message[_GOAL_ID].hex(), lambda: None)()
+        if listener is not None:
+            listener(message)
+
+
+def goal_feedback_of(node: "Node", action_type: Any, action: str) -> GoalFeedback:
+    """Return the feedback on an action's goals, the same object in every call with a node; it exists as long as it."""
+    return of_node(node, (GoalFeedback, action_type, action), lambda: GoalFeedback(node, action_type, action))
 
 
 class GoalNews(NamedTuple):
@@ -256,14 +298,13 @@ class ActionPort:
         self._node = node
         self.goals = goals_under_way(node)
         self.statuses = goal_statuses_of(node, name)
+        self.feedback = goal_feedback_of(node, action_type, name)
         self._connect()
 
     def _connect(self) -> None:
-        from rclpy.action import ActionClient
-
+        # Not rclpy's ActionClient: it cancels only goals whose acceptance it has seen, and reads all feedback, also on others' goals.
         node, name = self._node, self.name
-        self.client = ActionClient(node, self.action_type, name)
-        # rclpy's action client cancels only goals whose acceptance it has seen.
+        self.sender = node.create_client(self.action_type.Impl.SendGoalService, f"{name}/_action/send_goal")
         self.canceller = cancel_client(node, name)
         self.full_name = canceled_action(self.canceller.service_name)
         self.prober = node.create_client(self.action_type.Impl.GetResultService, f"{name}/_action/get_result")
@@ -271,7 +312,11 @@ class ActionPort:
     @property
     def server_is_ready(self) -> bool:
         """Whether a server is available; False while ROS is shut down."""
-        return self.usable and self.client.server_is_ready()
+        return self.usable and all(client.service_is_ready() for client in self._clients)
+
+    @property
+    def _clients(self) -> "tuple[Client, ...]":
+        return self.sender, self.canceller, self.prober
 
     @property
     def usable(self) -> bool:
@@ -299,9 +344,8 @@ class ActionPort:
     def release(self) -> None:
         """Destroy the clients; does nothing if the node, which owned them, is gone."""
         if alive(self._node):
-            self.client.destroy()
-            self._node.destroy_client(self.canceller)
-            self._node.destroy_client(self.prober)
+            for client in self._clients:
+                self._node.destroy_client(client)
 
 
 class Pulse:
@@ -385,8 +429,8 @@ class ActionGoal(Exchange):
         self._port, self._message = port, message
         # Its own id, so that it can be cancelled before the server has said anything.
         self._id = uuid.uuid4().hex
-        self._handle: ClientGoalHandle | None = None
-        self._feedback: Any = None
+        self._is_accepted = False
+        self._feedback: bytes | None = None
         self._final: int | None = None
         self._result_due: Deadline | None = None
         self._heard_at = math.inf
@@ -395,7 +439,7 @@ class ActionGoal(Exchange):
         self._absence: Deadline | None = None
         self._pulse: Pulse | None = None
         self._cancel: Future | None = None
-        self._question: Future | None = None
+        self._questions: list[Future] = []
         self._granted = False
         self._chased: Deadline | None = None
         self._refused = False
@@ -410,7 +454,7 @@ class ActionGoal(Exchange):
     @property
     def is_accepted(self) -> bool:
         """Whether the server has said that it has the goal."""
-        return self._handle is not None
+        return self._is_accepted
 
     @property
     def has_ended(self) -> bool:
@@ -438,8 +482,8 @@ class ActionGoal(Exchange):
 
     @property
     def server_is_gone(self) -> bool:
-        """Whether there is no server any more that could have the goal."""
-        return not self._port.server_is_ready
+        """Whether there is no server any more that could have the goal: what a server has leaves with it."""
+        return not (self._port.usable and self._port.sender.service_is_ready())
 
     def lose_if_quiet(self, navigator: str) -> None:
         """Give it up if its server sent feedback, and now sends none: the robot may not stop by itself.
@@ -452,10 +496,15 @@ class ActionGoal(Exchange):
                 f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} answers nothing"
             )
 
+    @property
+    def has_feedback(self) -> bool:
+        """Whether feedback has come that nobody has taken."""
+        return self._feedback is not None
+
     def take_feedback(self) -> Any:
-        """Return the latest feedback message, once; None if there is no new one."""
+        """Return the latest feedback, which there is, once."""
         feedback, self._feedback = self._feedback, None
-        return feedback
+        return self._port.feedback.read(cast("bytes", feedback))
 
     def _server_is_ready(self) -> bool:
         return self._port.server_is_ready
@@ -478,27 +527,26 @@ class ActionGoal(Exchange):
         if not self._port.usable or not prober.service_is_ready():
             return
         self._drop_questions()
-        request = prober.srv_type.Request()
-        request.goal_id = uuid_message(self._id)
-        self._question = prober.call_async(request)
-        self._question.add_done_callback(self._on_result)
+        self._request_result()
 
     def _drop_questions(self) -> None:
-        pending = ((self._port.prober, self._question), (self._port.canceller, self._cancel))
-        self._question = self._cancel = None
-        for client, question in pending:
-            if question is not None and self._port.usable:
-                # Without this the client would wait for the answer, and keep the goal, for good.
-                client.remove_pending_request(question)
+        pending = [(self._port.prober, question) for question in self._questions]
+        if self._cancel is not None:
+            pending.append((self._port.canceller, self._cancel))
+        self._questions, self._cancel = [], None
+        for client, question in pending if self._port.usable else ():
+            # Without this the client would wait for the answer, and keep the goal, for good.
+            client.remove_pending_request(question)
 
     def _send(self) -> None:
         self._servers = self._port.statuses.servers()
         self._port.goals.sending(self._id, self._port.full_name)
         self._sent_at = self._leaf._clock.now()
         self._port.statuses.follow(self._id, self._on_end)
-        own_id = uuid_message(self._id)
-        answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), own_id)
-        answer.add_done_callback(self._on_answer)
+        self._port.feedback.follow(self._id, self._on_feedback)
+        request = self._port.sender.srv_type.Request()
+        request.goal_id, request.goal = uuid_message(self._id), self._message
+        self._port.sender.call_async(request).add_done_callback(self._on_answer)
 
     def _withdraw(self) -> None:
         if not self._port.usable or not self._port.canceller.service_is_ready():
@@ -513,13 +561,13 @@ class ActionGoal(Exchange):
     def _watch(self) -> None:
         if self._final is not None:
             self._await_result(self._final)
-        elif self._handle is None:
+        elif not self._is_accepted:
             super()._watch()
             if self.trouble:
                 self._port.count_unanswered()
         elif self._silence is not None and self._silence.passed:
             self._lose(f"the server has sent no feedback for {self._silence_sec:g} s")
-        elif not self._port.server_is_ready:
+        elif self.server_is_gone:
             self._miss_server()
         else:
             self._question_server()
@@ -559,14 +607,13 @@ class ActionGoal(Exchange):
 
     def _on_answer(self, answer: "Future") -> None:
         self._port.unanswered = 0
-        handle: ClientGoalHandle = answer.result()
-        if not handle.accepted:
+        if not answer.result().accepted:
             self.rejected = True
             self._on_end(UNKNOWN)
             if not self._abandoned:
                 self.trouble = "the server rejected the goal; is it active (its lifecycle state)?"
             return
-        self._handle = handle
+        self._is_accepted = True
         if self._final == UNKNOWN:  # it was taken for lost
             self._final = None
             self._port.goals.sending(self._id, self._port.full_name)
@@ -579,24 +626,17 @@ class ActionGoal(Exchange):
             self._leaf._hear()
 
     def _request_result(self) -> None:
-        # At once, since a server forgets results; and of every goal, since rclpy keeps what it knows of a goal
-        # until the result has come.
-        if self._handle is not None:
-            self._handle.get_result_async().add_done_callback(self._on_result)
+        # At once, since a server forgets results.
+        if not self._port.usable:
+            return
+        request = self._port.prober.srv_type.Request()
+        request.goal_id = uuid_message(self._id)
+        question = self._port.prober.call_async(request)
+        question.add_done_callback(self._on_result)
+        self._questions.append(question)
 
-    def _weak_on_feedback(self) -> Callable[[Any], None]:
-        # rclpy never lets go of the callback of a goal that is rejected; the goal need not stay with it.
-        method = WeakMethod(self._on_feedback)
-
-        def on_feedback(message: Any) -> None:
-            listener = method()
-            if listener is not None:
-                listener(message)
-
-        return on_feedback
-
-    def _on_feedback(self, message: Any) -> None:
-        self._feedback, self._heard_at = message.feedback, AWAKE.now()
+    def _on_feedback(self, message: bytes) -> None:
+        self._feedback, self._heard_at = message, AWAKE.now()
         if self._pulse is not None:
             self._pulse.rest()
         if self._leaf.feedback_timeout_sec is not None:
@@ -609,6 +649,7 @@ class ActionGoal(Exchange):
 
     def _on_result(self, answer: "Future") -> None:
         result = answer.result()
+        self._drop_questions()
         self._on_end(result.status)
         if self.over or self._abandoned:
             return
@@ -628,7 +669,7 @@ class ActionGoal(Exchange):
             self._ask_after()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
             # Known once and no more: another server. Never known, and long after it was sent: it did not arrive.
-            if self._handle is not None or self._is_too_late:
+            if self._is_accepted or self._is_too_late:
                 self._on_end(UNKNOWN)
         elif not self._refused:
             # A server that refuses says so by an empty list; its return code may still be "no error".

@@ -90,6 +90,8 @@ class NavigateTo(ActionLeaf):
     hold_timeout_sec: Seconds = 60.0
 
     action_type = "nav2_msgs/action/NavigateToPose"
+    # People read no faster, and whoever watches is told of every change.
+    feedback_period_sec = 0.4
 
     def __post_init__(self) -> None:
         super().__init__(self.name)

@@ -1,0 +1,55 @@
+"""Odometry is read as it comes, without making a message of it."""
+
+import math
+import struct
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+FRAMES = ("", "o", "odom", "base_link", "robot1/odom")
+
+
+def written(order: str, frame: str, child: str, numbers: list[float]) -> bytes:
+    """Return a message of odometry as a machine of a byte order writes it."""
+    data = struct.pack(f"{order}iI", 1, 2)
+    for text in (frame, child):
+        data += bytes(-len(data) % 4) + struct.pack(f"{order}I", len(text) + 1) + text.encode() + b"\0"
+    data += bytes(-len(data) % 8) + struct.pack(f"{order}85d", *numbers)
+    return bytes([0, order == "<", 0, 0]) + data
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("child", FRAMES)
+@pytest.mark.parametrize("frame", FRAMES)
+def test_frames_pose_and_speeds_are_those_of_the_message(order: str, frame: str, child: str) -> None:
+    from nav_msgs.msg import Odometry
+    from rclpy.serialization import deserialize_message
+
+    from sar_compiler.ros.poses import yaw_of
+    from sar_compiler.ros.robot_estimate import _read_odometry
+
+    message = written(order, frame, child, [math.sin(number) for number in range(85)])
+    there = deserialize_message(message, Odometry)
+    frames, (x, y, yaw), speeds = _read_odometry(message)
+    assert (
+        frames
+        == (there.header.frame_id.encode(), there.child_frame_id.encode())
+        == (frame.encode(), child.encode())
+    )
+    place, twist = there.pose.pose.position, there.twist.twist
+    assert (x, y, yaw) == (place.x, place.y, yaw_of(there.pose.pose.orientation))
+    linear, angular = twist.linear, twist.angular
+    assert [*speeds] == [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
+
+
+def test_what_the_middleware_writes_is_read() -> None:
+    from nav_msgs.msg import Odometry
+    from rclpy.serialization import serialize_message
+
+    from sar_compiler.ros.robot_estimate import _read_odometry
+
+    message = Odometry(child_frame_id="base")
+    message.header.frame_id, message.pose.pose.position.y, message.twist.twist.linear.x = "odom", 2.5, 0.5
+    frames, pose, speeds = _read_odometry(serialize_message(message))
+    assert (frames, pose, [*speeds]) == ((b"odom", b"base"), (0.0, 2.5, 0.0), [0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
