@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from benchmarks import large_files, paging, pipeline, startup, sweeping, ticking, verifying
+from benchmarks import flying, large_files, paging, pipeline, startup, sweeping, ticking, verifying
 from benchmarks.peers import COMPILED
 
 
@@ -150,6 +150,36 @@ GOALS = (
         startup.FIRST_TICK,
         {startup.BARE_NODE: 3.0},
         "servers up in processes of their own; CPU time",
+    ),
+    *(
+        Goal(
+            f"`sar-run` while it drives, {rate} ticks a second",
+            before,
+            "flight",
+            flying.subject(rate),
+            {flying.BARE: 1.2},
+            "the same goal, sent by a node on `SingleThreadedExecutor` that hears its feedback, and has a timer at this rate",
+            "core",
+        )
+        for rate, before in ((2, "not measured"), (10, "2 to 3 x"), (100, "1.9 to 2.3 x"))
+    ),
+    *(
+        Goal(
+            f"what `{option}` adds to that, 10 ticks a second",
+            before,
+            "flight",
+            flying.points(option),
+            {"": limit},
+            "the same run with and without it, in turns",
+            "core",
+        )
+        for option, before, limit in (
+            ("--journal FILE", "1.3 points", 0.0065),
+            ("--view web", "3.5 points", 0.0175),
+            ("--publish", "3.5 points", 0.0175),
+            ("--groot2 PORT", "1.4 points", 0.007),
+            ("--record FILE", "6.5 points", 0.0325),
+        )
     ),
     Goal(
         "10,000 leaves with ports: read, check, compile",

@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from benchmarks import (
+    flying,
     journaling,
     large_files,
     paging,
@@ -32,6 +33,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "ticking": ticking.measure,
     "pipeline": pipeline.measure,
     "startup": startup.measure,
+    "flight": flying.measure,
     "journal": journaling.measure,
     "watching": watching.measure,
     "page": paging.measure,

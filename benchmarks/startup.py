@@ -29,11 +29,14 @@ LXML, BARE_NODE, WAITING = "import lxml.etree", "a bare node", "a bare node, tim
 VALIDATE = f"sar-compile validate {TREE}"
 FIRST_TICK = f"sar-run {TREE}, to the first tick"
 WITH_JOURNAL = f"{FIRST_TICK}, with a journal"
+LOOK = f"{FIRST_TICK}, time that passes, of it looking for another mission"
 MISSION = f"sar-run {TREE} --sim, the whole mission"
 _FIRST_TICK_SAYS = "Navigating to "
 _MAIN = "import sys; from sar_compiler.cli.compile import main; "
 _ARGUMENTS = f"['validate', '{TREE}']"
 _AGAIN = f"import time; main({_ARGUMENTS}); start = time.process_time(); main({_ARGUMENTS}); "
+# The same without the look for another mission.
+_UNLOOKED = "import sys; from sar_compiler.cli import run_mission_tree, run; run_mission_tree.LOOK_SEC = 0.0; sys.exit(run.main())"
 _SHORT: Mapping[str, str] = {
     LXML: "import lxml.etree",
     "python, nothing else": "pass",
@@ -55,12 +58,7 @@ node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", lambda _: None,
 node.create_timer(0.05, lambda: client.server_is_ready() and print("ready", flush=True))
 rclpy.spin(node)
 """
-_SCRIPTS = Path(sys.executable).parent
-_SERVERS: Mapping[str, Sequence[str]] = {
-    "sar-sim": ["run"],
-    "sar-detect-survivor-server": [],
-    "sar-report-survivor-server": [],
-}
+SCRIPTS = Path(sys.executable).parent
 _DOMAIN = "87"
 _DOMAINS_OF_MISSIONS = itertools.count(88)
 _TICKS_PER_SEC = os.sysconf("SC_CLK_TCK")
@@ -100,14 +98,16 @@ def _short(effort: Effort) -> Iterator[Result]:
 
 def _with_ros(effort: Effort) -> Iterator[Result]:
     bare = [sys.executable, "-c", _BARE_NODE]
-    run = [str(_SCRIPTS / "sar-run"), TREE]
-    with _servers(), tempfile.TemporaryDirectory() as folder:
+    run = [str(SCRIPTS / "sar-run"), TREE]
+    unlooked = [sys.executable, "-c", _UNLOOKED, TREE, "--journal", "none"]
+    with servers(), tempfile.TemporaryDirectory() as folder:
         journal = ["--new", "--journal", str(Path(folder, "mission.journal"))]
         taken = in_turns(
             {
                 BARE_NODE: lambda: _to_a_line(bare),
                 "": lambda: _to_a_line([*run, "--journal", "none"], _FIRST_TICK_SAYS),
                 WITH_JOURNAL: lambda: _to_a_line([*run, *journal], _FIRST_TICK_SAYS),
+                LOOK: lambda: _to_a_line(unlooked, _FIRST_TICK_SAYS),
             },
             effort.rounds,
         )
@@ -115,6 +115,8 @@ def _with_ros(effort: Effort) -> Iterator[Result]:
     yield from compared(FIRST_TICK, cpu, {BARE_NODE: bare_cpu})
     yield from compared(WITH_JOURNAL, [each[0] for each in taken[WITH_JOURNAL]], {BARE_NODE: bare_cpu})
     yield from compared(f"{FIRST_TICK}, time that passes", wall, {WAITING: bare_wall})
+    yield plain(WAITING, statistics.median(bare_wall), "s")
+    yield plain(LOOK, statistics.median(wall) - statistics.median(each[1] for each in taken[LOOK]), "s")
     missions = [_mission() for _ in range(effort.few)]
     yield from compared(MISSION, [each[0] for each in missions], {BARE_NODE: bare_cpu[: len(missions)]})
     yield plain(f"{MISSION}, simulated time", statistics.median(each[1] for each in missions), "s")
@@ -159,21 +161,24 @@ def _mission() -> tuple[float, float]:
     # Apart from all servers of before: what has just gone may still be seen, and a call to it waits for its deadline.
     os.environ["ROS_DOMAIN_ID"] = str(next(_DOMAINS_OF_MISSIONS))
     options = ["--sim", "--speed", "1000", "--view", "none", "--journal", "none", "--format", "json"]
-    command = [str(_SCRIPTS / "sar-run"), TREE, *options]
+    command = [str(SCRIPTS / "sar-run"), TREE, *options]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     return cpu_of_children() - before, float(json.loads(done.stdout)["duration"])
 
 
 @contextmanager
-def _servers() -> Iterator[None]:
-    """Run the simulator and the mission's servers, apart from any other ROS on this machine."""
+def servers(*sim: str) -> Iterator[None]:
+    """Run the simulator, by default in the shipped world, and the mission's servers, apart from any other ROS on this machine."""
     os.environ["ROS_DOMAIN_ID"] = _DOMAIN
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    commands = (
+        ["sar-sim", *(sim or ("run",))],
+        ["sar-detect-survivor-server"],
+        ["sar-report-survivor-server"],
+    )
     running = [
-        subprocess.Popen(
-            [str(_SCRIPTS / name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-        )
-        for name, arguments in _SERVERS.items()
+        subprocess.Popen([SCRIPTS / name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        for name, *arguments in commands
     ]
     try:
         assert running[0].stdout is not None
