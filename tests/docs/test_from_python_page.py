@@ -16,7 +16,7 @@ PYTHON = [block for block in blocks(PAGE) if block.language == "python"]
 @pytest.mark.ros
 def test_the_page_about_python_does_what_it_says(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
-    assert typed == 3
+    assert typed == 2
     assert otherwise == [], "\n".join(otherwise)
 
 
