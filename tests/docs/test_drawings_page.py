@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.testing import compiled
-from sar_compiler.views.drawing import dot, mermaid
+from sar_compiler.views.drawing import mermaid
 from sar_compiler.views.outline import unicode_tree, with_tags
 from tests.docs.markdown import PAGES, blocks
 
@@ -40,5 +40,4 @@ def test_the_page_shows_one_tree_in_every_language():
     assert shown == [
         ("", with_tags(unicode_tree(tree.root), tree)),
         ("mermaid", mermaid(tree)),
-        ("dot", dot(tree)),
     ]
