@@ -15,7 +15,7 @@ SCHEMA = json.loads(Path("schemas/sar_scenario.schema.json").read_text(encoding=
 
 def test_the_page_about_simulating_does_what_it_says(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
-    assert typed == 4
+    assert typed == 3
     assert otherwise == []
 
 
