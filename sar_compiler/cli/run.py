@@ -56,12 +56,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return run_in(sys.argv[1:] if argv is None else argv, ros)
 
 
-def run_in(argv: Sequence[str], ros: ExitStack) -> int:
+def run_in(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int:
     """Run `sar-run` in this process, and leave it to the caller to take ROS down.
 
     Args:
         argv: The arguments.
         ros: Takes ROS down.
+        stepped: Whether the simulated world takes turns with the mission, in one thread.
 
     Returns:
         The exit status.
@@ -69,13 +70,14 @@ def run_in(argv: Sequence[str], ros: ExitStack) -> int:
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
     try:
-        return run(lambda: _run(argv, signals, ros), PROG)
+        return run(lambda: _run(argv, signals, ros, stepped), PROG)
     finally:
         signals.give_back()
 
 
-def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
+def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: bool) -> int:
     options, supervision = _options(argv), own_supervision()
+    options.stepped = stepped
     if options.supervise is not None and not supervision.is_there:
         from sar_compiler.cli.supervisor import supervise
 

@@ -4,11 +4,12 @@ import os
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rclpy.context import Context
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -40,6 +41,7 @@ from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
+    from sar_compiler.sim.node_host import SteppedExecutor
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
@@ -95,9 +97,9 @@ def run_mission(
         try:
             if world is not None:
                 _require_navigation(tree, world)
-            simulation = ros.enter_context(_simulation(setup, world, faults))
-            executor = make_executor(context, options.executor)
+            executor = _executor(options, context)
             ros.callback(executor.shutdown)
+            simulation = ros.enter_context(_simulation(setup, world, faults, executor))
             if options.supervision.is_there:
                 options.supervision.tell_alive()
                 steady_timer(node, PERIOD_SEC, options.supervision.tell_alive)
@@ -106,6 +108,16 @@ def run_mission(
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
+
+
+def _executor(options: Namespace, context: Context) -> "Executor | SteppedExecutor":
+    """Return what serves the mission's node: with its world, if that is wanted, and if this rclpy can."""
+    if options.stepped:
+        from sar_compiler.sim.node_host import SteppedExecutor
+
+        with suppress(ImportError):
+            return SteppedExecutor(context)
+    return make_executor(context, options.executor)
 
 
 def _world(options: Namespace) -> "World | None":
@@ -175,15 +187,17 @@ def _simulated_time(options: Namespace) -> list[Parameter]:
 
 @contextmanager
 def _simulation(
-    setup: RunSetup, world: "World | None", faults: Sequence[Fault]
+    setup: RunSetup, world: "World | None", faults: Sequence[Fault], executor: "Executor | SteppedExecutor"
 ) -> "Iterator[Simulation | None]":
     """Start the world, the stand-in for Nav2 and the mission's servers in this process, if a world is simulated."""
     if world is None:
         yield None
         return
+    from sar_compiler.sim.node_host import SteppedExecutor
     from sar_compiler.sim.placement import Placement
     from sar_compiler.sim.simulation import Simulation
 
+    stepped = executor if isinstance(executor, SteppedExecutor) else None
     options, node = setup.options, setup.node
     plan = FaultPlan(faults, setup.mission.places())
     settings = {"context": node.context, "parameter_overrides": _simulated_time(options)}
@@ -198,8 +212,10 @@ def _simulation(
             context=node.context,
             namespace=node.get_namespace(),
             extra_nodes=servers,
+            executor=stepped,
         )
-        simulation.wait_for(node.get_clock())
+        if stepped is None:
+            simulation.wait_for(node.get_clock())
         with simulation:
             yield simulation
     finally:

@@ -34,7 +34,7 @@ def serve() -> int:
 
 def _run(arguments: list[str], ros: ExitStack) -> int:
     try:
-        return run.run_in(arguments, ros)
+        return run.run_in(arguments, ros, stepped=True)
     except SystemExit as end:  # wrong usage, in the words of argparse
         return end.code if isinstance(end.code, int) else USAGE
 

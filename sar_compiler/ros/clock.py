@@ -240,6 +240,13 @@ def deadline_clock(node: "Node") -> "Clock":
     return NodeTime(node, patience_sec=_DEADLINES_PATIENCE_SEC, fastest=fastest, steady=AWAKE.now)
 
 
+def deadline_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
+    """Return a timer of a node by simulated time where that is to be trusted, else by the machine's steady clock."""
+    if of_node(node, _Pace, _Pace).fastest == math.inf:
+        return node.create_timer(period_sec, call)
+    return steady_timer(node, period_sec, call)
+
+
 class Deadline:
     """A time limit.
 

@@ -26,13 +26,16 @@ def suited(executor: Executor, node: Node) -> Executor:
     """Return the executor of a node, or one with a wait set that has taken its place, if the node has what needs one."""
     has_coroutine = any(iscoroutinefunction(service.callback) for service in node.services)
     # rclpy's EventsExecutor is no Executor.
-    if isinstance(executor, Executor) or not (has_coroutine or any(node.guards)):
+    if isinstance(node.executor, Executor) or not (has_coroutine or any(node.guards)):
         return executor
-    executor.shutdown()
     node.get_logger().info(
         f"A {'service has a coroutine' if has_coroutine else 'guard condition is there'}: callbacks are run by a "
         "SingleThreadedExecutor, for which each turn takes longer."
     )
+    if hasattr(executor, "serve_apart"):  # which serves a simulated world as well
+        executor.serve_apart(node)
+        return executor
+    executor.shutdown()
     other = SingleThreadedExecutor(context=node.context)
     node.context.on_shutdown(other.shutdown)
     other.add_node(node)

@@ -257,54 +257,44 @@ def create_service(
     A dropped call is not passed to *answer*. A delayed one is passed to it after the delay; other calls
     and the rest of the node are served meanwhile.
     """
-    from rclpy.callback_groups import ReentrantCallbackGroup
-
     if faults is None:
         return node.create_service(service_type, name, answer)
-    group = ReentrantCallbackGroup()
-    dropped = object()
 
-    async def answer_or_not(request: Any, response: Any) -> Any:
-        fate = faults.next_call()
-        if fate.drop:
-            node.get_logger().warning(f"Fault: a call of {name} gets no answer.")
-            return dropped
-        if fate.delay_sec > 0.0:
-            node.get_logger().warning(f"Fault: the answer of {name} is {fate.delay_sec:g} s late.")
-            await _sleep(node, fate.delay_sec, group)
+    def answer_by(fate: CallFate, request: Any, response: Any) -> Any:
         if fate.refuse:
             node.get_logger().warning(f"Fault: {name} refuses.")
             return (refuse or answer)(request, response)
         return answer(request, response)
 
-    service = node.create_service(service_type, name, answer_or_not, callback_group=group)
+    def decide(request: Any, response: Any) -> tuple[CallFate, Any, Any]:
+        return faults.next_call(), request, response
+
+    service = node.create_service(service_type, name, decide)
     send = service.send_response
 
-    def send_unless_dropped(response: Any, header: Any) -> None:
-        if response is not dropped:
-            send(response, header)
+    def send_by(decided: tuple[CallFate, Any, Any], header: Any) -> None:
+        fate = decided[0]
+        if fate.drop:
+            node.get_logger().warning(f"Fault: a call of {name} gets no answer.")
+        elif fate.delay_sec > 0.0:
+            node.get_logger().warning(f"Fault: the answer of {name} is {fate.delay_sec:g} s late.")
+            _after(node, fate.delay_sec, lambda: send(answer_by(*decided), header))
+        else:
+            send(answer_by(*decided), header)
 
-    # The executor sends whatever a callback returns; this is the one place where an answer can get lost.
-    # A callback that never returned would work as well, but remain in the executor for each call.
-    service.send_response = send_unless_dropped
+    # The executor sends whatever a callback returns; this is the one place where an answer can be late or get lost.
+    service.send_response = send_by
     return service
 
 
-async def _sleep(node: "Node", seconds: float, group: Any) -> None:
-    """Wait on the node's clock, without blocking the executor."""
-    from rclpy.task import Future
-
-    over = Future()
+def _after(node: "Node", seconds: float, action: Callable[[], object]) -> None:
+    """Call a function once, after some time of the node's clock."""
 
     def end() -> None:
-        timer.cancel()
-        over.set_result(None)
-
-    timer = node.create_timer(seconds, end, callback_group=group)
-    try:
-        await over
-    finally:
         node.destroy_timer(timer)
+        action()
+
+    timer = node.create_timer(seconds, end)
 
 
 def _require_among(text: str, what: str, word: str, words: Collection[str]) -> None:

@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.clock import AWAKE, deadline_clock, steady_timer
+from sar_compiler.ros.clock import AWAKE, deadline_clock, deadline_timer
 from sar_compiler.ros.leaves.goals import (
     GoalNews,
     cancel_client,
@@ -185,7 +185,7 @@ class Watch:
         self._localisation = _Localisation(node) if any(use.kind == "nav2" for use in uses) else None
         self._motion = UnaskedMotion(node, drives) if drives else None
         # Steady: what has stopped may be the node's clock.
-        steady_timer(node, _PERIOD_SEC, self.look)
+        deadline_timer(node, _PERIOD_SEC, self.look)
 
     def look(self) -> None:
         """Look once, and say what has changed."""

@@ -1,4 +1,4 @@
-"""The single thread that serves all nodes of a simulation, and their creation and destruction."""
+"""What serves all nodes of a simulation, in a single thread, and their creation and destruction."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -17,6 +17,8 @@ from rclpy.node import Node
 
 # QoS events, which only warn, are half of all entities in the wait set: checked only once in this many rounds.
 _ROUNDS_PER_EVENT = 20
+# How many messages may follow one another between two steps: an answer comes one step after its question.
+_HOPS = 2
 
 
 class PacedExecutor(SingleThreadedExecutor):
@@ -76,6 +78,59 @@ def _never() -> bool:
     return False
 
 
+class SteppedExecutor:
+    """Serves a mission and the simulation that it is flown in, in one thread: all that is to be done is done between two steps.
+
+    It is rclpy's `EventsExecutor`, in which callbacks come in the order of what they answer to. Within a process, a message
+    is with its subscribers when it is published.
+
+    Args:
+        context: The nodes' context.
+
+    Attributes:
+        step: Makes the next step of the simulation, once there is one.
+
+    Raises:
+        ImportError: If this rclpy has no such executor.
+    """
+
+    def __init__(self, context: Context) -> None:
+        from rclpy.experimental import EventsExecutor
+
+        self.context = context
+        self.step: Callable[[], object] | None = None
+        self._events = EventsExecutor(context=context)
+        self._apart = PacedExecutor(context=context, interrupted=_never)
+        self.add_node, self.remove_node = self._events.add_node, self._events.remove_node
+
+    def serve_apart(self, node: Node) -> None:
+        """Serve a node by an executor with a wait set, for what the other one cannot serve."""
+        self.remove_node(node)
+        self._apart.add_node(node)
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        """Make a step, and call all that is to be called then; there is always something, so that the time-out is of no account."""
+        if self.step is not None:
+            self.step()
+        for _ in range(_HOPS):
+            served: list[str] = []
+            # Behind all that is to be called by now.
+            self._events.create_task(served.append, "all")
+            while not served:
+                self._events.spin_once(timeout_sec=timeout_sec)
+            if self._apart.get_nodes():
+                self._apart.serve_until(time.monotonic())
+
+    def spin_until_future_complete(self, _: Any, timeout_sec: float | None = None) -> None:
+        """Do as `spin_once`: whoever waits for a future asks for it after each step."""
+        self.spin_once(timeout_sec)
+
+    def shutdown(self) -> None:
+        """Serve nothing any more."""
+        self._apart.shutdown()
+        self._events.shutdown()
+
+
 class NodeHost:
     """Creates nodes in one context and namespace, all served by one executor.
 
@@ -88,7 +143,7 @@ class NodeHost:
 
     def __init__(
         self,
-        executor: PacedExecutor,
+        executor: "PacedExecutor | SteppedExecutor",
         context: Context,
         namespace: str | None = None,
         cli_args: Sequence[str] = (),

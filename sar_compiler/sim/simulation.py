@@ -6,7 +6,8 @@ import math
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,7 @@ from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.isolation import refuse_rivals
 from sar_compiler.sim.messages import to_stamp
 from sar_compiler.sim.navigator import manner
-from sar_compiler.sim.node_host import NodeHost, PacedExecutor
+from sar_compiler.sim.node_host import NodeHost, PacedExecutor, SteppedExecutor
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.placement import KeptPlaces, Placement, PlacementError
 from sar_compiler.sim.planner import Planner
@@ -203,7 +204,7 @@ class SimulationError(SarError):
 
 
 class Simulation:
-    """Runs a world in a thread of its own, until stopped.
+    """Runs a world in a thread of its own, or in that of an executor which steps it, until stopped.
 
     Simulated time advances in steps of 0.05 s, none of which is ever skipped: *speed* is an upper bound, and
     simulated time slows down if the machine cannot keep up.
@@ -218,9 +219,10 @@ class Simulation:
         context: The nodes' context, which is initialised already; the default context if None.
         namespace: The namespace of the other nodes; that of the command line if None. `/clock` stays global.
         extra_nodes: Nodes of the caller that the same thread serves; the caller destroys them.
+        executor: Serves the nodes and steps the world; by default a thread does.
 
     Attributes:
-        failure: The exception that ended the thread, if any.
+        failure: The exception that ended it, if any.
 
     Raises:
         SimulationError: If the speed is not above 0.
@@ -229,7 +231,7 @@ class Simulation:
         SarError: If the world's map cannot be read.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - each has its default
         self,
         world: World,
         robots: Sequence[Placement] = (Placement(""),),
@@ -240,6 +242,7 @@ class Simulation:
         context: Context | None = None,
         namespace: str | None = None,
         extra_nodes: Sequence[Node] = (),
+        executor: SteppedExecutor | None = None,
     ) -> None:
         if not speed > 0.0:
             raise SimulationError(f"the speed must be a number above 0, not {speed:g}")
@@ -251,8 +254,11 @@ class Simulation:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
         self._step_count = 0
+        self._due = self._look_at = 0.0
         context = context or get_default_context()
-        self._executor = PacedExecutor(context=context, interrupted=self._stopping.is_set)
+        self._stepped = executor
+        self._own = PacedExecutor(context=context, interrupted=self._stopping.is_set)
+        self._executor = executor or self._own
         self._host = NodeHost(self._executor, context, namespace)
         self._clock_node = self._host.create("simulator")
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
@@ -289,29 +295,38 @@ class Simulation:
         """
         every = JumpThreshold(min_forward=Duration(nanoseconds=1), min_backward=None)
         self._listener = listener
-        self._jumps = listener.create_jump_callback(every, post_callback=lambda _: self._executor.wake())
+        self._jumps = listener.create_jump_callback(every, post_callback=lambda _: self._own.wake())
 
     def start(self) -> None:
         """Start simulated time; may be called only once."""
-        self._thread.start()
+        self._due = self._look_at = time.monotonic()
+        if self._stepped is None:
+            self._thread.start()
+        else:
+            self._stepped.step = self._advance
 
     def stop(self) -> None:
         """Stop simulated time, abort current goals, and destroy the nodes. Further calls do nothing."""
         if self._stopping.is_set():
             return
         self._stopping.set()
-        self._executor.wake()
+        self._own.wake()
         if self._thread.ident is not None:
             self._thread.join(_JOIN_SEC)
         if self._thread.is_alive():
             _log.error("the simulation's thread does not end")
             return
+        if self._stepped is not None:
+            self._stepped.step = None
+            if self._stop_robots():
+                for _ in range(_FAREWELL_ROUNDS):
+                    self._stepped.spin_once()
         for robot in self._robots.values():
             robot.close()
         if self._jumps is not None:
             self._jumps.unregister()
         self._host.destroy_all()
-        self._executor.shutdown()
+        self._own.shutdown()
 
     def __enter__(self) -> "Self":
         self.start()
@@ -321,23 +336,41 @@ class Simulation:
         self.stop()
 
     def _run(self) -> None:
-        try:
-            due = look = time.monotonic()
+        with self._ending():
             while not self._stopping.is_set():
                 began = time.monotonic()
-                self._step()
-                due = max(due + self._period, time.monotonic() - _CATCH_UP_SEC)
-                self._executor.serve_until(due)
+                self._make_step()
+                self._own.serve_until(self._due)
                 if self._listener is not None:
-                    self._executor.serve_until(began + STEP_SEC, enough=self._is_followed)
-                if due > look:
-                    look = due + _LOOK_EVERY_SEC
-                    refuse_rivals(self._clock_node, self._actions)
+                    self._own.serve_until(began + STEP_SEC, enough=self._is_followed)
             self._farewell()
+
+    def _advance(self) -> None:
+        """Make a step when it is due, unless something has ended the simulation."""
+        if self.failure is None:
+            with self._ending():
+                if (early_sec := self._due - time.monotonic()) > 0.0:
+                    time.sleep(early_sec)
+                self._make_step()
+
+    @contextmanager
+    def _ending(self) -> Iterator[None]:
+        """Keep what ends the simulation."""
+        try:
+            yield
         except ExternalShutdownException:
             pass  # the context was shut down, in order to end this thread
         except Exception as error:  # noqa: BLE001 - told to whoever asks for `failure`
             self.failure = error
+
+    def _make_step(self) -> None:
+        """Make a step, and say when the next one is due."""
+        self._step()
+        now = time.monotonic()
+        self._due = max(self._due + self._period, now - _CATCH_UP_SEC)
+        if now > self._look_at:
+            self._look_at = now + _LOOK_EVERY_SEC
+            refuse_rivals(self._clock_node, self._actions)
 
     def _step(self) -> None:
         self._step_count += 1
@@ -363,9 +396,13 @@ class Simulation:
 
     def _farewell(self) -> None:
         """Notify the clients of current goals that these have ended."""
-        if any([robot.stop() for robot in self._robots.values()]):  # noqa: C419 - all have to stop
+        if self._stop_robots():
             for _ in range(_FAREWELL_ROUNDS):
-                self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
+                self._own.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
+
+    def _stop_robots(self) -> bool:
+        """End all goals; return whether there was one, whose client is still to be notified."""
+        return any([robot.stop() for robot in self._robots.values()])  # noqa: C419 - all have to stop
 
 
 def navigation_in(world: World, faults: FaultPlan) -> NavigationSetup | None:

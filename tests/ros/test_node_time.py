@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sar_compiler.ros.clock import ClockedTime, NodeTime, deadline_clock, trust_simulation
+from sar_compiler.ros.clock import ClockedTime, NodeTime, deadline_clock, deadline_timer, trust_simulation
 
 
 class Bench:
@@ -102,6 +102,18 @@ def test_a_deadline_is_no_faster_than_the_network_unless_who_simulates_waits_for
     trust_simulation(own)
     assert bench.passes(deadline_clock(foreign), 2.0, 100.0) == pytest.approx(20.0)
     assert bench.passes(deadline_clock(own), 2.0, 100.0) == pytest.approx(100.0)
+
+
+@pytest.mark.ros
+def test_a_mission_is_watched_by_simulated_time_only_where_that_is_trusted(bench):
+    made = []
+    create = {"create_timer": lambda _period, _call, clock="its own": made.append(clock)}
+    foreign, own = bench.node(**create), bench.node(**create)
+    trust_simulation(own)
+    for node in (foreign, own):
+        deadline_timer(node, 0.1, print)
+    assert made[0].clock_type.name == "STEADY_TIME"
+    assert made[1] == "its own"
 
 
 @pytest.mark.ros
