@@ -36,7 +36,7 @@ _OPTIONS: Mapping[str, Sequence[str]] = {
     "--record FILE": ("--record", "{0}/{1}.mcap"),
 }
 _LENGTH_M = 1200
-_MAP = "image: map.pgm\nresolution: 0.1\norigin: [0.0, -3.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+_MAP = "image: map.pgm\nresolution: 0.5\norigin: [0.0, -3.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 _WORLD = "robot: {x: 2.0, y: 0.0, yaw: 0.0, radius: 0.22}\nmap: map.yaml\nwalls:\n  - {x: 5.0, y: 2.9, size_x: 10.0, size_y: 0.1}\n"
 _PARAMETERS = f"""/**:
   ros__parameters:
@@ -82,7 +82,7 @@ executor.add_node(node)
 while rclpy.ok():
     executor.spin_once(timeout_sec=1.0)
 """
-_WARM_SEC, _SEC = 2.0, 6.0
+_WARM_SEC, _SEC, _LEAST = 2.0, 6.0, 0.0005
 
 
 def subject(rate_hz: float, option: str = "") -> str:
@@ -111,7 +111,8 @@ def measure(effort: Effort) -> Iterator[Result]:
             taken = in_turns({name: partial(_share, run, seconds) for name, run in cases.items()}, effort.few)
     for name in _OPTIONS:
         added = [with_it - without for with_it, without in zip(taken[name], taken[""], strict=True)]
-        yield plain(points(name), statistics.median(added), "core")
+        # Less is what the same run differs by from turn to turn.
+        yield plain(points(name), max(statistics.median(added), _LEAST), "core")
 
 
 def _at_a_rate(rate: int, folder: str, seconds: float, effort: Effort) -> Iterator[Result]:
@@ -140,7 +141,7 @@ def _run(folder: str, rate: int, words: Sequence[str] = ()) -> Iterator[list[str
 
 def _furnish(folder: Path) -> None:
     """Write a world that is a corridor, and the parameters of a mission in it."""
-    width, height = _LENGTH_M * 10, 60
+    width, height = _LENGTH_M * 2, 12
     (folder / "map.pgm").write_bytes(b"P5\n%d %d\n255\n" % (width, height) + b"\xfe" * (width * height))
     for name, text in (("map.yaml", _MAP), ("corridor.yaml", _WORLD), ("params.yaml", _PARAMETERS)):
         (folder / name).write_text(text, encoding="utf-8")
