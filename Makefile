@@ -99,6 +99,7 @@ format: env
 
 soak: env
 	SAR_ROUNDS=10 $(BIN)/python -m pytest -v -m "slow or random"
+	SAR_TEST_EXECUTOR=single-threaded $(BIN)/python -m pytest -v tests/faults
 
 bench: env $(PEERS)/.installed
 	$(BIN)/python -m benchmarks $(if $(QUICK),--quick) $(if $(SAVE),--save) $(foreach name,$(ONLY),--only $(name))

@@ -34,8 +34,9 @@ def test_a_run_ends_with_its_root(start, tree, body, status, said):
     assert run.output == said
 
 
-def test_a_simulated_run_ends_with_its_root_and_has_no_mission_s_servers(start, tree):
-    run = start("sar-run", tree("<AlwaysSuccess/>"), "--sim")
+@pytest.mark.parametrize("executor", ["events", "single-threaded"])
+def test_a_simulated_run_ends_with_its_root_and_has_no_mission_s_servers(start, tree, executor):
+    run = start("sar-run", tree("<AlwaysSuccess/>"), "--sim", "--executor", executor)
     assert run.end() == 0, run.output
     assert "service ready" not in run.output
 

@@ -1,5 +1,7 @@
 """What the tests of faults share: a mission as a process of its own, among servers that misbehave."""
 
+import os
+
 import pytest
 
 from tests.e2e.conftest import start, witness
@@ -13,6 +15,8 @@ QUICK = (
     ("tick_rate_hz", "10.0"),
     ("startup_timeout_sec", "30.0"),
 )
+# `make soak` has the other one run the callbacks as well.
+EXECUTOR = os.environ.get("SAR_TEST_EXECUTOR", "events")
 
 
 @pytest.fixture
@@ -43,6 +47,7 @@ def fly(start, serve):
             served.append(serve("survivors", env, **(survivors or {})))
         given = {**dict(QUICK), "zone_order": f"[{', '.join(zones)}]", **parameters}
         assigned = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
-        return start("sar-run", *arguments, "--until", "complete", "--ros-args", *assigned, env=env)
+        words = (*arguments, "--until", "complete", "--executor", EXECUTOR)
+        return start("sar-run", *words, "--ros-args", *assigned, env=env)
 
     return start_mission
