@@ -16,7 +16,7 @@ BEYOND = "the computer is gone"
 
 
 @functools.cache
-def tests():
+def all_tests():
     """Return the names of all tests."""
     return {name.rpartition("::")[2] for path in Path("tests").rglob("test_*.py") for name in names_in(path)}
 
@@ -25,7 +25,7 @@ def tests():
 def test_every_promise_names_its_tests(cells):
     shown_by = cells[-1]
     assert shown_by == "the same" or codes(shown_by) or cells[0] == BEYOND
-    assert [name for name in codes(shown_by) if name not in tests()] == []
+    assert [name for name in codes(shown_by) if name not in all_tests()] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=str)
@@ -33,5 +33,5 @@ def test_every_test_that_a_page_names_is_there(page):
     text = page.read_text(encoding="utf-8")
     named = {name for name in codes(text) if re.fullmatch(r"test_\w+", name)}
     files = set(re.findall(r"\btests/\w+/[\w/]+\.py\b", text))
-    assert named - tests() == set()
+    assert named - all_tests() == set()
     assert {path for path in files if not Path(path).is_file()} == set()
