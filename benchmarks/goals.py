@@ -127,6 +127,29 @@ GOALS = (
         {},
         f"the same; given up after {verifying.PATIENCE_SEC} s",
     ),
+    *(
+        Goal(
+            verifying.parallel_subject(count),
+            before,
+            "verify",
+            verifying.parallel_subject(count),
+            limits,
+            f"the same; given up after {verifying.PATIENCE_SEC} s",
+        )
+        for count, before, limits in (
+            (4, "11 s", {}),
+            (5, "not done in 250 s", {}),
+            (6, "three hours, estimated", {"": 10.0}),
+        )
+    ),
+    Goal(
+        verifying.NAV2_SHAPE,
+        "the largest of Nav2's own 22 s",
+        "verify",
+        verifying.NAV2_SHAPE,
+        {"": 3.0},
+        "the same; Nav2's own, by hand: each below 1.7 s",
+    ),
     Goal(
         "the resilient mission with 8 zones",
         "not measured",

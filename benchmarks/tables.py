@@ -29,7 +29,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "s": _seconds,
     "s/state": lambda value: f"{1 / value:,.0f} states/s",
     "s/run": lambda value: f"{1 / value:,.0f} runs/s",
-    "s/tick": lambda value: f"{1 / value:,.0f} ticks/s",
+    "s/step": lambda value: f"{1 / value:,.0f} steps/s",
     "bytes": lambda value: f"{value / 2**20:,.0f} MiB",
     "bytes/state": lambda value: f"{value:,.0f} bytes a state",
     "states": lambda value: f"{value:,.0f} states",
@@ -37,7 +37,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "modules": lambda value: f"{value:,.0f} modules",
 }
 """How a figure is written, by its unit."""
-_MORE_IS_BETTER = {"s/run", "s/state", "s/tick"}  # as they are written
+_MORE_IS_BETTER = {"s/run", "s/state", "s/step"}  # as they are written
 
 
 def rewrite(run: Run, path: Path) -> None:

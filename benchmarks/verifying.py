@@ -32,7 +32,7 @@ from benchmarks.figures import (
     memory_now,
     plain,
 )
-from benchmarks.trees import document, sequence
+from benchmarks.trees import around, document, sequence
 from sar_compiler.checks.verify import verify
 from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.compiler import bind_main
@@ -51,6 +51,8 @@ RESILIENT_UNFORGOTTEN = f"{RESILIENT}, 4 zones, nothing forgotten"
 RESILIENT_FORGOTTEN = f"{RESILIENT}, 4 zones"
 MEMORY = f"{RESILIENT}, 9 zones, memory"
 RETRIED = "200 retried leaves in a Sequence"
+NAV2_SHAPE = "a tree of Nav2's shape"
+BRANCHES = (4, 5, 6)
 EIGHT_ZONES = f"{RESILIENT}, 8 zones"
 _MODEL = Path(__file__).with_name("search_and_rescue.pml")
 _ZONES = 1_000
@@ -68,18 +70,23 @@ class Search(NamedTuple):
 
     Attributes:
         states: How many states it has found.
-        ticks: How many steps between them.
+        steps: How many steps between them.
         seconds: CPU seconds of all its processes.
     """
 
     states: int
-    ticks: int
+    steps: int
     seconds: float
 
 
 def binary_subject(levels: int) -> str:
     """Return what BehaVerify's tree is called in the tables."""
     return f"BehaVerify's binary tree, L = {levels}, {binary_tree.nodes(levels):,} nodes"
+
+
+def parallel_subject(count: int) -> str:
+    """Return what a tree of so many guarded branches is called in the tables."""
+    return f"{count} guarded branches, two leaves each, retried"
 
 
 def measure(effort: Effort) -> Iterator[Result]:
@@ -134,7 +141,7 @@ def _searched(
 
     start = time.process_time() + cpu_of_children()
     found = verify(simulated, properties, tags, most, note, forgets=forgets)
-    return Search(found.states, found.ticks, time.process_time() + cpu_of_children() - start)
+    return Search(found.states, found.steps, time.process_time() + cpu_of_children() - start)
 
 
 def _bytes_a_state(most: int) -> float:
@@ -162,7 +169,7 @@ def _beside_spin(effort: Effort) -> Iterator[Result]:
             actions[SPIN] = lambda: _spun(Path(folder))
         taken = in_turns(actions, effort.few)
     ours = taken.pop("")
-    for counted, unit in (("states", "s/state"), ("ticks", "s/tick")):
+    for counted, unit in (("states", "s/state"), ("steps", "s/step")):
         yield from compared(
             f"{name}: {counted}",
             [each.seconds / getattr(each, counted) for each in ours],
@@ -196,9 +203,12 @@ def _commands(folder: Path, effort: Effort) -> Iterator[Result]:
     for levels in LEVELS if effort.share == 1 else LEVELS[:2]:
         tree, properties = binary_tree.write(levels, folder)
         yield from _command(binary_subject(levels), [str(tree), "--properties", str(properties)], effort)
-    path = folder / "retried.xml"
-    path.write_text(_retried(effort.size(_LEAVES)), encoding="utf-8")
-    yield from _command(RETRIED, [str(path)], effort)
+    branches = BRANCHES if effort.share == 1 else BRANCHES[:1]
+    written = {RETRIED: _retried(effort.size(_LEAVES)), NAV2_SHAPE: _nav2_shape()}
+    for name, text in {**written, **{parallel_subject(count): _guarded(count) for count in branches}}.items():
+        path = folder / "written.xml"
+        path.write_text(text, encoding="utf-8")
+        yield from _command(name, ["--model", "nav2:jazzy", str(path)], effort)
     if effort.share == 1:
         zones = ["--set", "zones_left=8", "--max-states", "100000000"]
         yield from _command(EIGHT_ZONES, [RESILIENT, *zones], effort)
@@ -207,8 +217,40 @@ def _commands(folder: Path, effort: Effort) -> Iterator[Result]:
 def _retried(count: int) -> str:
     """Return a tree with leaves that are tried until they succeed."""
     leaf = '<RetryUntilSuccessful num_attempts="-1"><Try name="n{0}"/></RetryUntilSuccessful>'
-    palette = '<TreeNodesModel><Action ID="Try"/></TreeNodesModel>\n</root>'
-    return document(sequence(leaf.format(number) for number in range(count))).replace("</root>", palette)
+    return _described(sequence(leaf.format(number) for number in range(count)))
+
+
+def _guarded(count: int) -> str:
+    """Return a tree with branches that run at the same time as long as a condition holds."""
+    branch = sequence(['<Try name="a{0}"/>', '<Try name="b{0}"/>'])
+    retried = around('RetryUntilSuccessful num_attempts="3"', [branch])
+    branches = (retried.format(number) for number in range(count))
+    parallel = around(f'Parallel success_count="{count}" failure_count="1"', branches)
+    return _described(around("ReactiveSequence", ["<Check/>", parallel]))
+
+
+def _nav2_shape() -> str:
+    """Return a tree of the shape of those that Nav2 navigates with: planned again now and then, with recoveries of its parts and of the whole."""
+
+    def recovered(retries: int, *nodes: str) -> str:
+        return around(f'RecoveryNode number_of_retries="{retries}"', nodes)
+
+    planning = around(
+        'RateController hz="1.0"', [recovered(1, '<Try name="plan"/>', '<Try name="clear_plan"/>')]
+    )
+    driving = recovered(1, '<Try name="drive"/>', '<Try name="clear_drive"/>')
+    clearing = sequence(['<Try name="clear_local"/>', '<Try name="clear_global"/>'])
+    turns = around(
+        "RoundRobin", [clearing, '<Try name="spin"/>', '<Try name="wait"/>', '<Try name="back_up"/>']
+    )
+    recovering = around("ReactiveFallback", ["<Check/>", turns])
+    return _described(recovered(6, around("PipelineSequence", [planning, driving]), recovering))
+
+
+def _described(body: str) -> str:
+    """Return a file with one tree, and what its leaves are."""
+    palette = '<TreeNodesModel><Action ID="Try"/><Condition ID="Check"/></TreeNodesModel>\n</root>'
+    return document(body).replace("</root>", palette)
 
 
 def _command(name: str, arguments: Sequence[str], effort: Effort) -> Iterator[Result]:
