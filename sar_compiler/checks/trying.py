@@ -166,7 +166,7 @@ def _search(
         state = waiting.popleft()
         if steps.judge(state, None).ends:
             continue
-        steps.enter(state)
+        steps.enter(state, alone=True)
         while steps.step():
             if not take():
                 return [*found.values()]

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import os
 import re
 import signal
 import sys
@@ -55,8 +54,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     add_params(parser)
     text = f"explore at most N states, and leave open what would take more (default {_MAX_STATES})"
     add("--max-states", type=count, default=_MAX_STATES, metavar="N", help=text)
-    text = "search with N processes (default: the number of processors)"
-    add("--jobs", type=count, default=len(os.sched_getaffinity(0)), metavar="N", help=text)
+    add("--jobs", type=count, help=argparse.SUPPRESS)
     add_project_options(parser)
     add_mission(parser)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
@@ -79,6 +77,8 @@ def verify_file(arguments: argparse.Namespace) -> int:
 
     if arguments.against is not None and arguments.export is not None:
         raise SarError("--export is for one tree: leave --against out")
+    if arguments.jobs is not None:
+        print_error("note: --jobs makes no difference any more: one process is as fast")
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []
@@ -120,7 +120,6 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
                     max_states=arguments.max_states,
                     on_progress=progress.show,
                     keep_states=arguments.export is not None,
-                    jobs=arguments.jobs,
                 )
             )
         if done[-1].stopped:

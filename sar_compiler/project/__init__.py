@@ -633,7 +633,6 @@ class LoadedTree:
         max_states: int = 1_000_000,
         on_progress: "Report" = lambda _progress: None,
         keep_states: bool = False,
-        jobs: int = 1,
     ) -> "Verification":
         """Check properties in all possible runs of the tree.
 
@@ -645,7 +644,6 @@ class LoadedTree:
             max_states: The largest number of states to explore.
             on_progress: Called with the progress from time to time, and when a property is broken; returns True to stop.
             keep_states: Whether the result has all states, as `space`.
-            jobs: The number of processes that search; a program with threads searches alone. The result is the same.
 
         Raises:
             TreeError: If there are errors, or a property makes no sense for the tree.
@@ -658,7 +656,7 @@ class LoadedTree:
         binding = self.binding(tree_id)
         start = self._start_values(params, binding)
         search = functools.partial(
-            verify, max_states=max_states, on_progress=on_progress, keep_states=keep_states, jobs=jobs
+            verify, max_states=max_states, on_progress=on_progress, keep_states=keep_states
         )
         return verify_tree(self, binding, properties, facts, start, search)
 

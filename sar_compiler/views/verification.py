@@ -96,7 +96,7 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
     answers, sides = comparison.answers, (comparison.before, comparison.now)
     named = max(map(len, names)) + 2
     for name, side, when in zip(names, sides, ("before", "now"), strict=True):
-        size = f"{count_text(side.states, 'state')}, {count_text(side.ticks, 'tick')} between them"
+        size = f"{count_text(side.states, 'state')}, {count_text(side.steps, 'step')} between them"
         yield f"{when + ':':8}{name:{named}}{size}"
     counts = Counter(answer.change for answer in answers)
     listed = ", ".join(
@@ -146,8 +146,8 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     verdicts = verification.verdicts
     width = max(len(verdict.question) for verdict in verdicts) + 2
     states = count_text(verification.states, "state")
-    ticks, depth = (count_text(number, "tick") for number in (verification.ticks, verification.depth))
-    yield f"{states}, {ticks} between them, {depth} deep, {seconds:.1f} s"
+    steps, depth = count_text(verification.steps, "step"), count_text(verification.depth, "tick")
+    yield f"{states}, {steps} between them, {depth} deep, {seconds:.1f} s"
     yield _tally(verification)
     for verdict in verdicts:
         yield f"  {verdict.question + ':':{width}}{_answer(verdict)}"
@@ -192,7 +192,7 @@ def _limits(verification: Verification) -> Iterator[str]:
 def _numbers(verification: Verification) -> dict[str, object]:
     return {
         "states": verification.states,
-        "ticks": verification.ticks,
+        "steps": verification.steps,
         "depth": verification.depth,
         "complete": verification.complete,
         "stopped": verification.stopped,
@@ -303,7 +303,7 @@ class PrismModel:
 
     def transitions(self) -> Iterator[str]:
         """Yield the lines of the file of transitions, `.tra`; a state without ticks has one to itself."""
-        count = sum(len(self._graph.edges(state)) or 1 for state in range(self._count))
+        count = sum(len(self._graph.ticks(state)) or 1 for state in range(self._count))
         yield f"{self._count} {count} {count}\n"
         for state in range(self._count):
             targets = [each.target for each in self._space.transitions(state)] or [state]
@@ -323,7 +323,7 @@ class PrismModel:
         graph, take = self._graph, _identifiers(())
         labels: dict[str, Callable[[int], bool]] = {
             "init": lambda state: state == 0,
-            "deadlock": lambda state: not graph.edges(state),
+            "deadlock": lambda state: not graph.ticks(state),
             "end": lambda state: bool(graph.ends[state]),
             "unexplored": lambda state: state >= graph.expanded,
             "error": lambda state: graph.error is not None and graph.error.source == state,

@@ -74,7 +74,7 @@ def fly(binding, policy, times):
 
 def prove(binding):
     """Yield what the proof knows of the ticks that a flight may be in; it is sent the events of the flight's tick."""
-    stepper = TreeStepper(Prepared.of(simulated_tree(binding)), without_properties().rules, few=10**9)
+    stepper = TreeStepper(Prepared.of(simulated_tree(binding)), without_properties().rules, meets=False)
     states = {stepper.steps.start()}
     seen = yield
     while True:

@@ -68,7 +68,7 @@ def test_an_option_of_before_does_what_it_did_with_a_note(parser, capsys, words)
         (["validate", "-"], 0, "<stdin>: no findings"),
         (["show", "-"], 0, "--> NavigateToZone"),
         (["simulate", "-"], 0, "NavigateToZone"),
-        (["verify", "-", "--jobs", "1"], 0, "states"),
+        (["verify", "-"], 0, "states"),
         (["convert", "-", "--to", "yaml"], 0, "- NavigateToZone"),
         (["format", "-"], 0, "<NavigateToZone/>"),
         (["diff", "-", "search_and_rescue"], 1, "NavigateToZone"),

@@ -188,7 +188,7 @@ def verified(text: str, *options: str) -> tuple[int, str]:
     """Return the exit status of `verify` for the guarded tree with one zone, and what is printed."""
     out = StringIO()
     with redirect_stdout(out), redirect_stderr(StringIO()):
-        status = main(["verify", text, "--set", "zones_left=1", "--jobs", "1", *options])
+        status = main(["verify", text, "--set", "zones_left=1", *options])
     return status, out.getvalue()
 
 

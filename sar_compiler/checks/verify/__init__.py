@@ -4,11 +4,8 @@ The tree is compiled with stub leaves and brought into flat form; every combinat
 every state that can be reached, those that fewest ticks lead to first.
 """
 
-import contextlib
-import threading
 from collections.abc import Collection
 
-from sar_compiler.checks.verify.processes import SearchProcesses
 from sar_compiler.checks.verify.properties import PropertyFile, properties_of, without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import StateSpace
@@ -27,7 +24,6 @@ def verify(
     *,
     forgets: bool = True,
     keep_states: bool = False,
-    jobs: int = 1,
 ) -> Verification:
     """Search the states of a tree and answer every question.
 
@@ -39,7 +35,6 @@ def verify(
         on_progress: Is told now and then how far it is, and when a property is broken.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         keep_states: Whether the result has the states that were found.
-        jobs: How many processes search, where there is enough to do and this one has a single thread.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -48,11 +43,7 @@ def verify(
     prepared = Prepared.of(simulated)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
-    # A copy of a process with threads may wait for ever for what one of them held.
-    jobs = jobs if threading.active_count() == 1 else 1
-    with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
-        names = (*properties.names, OWN_RECORDS)
-        graph = explore(stepper.steps, max_states, on_progress, names, helpers)
+    graph = explore(stepper.steps, max_states, on_progress, (*properties.names, OWN_RECORDS))
     space = StateSpace(stepper, graph, properties.names, properties.owing)
     questions = Questions(space, simulated.explain)
     verdicts = (
@@ -66,7 +57,7 @@ def verify(
     return Verification(
         verdicts,
         len(graph.states),
-        len(graph.targets),
+        graph.step_count,
         graph.depth,
         graph.complete,
         properties.left_out,

@@ -25,8 +25,6 @@ _MOST_UNUSUAL = 2
 _MOST_TICKED = 2_000_000
 # Ticks that are followed after another answer.
 _MOST_FOLLOWED = 12
-# Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
-_NEVER = 1 << 30
 # A number that is the same with one less.
 _WITHOUT_END = 1e18
 
@@ -273,7 +271,8 @@ class _Runs:
     """All runs of a tree, computed lazily."""
 
     def __init__(self, simulated: SimulatedTree) -> None:
-        stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, few=_NEVER)
+        # Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
+        stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, meets=False)
         self._stepper = stepper
         self.names = [node.behaviour.name for node in stepper.flat.nodes]
         self.leaves = {leaf.number for leaf in simulated.leaves}

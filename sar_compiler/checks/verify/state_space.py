@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import Event, TickRecord
-from sar_compiler.runtime.kernel.graph import Breach, Graph
+from sar_compiler.runtime.kernel.graph import Breach, Edge, Graph
 from sar_compiler.runtime.kernel.liveness import Lasso
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 
@@ -55,7 +55,7 @@ class Transition(NamedTuple):
 class StateSpace:
     """The states that were found of a tree, and the ticks between them.
 
-    The search keeps of each tick only the state that it leads to and what it waits for; events and changes of a million
+    The search keeps of each tick only the states and middles that it leads to and what it waits for; events and changes of a million
     ticks would not fit. A run is restored from that: each of its ticks is tried in the order of the search until one
     leads to the next state. Several may. For a way to a state any will do, because the state is all that later
     ticks depend on. For a breach it must be the one with the choices that were noted, since the events break the
@@ -79,9 +79,8 @@ class StateSpace:
 
     def transitions(self, state: int) -> Iterator[Transition]:
         """Yield the ticks of a state; what happens in one is found out when it is asked for."""
-        for edge in self.graph.edges(state):
-            play = functools.partial(self._play, state, self._is_edge(edge))
-            yield Transition(self.graph.targets[edge], play)
+        for tick in self.graph.ticks(state):
+            yield Transition(tick[0], functools.partial(self._play, state, self._is(tick)))
 
     def to(self, state: int) -> Trace:
         """Return a shortest run to a state."""
@@ -95,8 +94,8 @@ class StateSpace:
 
     def lasso(self, lasso: Lasso) -> Trace:
         """Return a run into a loop, and once around it."""
-        states = [lasso.stem[-1], *(self.graph.targets[edge] for edge in lasso.loop)]
-        loop = zip(states, map(self._is_edge, lasso.loop), strict=False)
+        states = [lasso.stem[-1], *(target for target, _ in lasso.loop)]
+        loop = zip(states, map(self._is, lasso.loop), strict=False)
         return self._trace([*self._stem(lasso.stem), *loop], len(lasso.loop))
 
     def _stem(self, states: Iterable[int]) -> list[tuple[int, IsWanted]]:
@@ -114,7 +113,7 @@ class StateSpace:
         end = self.graph.states[target]
         return lambda step: step.state == end
 
-    def _is_edge(self, edge: int) -> IsWanted:
-        graph = self.graph
-        end, waits = graph.states[graph.targets[edge]], graph.waiting[graph.waits[edge]]
-        return lambda step: step.state == end and step.waits == waits
+    def _is(self, tick: Edge) -> IsWanted:
+        target, waits = tick
+        end = self.graph.states[target]
+        return lambda step: step.state == end and step.waits[0] == waits

@@ -18,7 +18,7 @@ from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import TickRecord, changes_in, value_changes, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.choices import Choices
-from sar_compiler.runtime.kernel.forking import FEW, ForkingTicker
+from sar_compiler.runtime.kernel.forking import ForkingTicker
 from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
@@ -65,7 +65,7 @@ class TreeStepper:
         prepared: The tree with stub leaves.
         rules: What is watched.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
-        few: After how many ticks of a state it begins to see whether they meet.
+        meets: Whether ticks that come to the same place are one from there on.
 
     Raises:
         NotFlatError: If the tree has a node whose rules are not known.
@@ -80,7 +80,7 @@ class TreeStepper:
         wrong: What these have done last that their records exclude, in words.
     """
 
-    def __init__(self, prepared: Prepared, rules: Rules, *, forgets: bool = True, few: int = FEW) -> None:
+    def __init__(self, prepared: Prepared, rules: Rules, *, forgets: bool = True, meets: bool = True) -> None:
         self._alphabet = prepared.alphabet
         choices = Choices()
         entries = prepared.entries
@@ -90,7 +90,9 @@ class TreeStepper:
         self.flat = flatten(simulated.root, leaves.node_of)
         self.ran = leaves.ran
         first = self.flat.ticker(ChosenTimes(choices, trail))
-        self.ticker = ForkingTicker(first.cells, first.values, first.times, entries, choices, trail, few)
+        self.ticker = ForkingTicker(
+            first.cells, first.values, first.times, entries, choices, trail, meets=meets
+        )
         self.wrong, self._rule = "", rules.count
         self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]
         self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
@@ -120,7 +122,7 @@ class TreeStepper:
         self._before = self.states.facts_and_keys(state)
         self._trail.keeps = True
         try:
-            self.steps.enter(state)
+            self.steps.enter(state, alone=True)
             while self.steps.step():
                 yield self.steps
         finally:

@@ -59,7 +59,7 @@ class Verification:
     Attributes:
         verdicts: The questions with their answers.
         states: How many states were found.
-        ticks: How many different ticks there are between them.
+        steps: How many steps there are between them: ticks, and parts of ticks that many ticks have in common.
         depth: How many ticks it takes to come everywhere; where not every state was gone through, how many ticks
             every run was followed for.
         complete: Whether every state was gone through.
@@ -74,7 +74,7 @@ class Verification:
 
     verdicts: tuple[Verdict, ...]
     states: int
-    ticks: int
+    steps: int
     depth: int
     complete: bool
     left_out: tuple[LeftOut, ...] = ()

@@ -8,19 +8,23 @@ Why before the node. It has done nothing yet, so there is nothing to undo: a for
 entries, the nodes that wait) and of what the tick has noted, and to go back is to copy them again. A node is never in the middle of its own
 `begin` or `resume`, because those return between two children; that is why nodes are no functions that call each other.
 
-Why ticks may meet. Two ticks of one state that come to the same node with the same cells, values and entries go on alike, whatever led there; so only
-the first is played on. These belong to what must be the same:
+Why ticks may meet. Two ticks that come to the same node with the same cells, values and entries go on alike, whatever led there, and from whatever
+state; so only the first is played on. Such a place is a *middle*, and what is played from there on belongs to it, not to the state in which the tick has
+begun: k branches that each go on in n ways are k times n steps and not n^k ticks. These belong to what must be the same:
 
 - the node, and with it the nodes that wait, since a node has one parent;
 - what the children of these have come to, even where a *state* forgets it: between two ticks nobody looks at how a child has ended, but in the
   middle of one its parent may be about to;
-- what the properties remember and whether one is broken, for the events before the meeting are behind it;
-- which leaves and timers go on being waited for: that belongs to the edge of the graph, and fairness is asked of edges (`liveness`).
+- what the properties remember and whether one is broken, for the events before the meeting are behind it.
 
-What has *happened* does not belong to it. Two ticks that meet may have had different events, and only those of the first are seen to the end. The graph
-keeps none, so the search loses nothing; whoever asks for events, as a counterfactual does, has `few` so high that ticks never meet.
+Which leaves and timers go on being waited for does not: what a part of a tick does to that is noted with the part (`Trail.waits`), and fairness is asked of
+whole ticks, which are put together of parts (`liveness`).
 
-Why the first ticks of a state are not looked at. To write down where a tick is takes as long as some nodes do, and most states have few ticks.
+What has *happened* does not belong to it either. Two ticks that meet may have had different events, and only those of the first are seen to the end. The graph
+keeps none, so the search loses nothing. Where a tick is played again to be told, those of its state meet as well, but only where they also wait for the same;
+whoever asks for all events, as a counterfactual does, has them never meet.
+
+Why a middle is known when it is left, and not when it is come to. A tick never comes to the same place twice, or it would not end; so nobody asks in between.
 
 Why a choice that nobody foresaw is no mistake. `ways` may say 1, and the node asks `Choices` all the same. Then there is no fork at that choice, and the next
 combination is played from the last fork before it: slower, and as right, provided that the same choices lead to the same questions. `Choices.pick` sees
@@ -35,15 +39,16 @@ from mypy_extensions import i32
 from sar_compiler.runtime.kernel.cells import CALLED
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.kernel.numbering import Middles
 from sar_compiler.runtime.kernel.state_code import StateCode
 from sar_compiler.runtime.kernel.times import Times
-from sar_compiler.runtime.kernel.trail import Trail
+from sar_compiler.runtime.kernel.trail import Trail, Waits
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode
 
 KNOWN: Final = 6
 """In place of an outcome: the tick has come to where another one was before, and everything behind that is known."""
-FEW: Final = 16
-"""Where no more ticks than these begin in a state, it is not worth while to see whether they meet."""
+ENTERED: Final = 7
+"""In place of an outcome: the tick has come to a middle where none was before, and goes on there."""
 
 
 class Fork:
@@ -53,10 +58,14 @@ class Fork:
         ticker: What ticks the nodes.
         node: The node that is next.
         waiting: The nodes around it.
+        is_middle: Whether it is a middle of ticks.
     """
 
-    def __init__(self, ticker: "ForkingTicker", node: TreeNode, waiting: list[TreeNode]) -> None:
+    def __init__(
+        self, ticker: "ForkingTicker", node: TreeNode, waiting: list[TreeNode], *, is_middle: bool
+    ) -> None:
         trail = ticker.trail
+        self.is_middle = is_middle
         self.node = node
         self.waiting = waiting[:]
         self.cells = ticker.cells[:]
@@ -64,7 +73,7 @@ class Fork:
         self.entries = ticker.entries.now[:]
         self.asked = ticker.choices.asked
         self.happened = len(trail.numbers)
-        self.going_on, self.changed = trail.going_on, trail.changed
+        self.going_on, self.changed, self.settled = trail.waits
         self.watched, self.broken = trail.watched, trail.broken
 
     def restore(self, ticker: "ForkingTicker") -> None:
@@ -75,7 +84,7 @@ class Fork:
         ticker.entries.restore(self.entries)
         ticker.choices.go_back(self.asked)
         trail.go_back(self.happened)
-        trail.going_on, trail.changed = self.going_on, self.changed
+        trail.going_on, trail.changed, trail.settled = self.going_on, self.changed, self.settled
         trail.watched, trail.broken = self.watched, self.broken
 
 
@@ -91,7 +100,12 @@ class ForkingTicker(Ticker):
         entries: What the entries of the blackboard hold.
         choices: What is chosen.
         trail: What happens.
-        few: After how many ticks of a state it begins to see whether they meet.
+        meets: Whether ticks that come to the same place are one from there on.
+
+    Attributes:
+        middles: The middles that ticks have been to, by what they are; None where those of a state are played on their own.
+        middle: The middle that a tick has come to last.
+        waits: What the part of the tick up to there, or to its end, does to what is waited for.
     """
 
     def __init__(
@@ -102,19 +116,22 @@ class ForkingTicker(Ticker):
         entries: EntryCells,
         choices: Choices,
         trail: Trail,
-        few: int = FEW,
+        *,
+        meets: bool,
     ) -> None:
         super().__init__(cells, values, times)
         self.tells = False
         self.entries = entries
         self.choices = choices
         self.trail = trail
-        self._few = few
+        self.middles: Middles | None = None
+        self.middle = b""
+        self.waits: Waits = (0, 0, 0)
+        self._meets = meets
         # In the middle of a tick how a node has ended counts: its parent may be about to look.
         self._code = StateCode(cells, values, [])
         self._forks: list[Fork] = []
-        self._ticks = 0
-        self._seen: set[tuple[Any, ...]] = set()
+        self._seen: set[tuple[bytes, Waits]] = set()
 
     def forget(self, forgotten: list[bool]) -> None:
         """Take for each node whether it makes no difference, while it does not run, if and how it has ended.
@@ -132,25 +149,25 @@ class ForkingTicker(Ticker):
         """
         self.choices.begin()
         self.trail.begin(watched)
-        self._ticks = 0
         self._seen.clear()
-        self._forks = [Fork(self, root, [])]
+        self._forks = [Fork(self, root, [], is_middle=False)]
 
     def play(self) -> int:
-        """Tick from the last fork on; return the outcome, or KNOWN."""
+        """Tick from the last fork on; return the outcome, KNOWN or ENTERED."""
         fork = self._forks[-1]
         node, waiting = fork.node, fork.waiting[:]
         is_new = False
-        self._ticks += 1
         while True:
             if is_new and node.ways(self) > 1:
-                if self._is_known(node, waiting):
-                    return KNOWN
-                self._forks.append(Fork(self, node, waiting))
+                met = self._meet(node, waiting) if self._meets else CALLED
+                if met != CALLED:
+                    return met
+                self._forks.append(Fork(self, node, waiting, is_middle=False))
             is_new = True
             outcome = node.begin(self)
             while outcome != CALLED:
                 if not waiting:
+                    self.waits = self.trail.waits
                     return outcome
                 node = waiting.pop()
                 outcome = node.resume(self, outcome)
@@ -159,29 +176,34 @@ class ForkingTicker(Ticker):
             assert called is not None  # noqa: S101 - CALLED says so
             node = called
 
-    def advance(self) -> bool:
-        """Go back to the last fork with another way to go on; return False if there is none."""
+    def advance(self) -> int:
+        """Go back to the last fork with another way to go on; return how many middles are left by that, -1 if there is no such fork."""
         choice = self.choices.advance()
         if choice < 0:
-            return False
-        forks = self._forks
+            return -1
+        forks, left = self._forks, 0
         while forks[-1].asked > choice:
-            forks.pop()
+            left += forks.pop().is_middle
         forks[-1].restore(self)
-        return True
+        return left
 
-    def _is_known(self, node: TreeNode, waiting: list[TreeNode]) -> bool:
-        """Return whether a tick was here before, with nothing behind it that makes a difference."""
-        if self._ticks <= self._few:
-            return False
+    def _meet(self, node: TreeNode, waiting: list[TreeNode]) -> int:
+        """Return KNOWN if a tick was here before, with nothing behind it that makes a difference; else ENTERED in a middle, or CALLED."""
         cells = self.cells
         ended = [cells[child.at] for around in waiting for child in around.children]
         trail = self.trail
         self.entries.settle()
         head = [node.index, trail.watched, trail.broken, *ended]
-        state = self._code.write(head, cells, self.values, self.entries.now)
-        place = (node.index, state, trail.going_on, trail.changed)
+        middle = self._code.write(head, cells, self.values, self.entries.now)
+        if self.middles is not None:
+            self.middle, self.waits = middle, trail.waits
+            if self.middles.find(middle) >= 0:
+                return KNOWN
+            trail.begin_part()
+            self._forks.append(Fork(self, node, waiting, is_middle=True))
+            return ENTERED
+        place = middle, (trail.going_on, trail.changed, 0)
         if place in self._seen:
-            return True
+            return KNOWN
         self._seen.add(place)
-        return False
+        return CALLED

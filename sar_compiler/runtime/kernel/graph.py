@@ -9,6 +9,10 @@ from librt.vecs import append, vec
 from mypy_extensions import i16, i32, i64
 
 from sar_compiler.runtime.kernel.numbering import StateStore
+from sar_compiler.runtime.kernel.trail import Waits
+
+Edge = tuple[int, int]
+"""A tick: the number of the state that it leads to, and the leaves and timers that it goes on waiting for, as bits."""
 
 
 @dataclass(frozen=True)
@@ -26,42 +30,74 @@ class Breach:
     error: Exception | None = None
 
 
-class Waits:
-    """What each tick waits for, as a number: two bytes each, as long as there are not more."""
+class Numbers:
+    """Numbers, of which each takes two bytes as long as none is larger."""
 
     def __init__(self) -> None:
         self._short = vec[i16]()
         self._long = vec[i32]()
 
-    def __getitem__(self, edge: int) -> int:
-        return self._long[edge] if len(self._long) else int(self._short[edge])
+    def __getitem__(self, at: int) -> int:
+        return self._long[at] if len(self._long) else int(self._short[at])
 
-    def append(self, wait: int) -> None:
-        """Add what the next tick waits for."""
-        if wait > _SHORT and not len(self._long):
-            self._long = vec[i32]([int(each) for each in self._short])
+    def append(self, number: int) -> None:
+        """Add a number."""
+        if number > _SHORT and not len(self._long):
+            self._long = vec[i32]([int(held) for held in self._short])
             self._short = vec[i16]()
         if len(self._long):
-            self._long = append(self._long, i32(wait))
+            self._long = append(self._long, i32(number))
         else:
-            self._short = append(self._short, i16(wait))
+            self._short = append(self._short, i16(number))
 
 
 _SHORT: Final = (1 << 15) - 1
 
 
+class Steps:
+    """The steps that lead from places of one kind, one place behind the other.
+
+    Attributes:
+        targets: Where each step leads: the number of a state; of a middle its number, below 0 and counted from -1.
+        waits: What each does to what is waited for, as a number of `Graph.waits`.
+    """
+
+    def __init__(self) -> None:
+        self._offsets = vec[i64]([0])
+        self.targets = vec[i32]()
+        self.waits = Numbers()
+
+    def __len__(self) -> int:
+        """Return how many places there are of which the steps are known."""
+        return len(self._offsets) - 1
+
+    def of(self, place: int) -> range:
+        """Return the numbers of the steps from a place."""
+        return range(self._offsets[place], self._offsets[place + 1])
+
+    def add(self, target: int, waits: int) -> None:
+        """Add a step from the place in hand."""
+        self.targets = append(self.targets, i32(target))
+        self.waits.append(waits)
+
+    def end(self) -> None:
+        """End with the place in hand."""
+        self._offsets = append(self._offsets, len(self.targets))
+
+
 @dataclass
 class Graph:
-    """The states of a tree and the ticks between them; states are numbered in the order in which they were found.
+    """The states of a tree and the steps between them; states are numbered in the order in which they were found.
+
+    A step is a tick, or a part of one, where many ticks come to the same place on their way (a *middle*, see `forking`). From a
+    middle, steps lead to states and to middles with lower numbers.
 
     Attributes:
         states: The states themselves; the first one is the beginning.
         origins: The state from which each was found; 0 for the first.
-        offsets: Where the ticks of each state that was gone through begin in the two lists below; one more at
-            the end.
-        targets: The state that each tick leads to.
-        waits: What each tick waits for, as a number of `waiting`.
-        waiting: The sets of leaves and timers that go on being waited for in a tick, as bits.
+        steps: The steps from each state that was gone through.
+        middles: The steps from each middle.
+        waits: The different things that steps do to what is waited for.
         ends: 1 for each state in which the run is over.
         pending: What each state owes, as bits.
         levels: Where the states of each distance begin: those that so many ticks lead to, and no fewer.
@@ -73,10 +109,9 @@ class Graph:
 
     states: StateStore
     origins: vec[i32] = field(default_factory=lambda: vec[i32]([]))
-    offsets: vec[i64] = field(default_factory=lambda: vec[i64]([0]))
-    targets: vec[i32] = field(default_factory=lambda: vec[i32]([]))
-    waits: Waits = field(default_factory=Waits)
-    waiting: list[int] = field(default_factory=list)
+    steps: Steps = field(default_factory=Steps)
+    middles: Steps = field(default_factory=Steps)
+    waits: list[Waits] = field(default_factory=list)
     ends: bytearray = field(default_factory=bytearray)
     pending: list[int] = field(default_factory=list)
     levels: list[int] = field(default_factory=lambda: [0])
@@ -88,18 +123,55 @@ class Graph:
     @property
     def expanded(self) -> int:
         """How many states were expanded: those before this number."""
-        return len(self.offsets) - 1
+        return len(self.steps)
+
+    @property
+    def step_count(self) -> int:
+        """How many steps there are."""
+        return len(self.steps.targets) + len(self.middles.targets)
 
     @property
     def depth(self) -> int:
         """The least number of ticks for which every run was followed."""
         return len(self.levels) - 1
 
-    def edges(self, state: int) -> range:
-        """Return the numbers of the ticks of a state; none for one that was not gone through."""
-        if state >= self.expanded:
-            return range(0)
-        return range(self.offsets[state], self.offsets[state + 1])
+    @property
+    def places(self) -> int:
+        """How many places there are: the states, by their numbers, and behind them the middles."""
+        return len(self.states) + len(self.middles)
+
+    def leading_from(self, place: int) -> tuple[Steps, range]:
+        """Return the steps from a place, as numbers of these; none for a state that was not gone through."""
+        states = len(self.states)
+        if place >= states:
+            return self.middles, self.middles.of(place - states)
+        return self.steps, self.steps.of(place) if place < self.expanded else range(0)
+
+    def place(self, target: int) -> int:
+        """Return the place that a target of a step is."""
+        return target if target >= 0 else len(self.states) - 1 - target
+
+    def ticks(self, state: int) -> list[Edge]:
+        """Return the different ticks of a state, in order."""
+        found: dict[Edge, None] = {}
+        states, seen = len(self.states), set()
+        waiting = self._following(state, 0, 0)
+        while waiting:
+            place, going_on, changed = following = waiting.pop()
+            if place < states:
+                found[place, going_on] = None
+            elif following not in seen:
+                seen.add(following)
+                waiting.extend(self._following(place, going_on, changed))
+        return list(found)
+
+    def _following(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
+        """Return where the steps from a place lead, and what the tick has noted of what is waited for then; the last step first."""
+        steps, numbers = self.leading_from(place)
+        return [
+            (self.place(steps.targets[step]), *behind(going_on, changed, self.waits[steps.waits[step]]))
+            for step in reversed(numbers)
+        ]
 
     def distance(self, state: int) -> int:
         """Return the least number of ticks that lead to a state."""
@@ -114,4 +186,10 @@ class Graph:
 
     def successors(self, state: int) -> Iterator[int]:
         """Yield the states that the ticks of a state lead to."""
-        return (self.targets[edge] for edge in self.edges(state))
+        return (target for target, _ in self.ticks(state))
+
+
+def behind(going_on: int, changed: int, waits: Waits) -> tuple[int, int]:
+    """Return what a tick has noted of what is waited for after a part more of it."""
+    goes_on, changes, settled = waits
+    return going_on & ~settled | goes_on & (settled | ~changed), changed & ~settled | changes

@@ -12,8 +12,8 @@ Why one look at each component is enough. Give every leaf and timer that can be 
 one bit is set in every tick. So "some fair run stays here" is: for each bit, a tick without it comes again and again. That is acceptance
 as in a generalised Buechi automaton, with one set of *ticks* for each bit, and in a strongly connected component it can be met
 if and only if every bit is missing in some tick of the component: one round can be made that takes all ticks. `is_fair` therefore
-intersects the bits of all ticks inside. If something is left, every run that stays here waits for it for ever, also one that stays in a
-part of the component, where the intersection is only larger. So no component is taken apart further.
+looks for what is set in all ticks inside. If there is something, every run that stays here waits for it for ever, also one that stays in a
+part of the component, where there is only more of it. So no component is taken apart further.
 
 This is weak fairness. Strong fairness ("what is tried again and again succeeds one day") would promise more than a robot keeps: a zone
 behind a wall is tried for ever and never reached. It would also hide the livelock of the shipped tree, which swings between zone and base.
@@ -35,15 +35,14 @@ unfair one: waiting for one leaf for ever is the shortest round of all. `_round`
 in every tick so far. The sets only shrink on the way, so there are few of them for each state.
 """
 
-from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from librt.vecs import vec
 from mypy_extensions import i32, i64
 
-from sar_compiler.runtime.kernel.graph import Graph
+from sar_compiler.runtime.kernel.graph import Edge, Graph, behind
 
 
 @dataclass(frozen=True)
@@ -65,26 +64,27 @@ def endings(graph: Graph) -> Endings:
 
     A state that was not gone through counts as one that can end.
     """
-    can_end = bytearray(len(graph.states))
+    can_end = bytearray(graph.places)
     stuck: int | None = None
     circling: list[int] | None = None
     for component in components(graph, graph.ends):
         # Components come in reverse topological order: what can be reached from this one is decided already.
-        if any(_goes_on(graph, state, can_end) for state in component):
-            for state in component:
-                can_end[state] = 1
+        if any(_goes_on(graph, place, can_end) for place in component):
+            for place in component:
+                can_end[place] = 1
         else:
-            stuck = _first(component, stuck)
+            states = [place for place in component if place < len(graph.states)]
+            stuck = min(states if stuck is None else [stuck, *states], default=None)
         if is_fair(graph, component):
-            circling = _sooner(graph, component, circling)
-    for state in range(len(can_end) if stuck is None else stuck):
+            circling = _sooner(component, circling)
+    for state in range(len(graph.states) if stuck is None else stuck):
         if graph.ends[state] and not _goes_on(graph, state, can_end):
             return Endings(state, circling)
     return Endings(stuck, circling)
 
 
 def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
-    """Return the states of the first component in which a run can stay for ever while it owes something.
+    """Return the places of the first component in which a run can stay for ever while it owes something.
 
     Args:
         graph: The graph.
@@ -96,27 +96,26 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
     circling: list[int] | None = None
     for component in components(graph, excluded):
         if is_fair(graph, component):
-            circling = _sooner(graph, component, circling)
+            circling = _sooner(component, circling)
     return circling
 
 
-def _goes_on(graph: Graph, state: int, can_end: bytearray) -> bool:
+def _goes_on(graph: Graph, place: int, can_end: bytearray) -> bool:
+    steps, numbers = graph.leading_from(place)
     # What was not gone through may end; what only raises has.
-    if not graph.edges(state):
+    if not numbers:
         return True
-    return any(graph.ends[target] or can_end[target] for target in graph.successors(state))
+    states = len(graph.states)
+    for step in numbers:
+        target = graph.place(steps.targets[step])
+        if can_end[target] or (target < states and graph.ends[target]):
+            return True
+    return False
 
 
-def _sooner(graph: Graph, component: list[int], known: list[int] | None) -> list[int]:
-    """Return the component at the lesser distance; at the same distance the later one, which leads to the other."""
-    if known is None or graph.distance(min(component)) <= graph.distance(min(known)):
-        return component
-    return known
-
-
-def _first(component: Iterable[int], known: int | None) -> int:
-    least = min(component)
-    return least if known is None else min(least, known)
+def _sooner(component: list[int], known: list[int] | None) -> list[int]:
+    """Return the component with the state that was found first."""
+    return component if known is None or min(component) < min(known) else known
 
 
 _NEW: Final = 0
@@ -125,8 +124,8 @@ _NEW: Final = 0
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
     """Yield the strongly connected components of a graph, each after all that can be reached from it.
 
-    Tarjan's algorithm. Its recursion is as deep as the longest path, which may be a million states, so the path is
-    a list, and `_DepthFirst.following` holds where each state on it goes on.
+    Tarjan's algorithm. Its recursion is as deep as the longest path, which may be a million places, so the path is
+    a list, and `_DepthFirst.following` holds where each place on it goes on.
 
     Args:
         graph: The graph.
@@ -135,58 +134,60 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
     walk = _DepthFirst(graph, excluded)
     stack: list[int] = []
     number = _NEW
-    for root in range(len(graph.states)):
-        if excluded[root] or walk.order[root]:
+    for root in range(graph.places):
+        if (root < len(excluded) and excluded[root]) or walk.order[root]:
             continue
         work = [root]
         while work:
-            state = work[-1]
-            if walk.order[state] == _NEW:
+            place = work[-1]
+            if walk.order[place] == _NEW:
                 number += 1
-                walk.begin(state, number)
-                stack.append(state)
-            entered = walk.enter(state)
+                walk.begin(place, number)
+                stack.append(place)
+            entered = walk.enter(place)
             if entered >= 0:
                 work.append(entered)
                 continue
             work.pop()
             if work:
-                walk.low[work[-1]] = min(walk.low[work[-1]], walk.low[state])
-            if walk.low[state] == walk.order[state]:
-                yield _pop_component(stack, walk.on_stack, state)
+                walk.low[work[-1]] = min(walk.low[work[-1]], walk.low[place])
+            if walk.low[place] == walk.order[place]:
+                yield _pop_component(stack, walk.on_stack, place)
 
 
 class _DepthFirst:
-    """What Tarjan's algorithm knows of each state: its number in order, the least that it leads back to, and its next tick."""
+    """What Tarjan's algorithm knows of each place: its number in order, the least that it leads back to, and its next step."""
 
     def __init__(self, graph: Graph, excluded: bytearray) -> None:
-        zeros = bytes(len(graph.states))
+        zeros = bytes(graph.places)
         self.order, self.low, self.following = vec[i32](zeros), vec[i32](zeros), vec[i64](zeros)
         self.on_stack = bytearray(zeros)
         self._graph = graph
         self._excluded = excluded
 
-    def begin(self, state: int, number: int) -> None:
-        """Give a state a number."""
-        self.order[state] = self.low[state] = i32(number)
-        self.following[state] = self._graph.edges(state).start
-        self.on_stack[state] = 1
+    def begin(self, place: int, number: int) -> None:
+        """Give a place a number."""
+        self.order[place] = self.low[place] = i32(number)
+        self.following[place] = self._graph.leading_from(place)[1].start
+        self.on_stack[place] = 1
 
-    def enter(self, state: int) -> int:
-        """Continue through the ticks of a state; return the first new state, -1 at the end."""
-        order, on_stack, targets = self.order, self.on_stack, self._graph.targets
-        edge, stop, least = int(self.following[state]), self._graph.edges(state).stop, self.low[state]
+    def enter(self, place: int) -> int:
+        """Continue through the steps of a place; return the first new place, -1 at the end."""
+        order, on_stack, graph = self.order, self.on_stack, self._graph
+        steps, numbers = graph.leading_from(place)
+        targets, states = steps.targets, len(graph.states)
+        step, stop, least = int(self.following[place]), numbers.stop, self.low[place]
         found = -1
-        while edge < stop and found < 0:
-            target = int(targets[edge])
-            edge += 1
-            if self._excluded[target]:
+        while step < stop and found < 0:
+            target = graph.place(targets[step])
+            step += 1
+            if target < states and self._excluded[target]:
                 continue
             if order[target] == _NEW:
                 found = target
             elif on_stack[target] and order[target] < least:
                 least = order[target]
-        self.following[state], self.low[state] = edge, least
+        self.following[place], self.low[place] = step, least
         return found
 
 
@@ -205,17 +206,42 @@ def is_fair(graph: Graph, component: list[int]) -> bool:
 
     It can if there is nothing that every tick in the component waits for: in a strongly connected component one
     round can take all of the ticks. If there is something, every round waits for it, so no run can stay.
+
+    There may be more ticks than can be gone through. So each step is looked at once, from the states on: which of the three things a tick
+    can have noted of each bit up to there.
     """
     inside = set(component)
-    waiting, found = -1, False
-    for state in component:
-        for edge in graph.edges(state):
-            if graph.targets[edge] in inside:
+    states = len(graph.states)
+    if min(component) >= states:
+        return False
+    notes: dict[int, tuple[int, int, int]] = {}
+    free, found = 0, False
+    # A middle leads to middles with lower numbers.
+    order = [place for place in component if place < states]
+    order += sorted((place for place in component if place >= states), reverse=True)
+    for place in order:
+        nothing, going_on, changed = (_ALL, 0, 0) if place < states else notes[place]
+        steps, numbers = graph.leading_from(place)
+        for step in numbers:
+            target = graph.place(steps.targets[step])
+            if target not in inside:
+                continue
+            goes_on, changes, settled = graph.waits[steps.waits[step]]
+            still = ~settled & nothing & ~goes_on | settled & ~goes_on & ~changes
+            waits = ~settled & (going_on | nothing & goes_on) | settled & goes_on
+            begun = ~settled & changed | changes
+            if target < states:
                 found = True
-                waiting &= graph.waiting[graph.waits[edge]]
-                if not waiting:
+                free |= still | begun
+                if free == _ALL:
                     return True
-    return found and not waiting
+            else:
+                others = notes.get(target, (0, 0, 0))
+                notes[target] = still | others[0], waits | others[1], begun | others[2]
+    return found and free == _ALL
+
+
+_ALL: Final = -1
 
 
 @dataclass(frozen=True)
@@ -224,11 +250,11 @@ class Lasso:
 
     Attributes:
         stem: The states on the way, from the first one to that where the round begins.
-        loop: The ticks of the round, as numbers of edges.
+        loop: The ticks of the round.
     """
 
     stem: list[int]
-    loop: list[int]
+    loop: list[Edge]
 
 
 def lasso(graph: Graph, component: list[int]) -> Lasso:
@@ -242,35 +268,49 @@ def lasso(graph: Graph, component: list[int]) -> Lasso:
     return Lasso(graph.stem(entry), _round(graph, entry, set(component)))
 
 
-def _round(graph: Graph, entry: int, inside: set[int]) -> list[int]:
+_Moment = tuple[int, int, int, int]
+"""A place, what every tick so far has waited for (-1: everything), and what the one in hand has noted: what goes on, and what has changed."""
+
+
+def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
     """Return the ticks of a shortest fair round from a state back to it."""
-    # A shortest round back to the state may be an unfair one. So breadth first over states together with what was
-    # waited for in every tick so far: -1 stands for everything, 0 is what the round must arrive with.
-    start = (entry, -1)
-    ways: dict[tuple[int, int], tuple[tuple[int, int], int]] = {}
-    queue = deque([start])
-    while queue:
-        place = queue.popleft()
-        state, waiting = place
-        for edge in graph.edges(state):
-            target = graph.targets[edge]
-            following = (target, waiting & graph.waiting[graph.waits[edge]])
-            if target not in inside or following in ways:
-                continue
-            ways[following] = (place, edge)
-            if following == (entry, 0):
-                return _retrace(ways, start, following)
-            queue.append(following)
+    # A shortest round back to the state may be an unfair one. So breadth first, tick by tick, over places together with what was
+    # waited for in every tick so far: 0 is what the round must arrive with.
+    start, states = (entry, _ALL, 0, 0), len(graph.states)
+    ways: dict[_Moment, tuple[_Moment, int]] = {}
+    tick = [start]
+    while tick:
+        following: list[_Moment] = []
+        for moment in tick:
+            place, waiting, going_on, changed = moment
+            steps, numbers = graph.leading_from(place)
+            for step in numbers:
+                target = graph.place(steps.targets[step])
+                if target not in inside:
+                    continue
+                after = behind(going_on, changed, graph.waits[steps.waits[step]])
+                is_end = target < states
+                reached = (target, waiting & after[0], 0, 0) if is_end else (target, waiting, *after)
+                if reached in ways:
+                    continue
+                ways[reached] = moment, after[0]
+                if reached == (entry, 0, 0, 0):
+                    return _retrace(ways, start, reached, states)
+                # What a tick comes to in its middle belongs to the tick.
+                (following if is_end else tick).append(reached)
+        tick = following
     message = "one cannot go round in this component"
     raise ValueError(message)
 
 
 def _retrace(
-    ways: dict[tuple[int, int], tuple[tuple[int, int], int]], start: tuple[int, int], end: tuple[int, int]
-) -> list[int]:
-    way: list[int] = []
-    place = end
-    while place != start:
-        place, edge = ways[place]
-        way.append(edge)
+    ways: dict[_Moment, tuple[_Moment, int]], start: _Moment, end: _Moment, states: int
+) -> list[Edge]:
+    way: list[Edge] = []
+    moment = end
+    while moment != start:
+        before, waits = ways[moment]
+        if moment[0] < states:
+            way.append((moment[0], waits))
+        moment = before
     return way[::-1]

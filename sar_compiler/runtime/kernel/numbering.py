@@ -8,6 +8,10 @@ from mypy_extensions import i32, i64, u8
 
 _FIRST_SIZE: Final = 1024
 _FREE: Final = 0
+_BITS_OF_NUMBER: Final = 32
+_NUMBER: Final = (1 << _BITS_OF_NUMBER) - 1
+_HASH: Final = (1 << 31) - 1
+"""So much of a hash stands in the table; so large a table can become."""
 
 
 class StateStore:
@@ -43,7 +47,7 @@ class StateStore:
 class Numbering:
     """Numbers states from 0 on.
 
-    A dictionary would take 90 bytes more for each: states are found by a table of their numbers, which takes six to twelve.
+    A dictionary would take 90 bytes more for each: states are found by a table of their numbers, which takes 12 to 24.
 
     Attributes:
         states: The states, by their numbers.
@@ -51,20 +55,22 @@ class Numbering:
 
     def __init__(self) -> None:
         self.states = StateStore()
-        # One more than the number of a state, where its hash leads to or behind that; the size is a power of two.
-        self._table = vec[i32](bytes(_FIRST_SIZE))
-        self._mask = _FIRST_SIZE - 1
+        # The hash of a state and one more than its number, where the hash leads to or behind that; the size is a power of two.
+        self._table = vec[i64](bytes(_FIRST_SIZE))
+        self._mask: i64 = _FIRST_SIZE - 1
 
     def find(self, state: bytes) -> int:
         """Return the number of a state; -1 if it has none."""
-        table, states, mask = self._table, self.states, self._mask
-        at = hash(state) & mask
+        table, mask = self._table, self._mask
+        hashed = i64(hash(state)) & _HASH
+        at = hashed & mask
         while True:
             slot = table[at]
             if slot == _FREE:
                 return -1
-            if states[slot - 1] == state:
-                return slot - 1
+            # Few states have the same hash, and to look at one is to copy it.
+            if slot >> _BITS_OF_NUMBER == hashed and self.states[int(slot & _NUMBER) - 1] == state:
+                return int(slot & _NUMBER) - 1
             at = (at + 1) & mask
 
     def add(self, state: bytes) -> int:
@@ -73,20 +79,69 @@ class Numbering:
         self.states.append(state)
         if 3 * number > 2 * self._mask:
             self._grow()
-        else:
-            self._place(state, number)
+        self._place((i64(hash(state)) & _HASH) << _BITS_OF_NUMBER | (number + 1))
         return number
 
     def _grow(self) -> None:
-        size = 2 * (self._mask + 1)
-        self._table = vec[i32](bytes(size))
-        self._mask = size - 1
-        for number in range(len(self.states)):
-            self._place(self.states[number], number)
+        before = self._table
+        self._mask = 2 * self._mask + 1
+        self._table = vec[i64](bytes(self._mask + 1))
+        for slot in before:
+            if slot != _FREE:
+                self._place(slot)
 
-    def _place(self, state: bytes, number: int) -> None:
+    def _place(self, slot: i64) -> None:
         table, mask = self._table, self._mask
-        at = hash(state) & mask
+        at = (slot >> _BITS_OF_NUMBER) & mask
         while table[at] != _FREE:
             at = (at + 1) & mask
-        table[at] = number + 1
+        table[at] = slot
+
+
+class Middles:
+    """Numbers middles of ticks from 0 on, and forgets those that no tick has come to lately.
+
+    A middle takes as much as a state, and there are several for each; but ticks that meet begin in states that are found at about the
+    same time. One that is forgotten gets another number when a tick comes to it again.
+    """
+
+    def __init__(self) -> None:
+        self._lately, self._before = _Recent(), _Recent()
+        self._count = 0
+
+    def find(self, middle: bytes) -> int:
+        """Return the number of a middle; -1 if it has none."""
+        number = self._lately.find(middle)
+        if number < 0:
+            number = self._before.find(middle)
+            if number >= 0:
+                self._lately.add(middle, number)
+        return number
+
+    def add(self, middle: bytes) -> int:
+        """Return the number of a middle that has none."""
+        number = self._count
+        self._lately.add(middle, number)
+        self._count = number + 1
+        return number
+
+    def age(self) -> None:
+        """Forget those that no tick has come to since the last time."""
+        self._before = self._lately
+        self._lately = _Recent()
+
+
+class _Recent:
+    """Some middles with their numbers."""
+
+    def __init__(self) -> None:
+        self._numbering = Numbering()
+        self._numbers = vec[i32]()
+
+    def find(self, middle: bytes) -> int:
+        at = self._numbering.find(middle)
+        return -1 if at < 0 else int(self._numbers[at])
+
+    def add(self, middle: bytes, number: int) -> None:
+        self._numbering.add(middle)
+        self._numbers = append(self._numbers, i32(number))

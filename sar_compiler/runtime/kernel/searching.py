@@ -1,20 +1,34 @@
 """Searching the states of a tree breadth first."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
-from librt.vecs import append
+from librt.vecs import append, vec
 from mypy_extensions import i32, mypyc_attr
 
-from sar_compiler.runtime.kernel.graph import Breach, Graph
-from sar_compiler.runtime.kernel.numbering import Numbering
+from sar_compiler.runtime.kernel.graph import Breach, Graph, Steps
+from sar_compiler.runtime.kernel.numbering import Middles, Numbering
+from sar_compiler.runtime.kernel.trail import Waits
 
 # Who waits for a report, or wants to stop, does not wait long for so many ticks.
 _REPORT_EVERY: Final = 256
-_BITS_OF_WAIT: Final = 28
-_WAIT: Final = (1 << _BITS_OF_WAIT) - 1
-"""An edge is the number of its target, counted from 1, and what it waits for in so many bits."""
+_BITS_OF_WAITS: Final = 28
+_WAITS: Final = (1 << _BITS_OF_WAITS) - 1
+"""A step is where it leads, as in `Steps.targets`, and what it does to what is waited for in so many bits."""
+_NOWHERE: Final = (1 << 31) - 1
+"""In place of a target: the tick raises."""
+_SEVERAL: Final = -1
+"""In place of the only state that a place leads to."""
+
+NOTHING: Final = 0
+"""There is no step any more."""
+A_STATE: Final = 1
+"""A step ends a tick."""
+A_MIDDLE: Final = 2
+"""A step leads to a middle that is known."""
+A_NEW_MIDDLE: Final = 3
+"""A step leads to a middle that is not known, and the next ones go on from there until it is left."""
 
 
 class Judgement(NamedTuple):
@@ -38,27 +52,33 @@ class Stepper:
     """The states that can be searched, and the steps between them.
 
     Attributes:
-        state: The state after the last step; None if it raised.
-        waits: The leaves and timers that it goes on waiting for, as bits.
-        broken: The rules that it breaks, as bits.
+        state: The state after the last step that has ended a tick; None if it raised.
+        waits: What the last step does to what is waited for.
+        broken: The rules that the tick breaks that it has ended, as bits.
         error: What it raised.
+        middle: The middle that the last step has led to.
+        left: How many middles were left before the last step, because nothing else goes on from there.
+        middles: Those that were left, lately.
     """
 
     def __init__(self) -> None:
         self.state: bytes | None = None
-        self.waits = self.broken = 0
+        self.waits: Waits = (0, 0, 0)
+        self.broken = self.left = 0
         self.error: Exception | None = None
+        self.middle = b""
+        self.middles = Middles()
 
     def start(self) -> bytes:
         """Return the state before the first step."""
         raise NotImplementedError
 
-    def enter(self, state: bytes) -> None:
-        """Go to a state."""
+    def enter(self, state: bytes, *, alone: bool = False) -> None:
+        """Go to a state; with *alone* as if there were no middles."""
         raise NotImplementedError
 
-    def step(self) -> bool:
-        """Do the next one of the steps that are possible in the state; return False if there is none."""
+    def step(self) -> int:
+        """Do the next one of the steps that are possible from the state, and return what it has led to."""
         raise NotImplementedError
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
@@ -82,14 +102,14 @@ class Progress:
     Attributes:
         states: How many states were found.
         expanded: How many of them were gone through.
-        ticks: How many different ticks there were.
+        steps: How many steps there were.
         depth: How many ticks lead to the state in hand.
         broken: The properties that are broken so far, by their names.
     """
 
     states: int
     expanded: int
-    ticks: int
+    steps: int
     depth: int
     broken: tuple[str, ...] = ()
 
@@ -102,30 +122,11 @@ def keep_quiet(progress: Progress) -> None:
     """Report nothing."""
 
 
-Step = tuple[bytes, int, int]
-"""One step from a state: the state that it leads to, what it goes on waiting for, and the rules that it breaks."""
-
-
-class Helpers(Protocol):
-    """Whoever finds out what the steps of some states are, while their steps are put together here.
-
-    Attributes:
-        many: How many states at the same distance are worth their help.
-    """
-
-    many: int
-
-    def steps_of(self, states: list[bytes]) -> Iterator[list[Step] | None]:
-        """Yield for each state all of its steps; None for one that is left undone."""
-        ...
-
-
 def explore(
     stepper: Stepper,
     max_states: int,
     report: Report = keep_quiet,
     names: Sequence[str] = (),
-    helpers: Helpers | None = None,
 ) -> Graph:
     """Search all states that can be reached, breadth first.
 
@@ -134,30 +135,30 @@ def explore(
         max_states: How many to find at most; where there are more, the graph is not complete.
         report: Is called with the progress now and then, and when a property is broken.
         names: What the properties are called, by the number of the rule.
-        helpers: Who does a part of the work, where there are many states at the same distance. The graph is the same.
     """
-    return _Exploration(stepper, max_states, report, names, helpers).run()
+    return _Exploration(stepper, max_states, report, names).run()
 
 
 class _Exploration:
-    def __init__(
-        self, stepper: Stepper, max_states: int, report: Report, names: Sequence[str], helpers: Helpers | None
-    ) -> None:
+    def __init__(self, stepper: Stepper, max_states: int, report: Report, names: Sequence[str]) -> None:
         self._stepper = stepper
         self._max_states = max_states
         self._report = report
         self._names = names
-        self._helpers = helpers
         self._numbering = Numbering()
         self._graph = Graph(self._numbering.states)
-        self._waiting: dict[int, int] = {}
+        self._known_waits: dict[Waits, int] = {}
+        # The only state that each middle leads to.
+        self._only = vec[i32]()
         self._open: set[int] = set()
         self._played = 0
+        # The place in hand, and those around it in the tick: the steps of each, its middle, and the part of the tick up to it.
+        self._places: list[_OpenPlace] = []
         # The step in hand.
         self._source = 0
         self._state: bytes | None = None
-        self._waits = self._broken = 0
-        self._is_here = True
+        self._waits: Waits = (0, 0, 0)
+        self._broken = 0
 
     def run(self) -> Graph:
         graph = self._graph
@@ -167,54 +168,40 @@ class _Exploration:
             if index == level_end:
                 graph.levels.append(index)
                 level_end = len(graph.states)
-                helpers = self._helpers
-                if helpers is not None and level_end - index >= helpers.many:
-                    index = self._expand_level(helpers, index, level_end)
-                    continue
+                self._stepper.middles.age()
             self._expand(index)
             index += 1
         return graph
 
-    def _expand_level(self, helpers: Helpers, index: int, end: int) -> int:
-        """Find the successors of all states at a distance with the help of others; return the first state behind them."""
-        for steps in helpers.steps_of(self._graph.states.between(index, end)):
-            if steps is None:
-                self._expand(index)
-            else:
-                self._put_together(index, steps)
-            index += 1
-            if not self._graph.complete:
-                break
-        return index
-
     def _expand(self, index: int) -> None:
         """Find the successors of a state; one whose successors do not all fit does not count as expanded."""
         stepper = self._stepper
-        edges: dict[int, None] = {}
-        self._source, self._is_here = index, True
+        self._source = index
+        self._places = [_OpenPlace(b"", (0, 0, 0))]
         stepper.enter(self._graph.states[index])
-        while stepper.step():
+        while True:
+            led = stepper.step()
+            if led == NOTHING:
+                break
+            self._leave(stepper.left)
             self._state, self._waits, self._broken = stepper.state, stepper.waits, stepper.broken
-            if not self._take(edges):
+            if not self._take(led, stepper.middle):
                 return
-        self._finish(edges)
+        self._finish()
 
-    def _put_together(self, index: int, steps: list[Step]) -> None:
-        """Take the steps that somebody else has found."""
-        edges: dict[int, None] = {}
-        self._source, self._is_here = index, False
-        for self._state, self._waits, self._broken in steps:
-            if not self._take(edges):
-                return
-        self._finish(edges)
-
-    def _take(self, edges: dict[int, None]) -> bool:
+    def _take(self, led: int, middle: bytes) -> bool:
         """Take the step in hand; return False if the search is over."""
-        graph, waiting = self._graph, self._waiting
+        graph = self._graph
         self._count()
         if graph.stopped:
             return False
-        target = -1
+        if led == A_NEW_MIDDLE:
+            self._places.append(_OpenPlace(middle, self._waits))
+            return True
+        if led == A_MIDDLE:
+            self._lead(-1 - self._stepper.middles.find(middle), self._waits)
+            return True
+        target = _NOWHERE
         if self._state is None:
             self._note_error()
         else:
@@ -226,16 +213,39 @@ class _Exploration:
                 target = self._add(self._state)
             if self._broken:
                 self._note_breaches(self._broken)
-        # One that raises leads nowhere: it is no edge, but the state is not idle.
-        edges[(target + 1) << _BITS_OF_WAIT | waiting.setdefault(self._waits, len(waiting))] = None
+        self._lead(target, self._waits)
         return True
 
-    def _finish(self, edges: dict[int, None]) -> None:
+    def _lead(self, target: int, waits: Waits) -> None:
+        """Note a step from the place in hand; one that raises leads nowhere, and so does one to where all others raise."""
+        goes_on, changed, settled = waits
+        if target >= 0:
+            # What has begun in the tick is not waited for.
+            changed = 0
+        elif not len(self._graph.middles.of(-1 - target)):
+            target = _NOWHERE
+        if len(self._places) == 1:
+            # There was nothing before.
+            settled = changed
+        known = self._known_waits
+        number = known.setdefault((goes_on, changed, settled), len(known))
+        self._places[-1].steps[target << _BITS_OF_WAITS | number] = None
+
+    def _leave(self, count: int) -> None:
+        """Write down the steps of the middles in hand, of that number."""
+        for _ in range(count):
+            place = self._places.pop()
+            number = self._stepper.middles.add(place.middle)
+            self._only = append(self._only, i32(self._write(self._graph.middles, place)))
+            self._lead(-1 - number, place.waits)
+
+    def _finish(self) -> None:
         """Write down the steps of the state in hand."""
+        self._leave(len(self._places) - 1)
         index = self._source
-        self._write(edges)
+        only = self._write(self._graph.steps, self._places[0])
         if index in self._open:
-            self._judge_again(index, idle=all(edge >> _BITS_OF_WAIT == index + 1 for edge in edges))
+            self._judge_again(index, idle=only == index)
 
     def _count(self) -> None:
         """Count a tick, and report the progress now and then."""
@@ -247,21 +257,28 @@ class _Exploration:
         """Report the progress; if nobody wants to know more, the graph is not complete."""
         graph = self._graph
         broken = tuple(self._names[rule] for rule in graph.breaches if rule < len(self._names))
-        numbers = len(graph.states), graph.expanded, len(graph.targets), len(graph.levels) - 1
+        numbers = len(graph.states), graph.expanded, graph.step_count, len(graph.levels) - 1
         if self._report(Progress(*numbers, broken)):
             graph.stopped, graph.complete = True, False
 
-    def _write(self, edges: dict[int, None]) -> None:
-        """Write down what the ticks of a state lead to, and what they wait for."""
+    def _write(self, steps: Steps, place: "_OpenPlace") -> int:
+        """Write down the steps of a place; return the only state that they lead to, _SEVERAL if it is not the only one."""
         graph = self._graph
-        if len(self._waiting) > len(graph.waiting):
-            graph.waiting = list(self._waiting)
-        for edge in edges:
-            target = edge >> _BITS_OF_WAIT
-            if target:
-                graph.targets = append(graph.targets, i32(target - 1))
-                graph.waits.append(edge & _WAIT)
-        graph.offsets = append(graph.offsets, len(graph.targets))
+        if len(self._known_waits) > len(graph.waits):
+            graph.waits = list(self._known_waits)
+        only = _NOWHERE
+        for step in place.steps:
+            target = step >> _BITS_OF_WAITS
+            end = target
+            if target == _NOWHERE:
+                end = _SEVERAL
+            else:
+                steps.add(target, step & _WAITS)
+                if target < 0:
+                    end = self._only[-1 - target]
+            only = end if only in (_NOWHERE, end) else _SEVERAL
+        steps.end()
+        return only
 
     def _judge_again(self, index: int, *, idle: bool) -> None:
         """Judge a state again now that all of its ticks are known.
@@ -294,7 +311,7 @@ class _Exploration:
     def _note_breaches(self, broken: int) -> None:
         """Note that the step in hand breaks rules."""
         for rule in self._new(broken):
-            self._graph.breaches[rule] = Breach(self._source, self._path())
+            self._graph.breaches[rule] = Breach(self._source, self._stepper.path())
             self._tell()
 
     def _new(self, broken: int) -> list[int]:
@@ -307,15 +324,18 @@ class _Exploration:
 
     def _note_error(self) -> None:
         if self._graph.error is None:
-            path = self._path()
-            self._graph.error = Breach(self._source, path, self._stepper.error)
+            self._graph.error = Breach(self._source, self._stepper.path(), self._stepper.error)
 
-    def _path(self) -> tuple[int, ...]:
-        """Return the choices of the step in hand; one that somebody else has found is looked up."""
-        stepper = self._stepper
-        if not self._is_here:
-            stepper.enter(self._graph.states[self._source])
-            wanted = self._state, self._waits, self._broken
-            while stepper.step() and (stepper.state, stepper.waits, stepper.broken) != wanted:
-                pass
-        return stepper.path()
+
+class _OpenPlace:
+    """A state or middle whose steps are being found.
+
+    Args:
+        middle: The middle.
+        waits: What the step to it does to what is waited for.
+    """
+
+    def __init__(self, middle: bytes, waits: Waits) -> None:
+        self.middle = middle
+        self.waits = waits
+        self.steps: dict[int, None] = {}

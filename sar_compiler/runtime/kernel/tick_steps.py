@@ -4,8 +4,15 @@ from collections.abc import Callable
 
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel.entry_cells import Memo
-from sar_compiler.runtime.kernel.forking import KNOWN, ForkingTicker
-from sar_compiler.runtime.kernel.searching import Judgement, Stepper
+from sar_compiler.runtime.kernel.forking import ENTERED, KNOWN, ForkingTicker
+from sar_compiler.runtime.kernel.searching import (
+    A_MIDDLE,
+    A_NEW_MIDDLE,
+    A_STATE,
+    NOTHING,
+    Judgement,
+    Stepper,
+)
 from sar_compiler.runtime.kernel.state_code import StateCode
 from sar_compiler.runtime.kernel.tree import FlatTree
 
@@ -26,11 +33,7 @@ class TickSteps(Stepper):
         judged_by: The places of the entries that it looks at.
 
     Attributes:
-        state: The state after the last step; None if the tick raised.
-        waits: The leaves and timers that it goes on waiting for, as bits.
-        broken: The properties that it breaks, as bits.
-        error: What it raised.
-        outcome: The outcome of the tick; INVALID if it raised.
+        outcome: The outcome of the tick that has ended last; INVALID if it raised.
     """
 
     def __init__(
@@ -64,40 +67,53 @@ class TickSteps(Stepper):
         """Return the choices of the last step."""
         return self._ticker.choices.path
 
-    def enter(self, state: bytes) -> None:
-        """Go to a state, to play its ticks."""
+    def enter(self, state: bytes, *, alone: bool = False) -> None:
+        """Go to a state, to play its ticks.
+
+        Args:
+            state: The state.
+            alone: Whether all of its ticks are played, also where those of other states came to the same middles.
+        """
         watched = self.restore(state)[1]
+        self._ticker.middles = None if alone else self.middles
         self._ticker.begin(self._flat.nodes[0], watched)
         self._is_fresh = True
 
-    def step(self) -> bool:
-        """Play the next tick; return False if there is none.
+    def step(self) -> int:
+        """Play the next step, and return what it has led to.
 
         Raises:
             UndecidableError: If the steps of the tree cannot be known.
         """
         ticker = self._ticker
+        self.left = 0
         while True:
             if self._is_fresh:
                 self._is_fresh = False
-            elif not ticker.advance():
-                return False
+            else:
+                left = ticker.advance()
+                if left < 0:
+                    return NOTHING
+                self.left += left
             self.state, self.error = None, None
-            self.outcome = self.waits = self.broken = 0
+            self.outcome = self.broken = 0
             try:
                 outcome = ticker.play()
-                if outcome == KNOWN:
-                    continue
-                trail = ticker.trail
-                self._flat.share(ticker)
-                self._flat.renumber(ticker)
-                self.state = self._write_state(outcome, trail.watched)
-                self.outcome, self.waits, self.broken = outcome, trail.waits, trail.broken
+                if outcome < KNOWN:
+                    self._flat.share(ticker)
+                    self._flat.renumber(ticker)
+                    self.state = self._write_state(outcome, ticker.trail.watched)
+                    self.outcome, self.waits, self.broken = outcome, ticker.waits, ticker.trail.broken
+                    return A_STATE
             except UndecidableError:
                 raise
             except Exception as error:  # noqa: BLE001 - whatever a node raises would end the mission
                 self.error = error
-            return True
+                return A_STATE
+            if ticker.middles is not None:
+                self.middle, self.waits = ticker.middle, ticker.waits
+                self._is_fresh = outcome == ENTERED
+                return A_NEW_MIDDLE if self._is_fresh else A_MIDDLE
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
         """Judge a state.

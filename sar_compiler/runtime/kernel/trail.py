@@ -8,6 +8,9 @@ from mypy_extensions import u8
 
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 
+Waits = tuple[int, int, int]
+"""What a part of a tick does to what is waited for: `Trail.going_on`, `changed` and `settled` at its end."""
+
 
 @dataclass(frozen=True)
 class Guarded:
@@ -41,6 +44,7 @@ class Trail:
         pasts: The latter, for each event.
         going_on: The leaves that run on as they were, and the timers that were not up, as bits.
         changed: The leaves that run and timers that count, but have begun in this tick, as bits.
+        settled: Those of which something was noted that makes no difference to what was noted before, as bits.
         watched: What the properties remember.
         broken: The properties that were broken, as bits.
     """
@@ -64,7 +68,7 @@ class Trail:
         self.numbers: list[int] = []
         self.keeps = False
         self.pasts: list[list[int]] = []
-        self.going_on = self.changed = self.watched = self.broken = 0
+        self.going_on = self.changed = self.settled = self.watched = self.broken = 0
 
     def bit(self, index: int) -> int:
         """Return the bit of the leaf or timer of a node, by the node's index."""
@@ -73,8 +77,13 @@ class Trail:
     def begin(self, watched: int) -> None:
         """Begin a tick, with what the properties remember."""
         self.go_back(0)
-        self.going_on = self.changed = self.broken = 0
+        self.begin_part()
+        self.broken = 0
         self.watched = watched
+
+    def begin_part(self) -> None:
+        """Begin a part of a tick: what is noted from now on is noted apart from what was before."""
+        self.going_on = self.changed = self.settled = 0
 
     def go_back(self, happened: int) -> None:
         """Forget all events but the first ones, of that number."""
@@ -88,17 +97,19 @@ class Trail:
         return len(self._bits)
 
     @property
-    def waits(self) -> int:
-        """The leaves and timers that this tick has left running as they were, as bits.
-
-        One that was halted and started again in the same tick is not among them although it runs before and
-        after: it is another activation, which has its whole time before it. See `liveness` for what that decides.
-        """
-        return self.going_on & ~self.changed
+    def waits(self) -> Waits:
+        """What the part of a tick in hand does to what is waited for."""
+        return self.going_on, self.changed, self.settled
 
     def start(self, bit: int) -> None:
-        """Note that a leaf or timer starts."""
+        """Note that a leaf or timer starts.
+
+        One that was halted and started again in the same tick is not waited for although it runs before and
+        after: it is another activation, which has its whole time before it. See `liveness` for what that decides.
+        """
+        self.going_on &= ~bit
         self.changed |= bit
+        self.settled |= bit
 
     def go_on(self, bit: int) -> None:
         """Note that a leaf answers RUNNING, or a timer is not up."""
@@ -112,6 +123,7 @@ class Trail:
         """
         self.going_on &= ~bit
         self.changed &= ~bit
+        self.settled |= bit
 
     def take(self, number: int) -> None:
         """Take an event, and what goes with it."""

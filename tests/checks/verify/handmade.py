@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sar_compiler.runtime.kernel.searching import Judgement, Stepper, explore
+from sar_compiler.runtime.kernel.searching import A_STATE, NOTHING, Judgement, Stepper, explore
 
 
 class HandMade(Stepper):
@@ -38,17 +38,17 @@ class HandMade(Stepper):
     def start(self):
         return bytes([0])
 
-    def enter(self, state):
+    def enter(self, state, *, alone=False):
         self._left = list(enumerate(self._ticks.get(state[0], [state[0]])))
 
     def step(self):
         if not self._left:
-            return False
+            return NOTHING
         place, tick = self._left.pop(0)
         self._place = place
-        number, self.waits = tick if isinstance(tick, tuple) else (tick, 0)
-        self.state = bytes([number])
-        return True
+        number, waits = tick if isinstance(tick, tuple) else (tick, 0)
+        self.state, self.waits = bytes([number]), (waits, 0, 0)
+        return A_STATE
 
     def path(self):
         return (self._place,)

@@ -52,6 +52,17 @@ def random_tree(seed: int) -> str:
     return f'<Sequence><Script code="n := 0" oneshot="ON_COMPLETION"/>{inner}</Sequence>'
 
 
+def random_parallel(seed: int) -> str:
+    """Return the elements of a tree with three or four branches that run at the same time."""
+    chance = random.Random(seed)  # noqa: S311 - the same in every run
+    count = chance.randint(3, 4)
+    branches = "".join(_node(chance, 1) for _ in range(count))
+    limits = f'success_count="{chance.randint(1, count)}" failure_count="{chance.randint(1, count)}"'
+    around = chance.choice(("Sequence", "ReactiveSequence", "Fallback"))
+    script = '<Script code="n := 0" oneshot="ON_COMPLETION"/>'
+    return f"<Sequence>{script}<{around}><X/><Parallel {limits}>{branches}</Parallel></{around}></Sequence>"
+
+
 def _node(chance: random.Random, depth: int) -> str:
     extra = chance.choice(_EXTRAS) if chance.random() < 0.2 else ""
     kind = chance.random()

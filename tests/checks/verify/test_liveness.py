@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from sar_compiler.runtime.kernel.graph import Waits
+from sar_compiler.runtime.kernel.graph import Numbers
 from sar_compiler.runtime.kernel.liveness import components, endings, is_fair, lasso, owing_for_ever
 from tests.checks.verify.handmade import explored, numbers
 
@@ -84,14 +84,14 @@ def test_a_lasso_is_a_shortest_way_and_a_shortest_fair_round():
     graph = explored(ticks)
     found = lasso(graph, circling(graph))
     assert [numbers(graph)[state] for state in found.stem] == [0, 1]
-    assert [numbers(graph)[graph.targets[edge]] for edge in found.loop] == [4, 1]
+    assert [numbers(graph)[target] for target, _ in found.loop] == [4, 1]
 
 
 def test_a_round_is_gone_until_everything_that_was_waited_for_has_come():
     ticks = {0: [(1, 0b01), (2, 0b10)], 1: [(0, 0b01)], 2: [(0, 0b10)]}
     graph = explored(ticks)
     loop = lasso(graph, circling(graph)).loop
-    assert sorted(numbers(graph)[graph.targets[edge]] for edge in loop) == [0, 0, 1, 2]
+    assert sorted(numbers(graph)[target] for target, _ in loop) == [0, 0, 1, 2]
 
 
 def reached(ticks, start):
@@ -145,15 +145,15 @@ def test_a_lasso_of_a_random_graph_goes_round_and_leaves_off_waiting_for_each(se
             continue
         found = lasso(graph, component)
         state, waiting = found.stem[-1], -1
-        for edge in found.loop:
-            assert edge in graph.edges(state)
-            state, waiting = graph.targets[edge], waiting & graph.waiting[graph.waits[edge]]
+        for target, waits in found.loop:
+            assert (target, waits) in graph.ticks(state)
+            state, waiting = target, waiting & waits
         assert (state, waiting) == (found.stem[-1], 0)
 
 
-def test_what_ticks_wait_for_is_kept_however_many_sets_there_are():
-    waits = Waits()
+def test_numbers_are_kept_however_large_one_of_them_is():
+    held = Numbers()
     numbers = [7, 32_767, 32_768, 3]
     for number in numbers:
-        waits.append(number)
-    assert [waits[edge] for edge in range(len(numbers))] == numbers
+        held.append(number)
+    assert [held[at] for at in range(len(numbers))] == numbers

@@ -147,7 +147,7 @@ class Proof:
     def __init__(self, binding: Any, *, forgets: bool) -> None:
         prepared = Prepared.of(simulated(binding))
         # Ticks that come to the same are played all the same: their events differ.
-        self._stepper = TreeStepper(prepared, without_properties().rules, forgets=forgets, few=10**9)
+        self._stepper = TreeStepper(prepared, without_properties().rules, forgets=forgets, meets=False)
         self._states: set[Any] = {self._stepper.steps.start()}
 
     def follow(self, seen) -> list[Any]:
