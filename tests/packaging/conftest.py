@@ -1,4 +1,4 @@
-"""The workspace that the tests share, and processes out of its install folder."""
+"""What the tests of all test processes share, and processes out of the workspace's install folder."""
 
 import fcntl
 import os
@@ -9,20 +9,26 @@ from tests.packaging.workspace import Workspace
 from tests.processes import Command
 
 
-@pytest.fixture(scope="session")
-def workspace(tmp_path_factory):
-    """Build the workspace once, whichever of the parallel test processes needs it first."""
-    folder = tmp_path_factory.getbasetemp()
+def made_once(tmp_path_factory, name, make):
+    """Return a folder of the test run, made by whichever of the parallel test processes needs it first."""
+    place = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent
-    made = Workspace(folder / "workspace")
-    done = folder / "workspace-is-built"
-    with (folder / "workspace.lock").open("w") as lock:
+        place = place.parent
+    folder, done = place / name, place / f"{name}-is-made"
+    with (place / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not done.exists():
-            made.fill_and_build()
+            make(folder)
             done.touch()
-    return made
+    return folder
+
+
+@pytest.fixture(scope="session")
+def workspace(tmp_path_factory):
+    """The workspace, which is built."""
+    return Workspace(
+        made_once(tmp_path_factory, "workspace", lambda folder: Workspace(folder).fill_and_build())
+    )
 
 
 @pytest.fixture

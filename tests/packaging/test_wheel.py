@@ -8,6 +8,7 @@ import sysconfig
 
 import pytest
 
+from tests.packaging.conftest import made_once
 from tests.packaging.test_workspace import files_below
 from tests.packaging.workspace import clone
 
@@ -21,10 +22,8 @@ def done(*command, **options):
     return run.stdout
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """Install the package, without what it depends on, into a new environment; return both folders."""
-    folder = tmp_path_factory.mktemp("wheel")
+def install(folder):
+    """Install the package, without what it depends on, into a new environment beside a clone."""
     clone(folder / "repository")
     done(sys.executable, "-m", "venv", folder / "environment")
     done(
@@ -32,6 +31,12 @@ def installed(tmp_path_factory):
         "pip", "install", "--no-deps", "--disable-pip-version-check", folder / "repository",
         env={**os.environ, "MYPYC_OPT_LEVEL": "0"},
     )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def installed(tmp_path_factory):
+    """The folders of the clone and of the environment."""
+    folder = made_once(tmp_path_factory, "wheel", install)
     return folder / "repository", folder / "environment"
 
 
