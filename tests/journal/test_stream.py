@@ -134,7 +134,7 @@ def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_p
         file.close()
         return JournalFile.read(place)
 
-    with closing(long(1_000)) as short, closing(long(20_000)) as file:
+    with closing(long(500)) as short, closing(long(10_000)) as file:
         for read in (
             lambda file: MissionState.of(file.stream()),
             lambda file: deque(journal_lines(file, MissionState(), with_watched=True), 0),
@@ -146,5 +146,5 @@ def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_p
             # An entry takes more than 500 bytes.
             assert (
                 held_at_most(lambda read=read: read(file))
-                < held_at_most(lambda read=read: read(short)) + 1_000_000
+                < held_at_most(lambda read=read: read(short)) + 500_000
             )

@@ -39,8 +39,8 @@ def understood(stage: Stage, text: str) -> Play:
     return play
 
 
-def random_plays(count: int, *, skips: bool) -> Iterator[tuple[Stage, str]]:
-    """Yield random trees on stages, each with a scenario, that the checks find nothing wrong with."""
+def random_plays(count: int, *, skips: bool) -> Iterator[tuple[Stage, str, Play]]:
+    """Yield random trees on stages, each with a scenario, that the checks find nothing wrong with, and what it is understood as."""
     seed = 0
     while count:
         seed += 1
@@ -48,11 +48,11 @@ def random_plays(count: int, *, skips: bool) -> Iterator[tuple[Stage, str]]:
         until = random.Random(seed).choice(ENDS)  # noqa: S311 - the same trees in every run
         text = SCENARIO.format(leaf="Skipper" if skips else "Probe", until=until)
         try:
-            understood(stage, text)
+            play = understood(stage, text)
         except TreeError:
             continue
         count -= 1
-        yield stage, text
+        yield stage, text, play
 
 
 def by_chance(scenario: Scenario, seed: int) -> Scenario:
@@ -74,8 +74,7 @@ def seen(player: Player) -> dict[str, object]:
 
 @pytest.mark.parametrize("skips", [False, True], ids=["stock", "skips"])
 def test_a_tree_that_is_used_again_plays_every_run_as_a_fresh_one_does(skips):
-    for stage, text in random_plays(rounds(120), skips=skips):
-        play = understood(stage, text)
+    for stage, text, play in random_plays(rounds(120), skips=skips):
         tree = ReusedTree(play.simulated)
         for seed in (0, 1, 0):
             fresh = understood(stage, text)

@@ -152,17 +152,27 @@ class Proof:
 
     def follow(self, seen) -> list[Any]:
         """Go on with the ticks in which a flight's last one is found; return all ticks if there is none."""
-        possible: list[Any] = []
-        states: set[Any] = set()
-        for state in self._states:
-            for steps in self._stepper.ticks(state):
-                played, error = self._stepper.played(), steps.error
-                root = played.root if error is None else f"{type(error).__name__}: {error}"
-                possible.append((told(played.events), root))
-                if possible[-1] == seen:
-                    states.add(steps.state)
-        self._states = states
-        return [] if states else possible
+        events, outcome = seen
+        # Of most ticks the outcome tells, which costs less than their events.
+        found = {
+            tick.state
+            for tick in self._ticks()
+            if self._outcome(tick) == outcome and self._events() == events
+        }
+        if not found:
+            return [(self._events(), self._outcome(tick)) for tick in self._ticks()]
+        self._states = found
+        return []
+
+    def _ticks(self):
+        return (tick for state in self._states for tick in self._stepper.ticks(state))
+
+    def _events(self) -> tuple[Any, ...]:
+        """Return the events of the last tick."""
+        return told(self._stepper.played().events)
+
+    def _outcome(self, tick) -> str:
+        return WORDS[tick.outcome] if tick.error is None else f"{type(tick.error).__name__}: {tick.error}"
 
 
 def difference(body: str, binding: Any, seed: int) -> str:
