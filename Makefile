@@ -27,6 +27,8 @@ EXTRAS := ros sim sweep view web report groot2 record dev
 KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py)
 # What ticks trees is tested compiled and as it is.
 KERNEL_TESTS := tests/runtime tests/conformance tests/checks/verify tests/checks/simulate
+# Which lines of it that reaches, as it is; kept with the environment.
+KERNEL_COVERAGE := $(VENV)/.kernel-coverage
 PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -58,10 +60,15 @@ demo: env
 # Several hundred processes of the project are started: a third of their time goes into compiling it each time anew
 # where bytecode is not kept. Coverage is reported where all has passed, so that what failed stands last.
 test: export PYTHONDONTWRITEBYTECODE :=
-test: env
-	SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 $(KERNEL_TESTS)
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-append --cov-report= --cov-fail-under=0
+test: env $(KERNEL_COVERAGE)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0
+	$(BIN)/python -m coverage combine --quiet --keep --append $(KERNEL_COVERAGE)
 	$(BIN)/python -m coverage report
+
+# Done again where the kernel, or what it is tested with, has changed.
+$(KERNEL_COVERAGE): $(KERNEL) $(shell find $(KERNEL_TESTS) -name '*.py' -o -name '*.json') $(VENV)/.packages | env
+	COVERAGE_FILE=$@.new SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov sar_compiler/runtime/kernel --cov-report= --cov-fail-under=0 $(KERNEL_TESTS)
+	@mv $@.new $@
 
 # An environment for each Python, below build/; what pythonX.Y does not start is left out, and said.
 test-matrix:
@@ -78,9 +85,11 @@ test-matrix:
 
 .py_trees-lowest:
 	$(BIN)/uv pip install --quiet --no-config --python $(BIN)/python --upgrade --resolution lowest-direct $(patsubst %,--extra %,$(filter-out dev,$(EXTRAS))) -r pyproject.toml
+	@rm -f $(KERNEL_COVERAGE)
 
 .py_trees-%:
 	$(BIN)/python -m pip install --quiet py_trees==$*
+	@rm -f $(KERNEL_COVERAGE)
 
 # On a Nav2 that is installed, in real time: some 50 minutes (docs/nav2.md).
 nav2-test: export NAV2_PREFIX := $(NAV2_PREFIX)
