@@ -26,7 +26,7 @@ def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witne
     assert status == expected, mission.output
     watching.wait_for_goals(lambda goals: goals == [CANCELED])
     assert "Summary: the mission is incomplete." in mission.output
-    assert "missing:         zone_a was not visited." in mission.output
+    assert "missing:         zone_a, zone_b, zone_c and zone_d were not visited." in mission.output
 
 
 def test_a_run_stopped_on_the_way_home_says_what_was_missing(start):
