@@ -14,7 +14,7 @@ _decode = json.JSONDecoder(parse_constant=lambda _: None).decode
 
 
 def json_text(data: object, **options: Any) -> str:
-    """Return a value as JSON; options are those of `json.JSONEncoder`.
+    """Return a value as JSON; options are those of `json.JSONEncoder`, which is kept for each combination of them.
 
     Raises:
         TypeError: If it is no JSON value.

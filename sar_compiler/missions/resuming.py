@@ -18,8 +18,11 @@ _ADVICE = "or begin anew, and keep that journal: --new"
 
 def as_data(value: object) -> Any:
     """Return a value as it is read from a journal: JSON values, arrays as lists."""
-    text = json_text(value, default=lambda each: [*each] if hasattr(each, "__iter__") else str(each))
-    return json_value(text)
+    return json_value(json_text(value, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    return [*value] if hasattr(value, "__iter__") else str(value)
 
 
 def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
