@@ -7,6 +7,7 @@ from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
+from sar_compiler.runtime.kernel.numbering import Middles
 from sar_compiler.runtime.kernel.searching import explore
 from sar_compiler.runtime.kernel.trail import Trail
 from tests.chance import rounds
@@ -90,6 +91,16 @@ def test_a_condition_that_changes_what_it_looks_at_changes_it_in_every_run():
     assert outcome(found, "every leaf can run") is PROVED
     found = verified(body.replace("a == 3", "a == 2"))
     assert outcome(found, "every leaf can run") is BROKEN
+
+
+def test_a_middle_is_forgotten_when_no_tick_has_come_to_it_lately():
+    middles = Middles()
+    assert [middles.add(b"met again"), middles.add(b"met once")] == [0, 1]
+    middles.age()
+    assert middles.find(b"met again") == 0
+    middles.age()
+    assert [middles.find(b"met again"), middles.find(b"met once")] == [0, -1]
+    assert middles.add(b"met once") == 2
 
 
 def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
