@@ -78,7 +78,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
     if arguments.against is not None and arguments.export is not None:
         raise SarError("--export is for one tree: leave --against out")
     if arguments.jobs is not None:
-        print_error("note: --jobs makes no difference any more: one process is as fast")
+        print_error("note: --jobs makes no difference any more: a proof is searched in one process")
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []
