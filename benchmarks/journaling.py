@@ -1,4 +1,4 @@
-"""What a journal costs: a fact, which waits for the disk, and each tick, whose statuses are watched.
+"""What a journal costs: a fact, which waits for the disk, each tick, whose statuses are watched, and a check of its chain.
 
 Ticks are CPU time. A fact is time that passes: it takes what the disk of the temporary folder takes.
 """
@@ -6,6 +6,7 @@ Ticks are CPU time. A fact is time that passes: it takes what the disk of the te
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 from py_trees.behaviour import Behaviour
@@ -14,7 +15,9 @@ from py_trees.composites import Sequence
 
 from benchmarks.figures import LOOP, Effort, Result, compared, in_turns, loop, often, timed
 from benchmarks.leaves import Leaf
+from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Row
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.ros.runner import TreeRunner
@@ -22,6 +25,7 @@ from sar_compiler.ros.runner import TreeRunner
 NONE = "the same without a journal"
 SIZES = (30, 1_000)
 _FACTS = 200
+_ENTRIES, _BATCH = 1_000_000, 1_000
 
 
 class Changing(Behaviour):
@@ -49,6 +53,28 @@ def measure(effort: Effort) -> Iterator[Result]:
                 taken = in_turns(actions, effort.rounds)
                 yield from compared(f"a tick, {size:,} leaves, {kind}", taken.pop(""), taken)
         journal.close()
+        place, count = Path(folder, "long.journal"), effort.size(_ENTRIES)
+        _write(place, count)
+        taken = in_turns({"": lambda: timed(lambda: _check(place), 1), LOOP: loop}, effort.rounds)
+        yield from compared(f"a check of {count:,} entries", taken.pop(""), taken)
+
+
+def _write(place: Path, count: int) -> None:
+    """Write a journal with so many entries."""
+    with closing(JournalFile.create(place)) as file:
+        file.reserve()
+        file.begin_run({}, {}, 0.0)
+        data = '{"node": 17, "tick": 1000, "status": "RUNNING", "message": "2.51 m left", "label": ""}'
+        for start in range(0, count, _BATCH):
+            file.write(
+                Row(number, 1, float(start), float(start), "status", data)
+                for number in range(start + 1, min(start + _BATCH, count) + 1)
+            )
+
+
+def _check(place: Path) -> None:
+    with closing(JournalFile.read(place)) as file, file.snapshot():
+        assert file.chain().wrong is None
 
 
 def _facts(journal: Journal) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import closing, suppress
 
 from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_page_options, georeference
+from sar_compiler.cli.journal_check import add_check
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
@@ -21,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments without the command's name; by default the process's.
 
     Returns:
-        The exit status: 0; 1 if a report could not be written; 2 for wrong usage, or a file that is no journal or cannot be read.
+        The exit status: 0; 1 if a report could not be written, or a journal was altered, or has no chain that shows it; 2 for wrong usage, or a file that is no journal or cannot be read.
     """
     return run(lambda: _command(sys.argv[1:] if argv is None else argv), "sar-journal")
 
@@ -54,6 +55,8 @@ def _parser() -> Parser:
     report.set_defaults(run=_report)
     text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
     add_why(commands.add_parser("why", help=text, description=text))
+    text = "Check whether journals are as they were written: each entry has a hash of itself and of all before it."
+    add_check(commands.add_parser("check", help=text, description=text))
     serving = "Serve a page on this machine that shows missions"
     for name, how in (
         ("replay", "again, back and forth through time."),

@@ -1,7 +1,7 @@
 """A tree on its node, from the wait for its requirements to the exit status of `sar-run`."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -211,6 +211,7 @@ class TreeRun:
         self._result: RunResult | None = None
         self._turn_over = Future()
         self._reason = ""
+        self._said: dict[str, object] = {}
         self._last_words: list[str] = []
         self._started = 0.0
         self._adrift = ""
@@ -299,7 +300,7 @@ class TreeRun:
             self._output.leave()
         if hint := self.companions.how_to_see_it_again:
             print_error(hint)
-        for text in texts:
+        for text in (*texts, *self._with_head()):
             self._output.say(text)
         return status
 
@@ -342,6 +343,14 @@ class TreeRun:
         reason = self._result.reason if self._result is not None else self._reason
         self._end_journal(ending, status, reason)
         return status
+
+    def _with_head(self) -> Iterator[str]:
+        """Yield the head of the journal's chain, by which it can be checked whether somebody has altered it; with a summary in JSON."""
+        head = self.setup.journal.head
+        if self._said:
+            yield json_text({**self._said, "head": head} if head else self._said)
+        elif head and self._options.format == "text":
+            yield f"The journal's head, for sar-journal check --head: {head}"
 
     def _end_journal(self, ending: Ending, status: int, reason: str) -> None:
         if self.setup.journal.is_wanted:
@@ -439,7 +448,7 @@ class TreeRun:
             said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": ticks}
             deaths = {"deaths": list(supervision.deaths)} if supervision.is_there else {}
             figures = {each.name: each.value for each in mission.display().figures}
-            texts.append(json_text({**said, **deaths, "figures": figures}))
+            self._said = {**said, **deaths, "figures": figures}
         return status
 
     def _status(self) -> int:

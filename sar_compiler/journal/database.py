@@ -1,18 +1,41 @@
 """The file of a journal: an SQLite database, whose schema has a version."""
 
 import errno
+import functools
 import math
 import os
 import sqlite3
 import stat
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from sar_compiler.journal.chain import (
+    ADD_LINKS,
+    FACT,
+    WATCHED,
+    JournalChain,
+    LinkPlace,
+    add_chain,
+    began_link,
+    chained,
+    ended_link,
+    follow,
+    last_place,
+    linked,
+)
 from sar_compiler.journal.errors import JournalError, JournalPlaceError
-from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, Ending, JournalEntry, JournalRun, Row
+from sar_compiler.journal.journal_entries import (
+    RUN_BEGAN,
+    RUN_ENDED,
+    Ending,
+    JournalEntry,
+    JournalRun,
+    Row,
+    end_data,
+)
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_reserve
 
@@ -44,20 +67,23 @@ from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_res
 # yet; it is `flock`, which belongs to its descriptor, and the two do not know of each other. Hence the order in `close`, first the
 # connection, then the descriptor; and hence `is_locked`, which opens and closes one, is not for the process that writes.
 #
+# Each entry is linked to the one before it (`chain`), in the order of the numbers, in which all of a transaction come behind what the
+# file has. A transaction that has not happened has moved nothing on: `_end` is the place behind the last one that has.
+#
 # The schema is made in one transaction, and the folder is synced after it: a new file is a journal, or empty, and its name is on
 # the disk before a fact is.
 
-VERSION = 2
-"""The version of the schema that is written; others are refused."""
+VERSION = 3
+"""The version of the schema that is written; others are refused, but for the one before it."""
+
+# It has no chain.
+_OLD_VERSION = 2
 
 # What `file` and SQLite know the files by: "SARJ".
 _APPLICATION_ID = 0x5341524A
 
-# In one transaction: whoever dies in it leaves an empty file.
 _SCHEMA = f"""
-BEGIN IMMEDIATE;
 PRAGMA application_id = {_APPLICATION_ID};
-PRAGMA user_version = {VERSION};
 CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE run (
     number INTEGER PRIMARY KEY, began REAL NOT NULL, about TEXT NOT NULL,
@@ -72,12 +98,12 @@ CREATE TABLE watched (
     kind TEXT NOT NULL, data TEXT NOT NULL
 );
 CREATE INDEX watched_by_kind ON watched (kind);
-COMMIT;
 """
 
-# What the file says of its own parts: in this text, and no other.
-_PARTS = {statement.strip() for statement in _SCHEMA.split(";")}
+# In one transaction: whoever dies in it leaves an empty file.
+_MAKING = f"BEGIN IMMEDIATE; {_SCHEMA} {'; '.join(ADD_LINKS)}; PRAGMA user_version = {VERSION}; COMMIT;"
 
+_RUNS = "SELECT number, began, about, ended, ending, status, reason, hex(closed) FROM run ORDER BY number"
 _ENTRIES = "SELECT number, run, wall, time, kind, data FROM"
 
 # How many steps of SQLite's a reading may take, and how many more for each byte of the file: some twenty times what it does take.
@@ -88,12 +114,14 @@ _ATTEMPTS, _MOMENT_SEC = 10, 0.02
 
 _SIDECARS = ("-wal", "-shm", SUFFIX)
 
+_END_OF_RUN = "UPDATE run SET ended = ?, ending = ?, status = ?, reason = ? WHERE number = ?"
+
 # What lies beside a journal that is read, as if it were in it.
 _OVERLAY = """
 PRAGMA temp_store = MEMORY;
-CREATE TEMP TABLE kept AS SELECT * FROM main.fact WHERE 0;
+CREATE TEMP TABLE kept AS SELECT number, run, wall, time, kind, data FROM main.fact WHERE 0;
 CREATE TEMP VIEW fact AS
-    SELECT * FROM main.fact UNION ALL SELECT * FROM temp.kept WHERE number NOT IN (SELECT number FROM main.fact);
+    SELECT number, run, wall, time, kind, data FROM main.fact UNION ALL SELECT * FROM temp.kept WHERE number NOT IN (SELECT number FROM main.fact);
 CREATE TEMP TABLE run AS SELECT * FROM main.run;
 """
 
@@ -150,6 +178,9 @@ class JournalFile:
         self.path = path
         self._connection = connection
         self._lock = lock
+        self._version = VERSION
+        # That behind the last entry; not known before something is written.
+        self._end: LinkPlace | None = None
         self._patience = _Patience(_STEPS + _STEPS_OF_A_BYTE * (_size(path) + _size(f"{path}-wal")))
         connection.set_progress_handler(self._patience.is_over, _Patience.STRIDE)
 
@@ -188,7 +219,7 @@ class JournalFile:
     def _make(self) -> None:
         (tables,) = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         if not tables:
-            self._connection.executescript(_SCHEMA)
+            self._connection.executescript(_MAKING)
             _sync_folder(self.path.parent)
         # Not before it is known to be a journal: it changes the file.
         self._require_journal()
@@ -212,7 +243,8 @@ class JournalFile:
         if kept.facts or kept.end:
             self._connection.executescript(_OVERLAY)
             self._connection.executemany("INSERT INTO kept VALUES (?, ?, ?, ?, ?, ?)", kept.facts)
-            self._end_run(kept.end)
+            if kept.end is not None:
+                self._connection.execute(_END_OF_RUN, _end_of_run(kept.end))
 
     def reserve(self) -> Reserve:
         """Return its reserve, made if it is not there; from here on no other process' lock is waited for.
@@ -261,14 +293,15 @@ class JournalFile:
         )
         if known != _APPLICATION_ID:
             return f"{self.path} is a database, but no journal of a mission"
-        if version != VERSION:
+        if version not in (VERSION, _OLD_VERSION):
             return (
                 f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}: use the "
                 "sar_compiler that has written it, or move it away to begin anew"
             )
+        self._version, known = version, _parts(version)
         parts = self._connection.execute("SELECT type, name, sql FROM main.sqlite_master")
         strange = [
-            (kind, name) for kind, name, text in parts if text not in _PARTS and not _is_sqlites(name, text)
+            (kind, name) for kind, name, text in parts if text not in known and not _is_sqlites(name, text)
         ]
         if strange:
             kind, name = strange[0]
@@ -303,9 +336,7 @@ class JournalFile:
     def runs(self) -> list[JournalRun]:
         """Return the runs, the latest last."""
         with self._reading():
-            rows = self._connection.execute(
-                "SELECT number, began, about, ended, ending, status, reason FROM run ORDER BY number"
-            )
+            rows = self._connection.execute(_RUNS if self.is_chained else _RUNS.replace("hex(closed)", "''"))
             return [
                 JournalRun(
                     number,
@@ -315,8 +346,9 @@ class JournalFile:
                     None if ending is None else Ending(ending),
                     status,
                     str(reason),
+                    str(head).lower(),
                 )
-                for number, began, about, ended, ending, status, reason in rows
+                for number, began, about, ended, ending, status, reason, head in rows
             ]
 
     def facts(self) -> Iterator[JournalEntry]:
@@ -392,7 +424,7 @@ class JournalFile:
     def _end_of(self, run: JournalRun, latest: float | None = None) -> JournalEntry | None:
         if run.ended is None or run.ending is None:
             return None
-        data = {"ending": run.ending.value, "status": run.status, "reason": run.reason}
+        data = end_data(run.ending, run.status, run.reason, run.head)
         last = max(_start(run), self._last_time(run.number) if latest is None else latest)
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
@@ -462,34 +494,91 @@ class JournalFile:
             for number, run, wall, time_, kind, data in self._connection.execute(query, tuple(values)):
                 yield JournalEntry(number, run, _finite(wall), _finite(time_), str(kind), _mapping(data))
 
+    @property
+    def is_chained(self) -> bool:
+        """Whether its entries are chained."""
+        return self._version == VERSION
+
+    @property
+    def head(self) -> str:
+        """The link of the last entry that was written, as hexadecimal digits."""
+        return self._place().link.hex()
+
+    def chain(self) -> JournalChain:
+        """Follow its chain; only for journals that have one.
+
+        Raises:
+            JournalError: If it is damaged.
+        """
+        with self._reading():
+            # What is found by an index is not what the chain has if the two are not the same.
+            (flaw,) = self._connection.execute("PRAGMA integrity_check(1)").fetchone()
+            if flaw != "ok":
+                raise ValueError(flaw)
+            self._connection.text_factory = functools.partial(str, encoding="utf-8", errors="surrogateescape")
+            try:
+                return follow(chained(self._connection))
+            finally:
+                self._connection.text_factory = str
+
+    def waiting(self) -> int:
+        """Return how many facts are beside it, and not yet in the chain."""
+        with self._reading():
+            counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
+            return int(self._connection.execute(counts).fetchone()[0])
+
+    def _place(self) -> LinkPlace:
+        """Return the place behind the last entry; chain them if they are not."""
+        if self._end is None:
+            with self._reading():
+                if not self.is_chained:
+                    with self._transaction():
+                        add_chain(self._connection)
+                        self._connection.execute(f"PRAGMA user_version = {VERSION}")
+                    self._version = VERSION
+                self._end = last_place(self._connection)
+        return self._end
+
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
         """Add a run, and say what the mission is if it is the first one; return the run's number."""
+        place, text = self._place(), json_text(run_about)
         with self._transaction():
-            self._connection.executemany(
-                "INSERT OR IGNORE INTO about VALUES (?, ?)",
-                [(key, json_text(value)) for key, value in about.items()],
+            (number,) = self._connection.execute("SELECT 1 + ifnull(max(number), 0) FROM run").fetchone()
+            rows = [] if number > 1 else [(key, json_text(value)) for key, value in sorted(about.items())]
+            self._connection.executemany("INSERT INTO about VALUES (?, ?)", rows)
+            link = began_link(place, number, wall, text, rows)
+            row = number, wall, text, link, place.number
+            self._connection.execute(
+                "INSERT INTO run (number, began, about, link, began_behind) VALUES (?, ?, ?, ?, ?)", row
             )
-            added = self._connection.execute(
-                "INSERT INTO run (began, about) VALUES (?, ?)", (wall, json_text(run_about))
-            )
-        return int(added.lastrowid or 0)
+        self._end = LinkPlace(link, place.number)
+        return int(number)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
         """Write watched entries, facts and ends of runs; facts and ends are on the disk when this returns.
 
         Nothing is waited for: if somebody else has locked the file, or it cannot be written, nothing of it is.
         """
+        link, number = self._place()
+        added: dict[bytes, list[tuple[object, ...]]] = {FACT: [], WATCHED: []}
+        for row, what in sorted([*((row, WATCHED) for row in watched), *((row, FACT) for row in facts)]):
+            link, number = linked(link, what, *row), row.number
+            added[what].append((*row, link))
+        place = LinkPlace(link, number)
         with self._transaction(durable=bool(facts or end)):
-            self._connection.executemany("INSERT INTO watched VALUES (?, ?, ?, ?, ?, ?)", watched)
-            self._connection.executemany("INSERT INTO fact VALUES (?, ?, ?, ?, ?, ?)", facts)
-            self._end_run(end)
+            self._connection.executemany("INSERT INTO watched VALUES (?, ?, ?, ?, ?, ?, ?)", added[WATCHED])
+            self._connection.executemany("INSERT INTO fact VALUES (?, ?, ?, ?, ?, ?, ?)", added[FACT])
+            if end is not None:
+                place = self._end_run(end, place)
+        self._end = place
 
-    def _end_run(self, end: RunEnd | None) -> None:
-        if end is not None:
-            self._connection.execute(
-                "UPDATE run SET ended = ?, ending = ?, status = ?, reason = ? WHERE number = ?",
-                (end.wall, end.ending.value, end.status, end.reason, end.run),
-            )
+    def _end_run(self, end: RunEnd, place: LinkPlace) -> LinkPlace:
+        """Write how a run has ended; return the place behind that."""
+        self._connection.execute(_END_OF_RUN, _end_of_run(end))
+        link = ended_link(place, end.run, end.wall, end.ending.value, end.status, end.reason)
+        closing = "UPDATE run SET closed = ?, ended_behind = ? WHERE number = ?"
+        self._connection.execute(closing, (link, place.number, end.run))
+        return LinkPlace(link, place.number)
 
     @contextmanager
     def _transaction(self, *, durable: bool = True) -> Iterator[None]:
@@ -598,6 +687,18 @@ def _lock(descriptor: int) -> None:
             time.sleep(_MOMENT_SEC)
         else:
             return
+
+
+@functools.cache
+def _parts(version: int) -> frozenset[str]:
+    """Return what a file says of its own parts: in these texts, and no others."""
+    with closing(sqlite3.connect(":memory:")) as empty:
+        empty.executescript(_MAKING if version == VERSION else _SCHEMA)
+        return frozenset(text for (text,) in empty.execute("SELECT sql FROM sqlite_master"))
+
+
+def _end_of_run(end: RunEnd) -> tuple[object, ...]:
+    return end.wall, end.ending.value, end.status, end.reason, end.run
 
 
 def _is_sqlites(name: object, text: object) -> bool:

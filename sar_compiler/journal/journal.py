@@ -18,6 +18,7 @@ from sar_compiler.journal.journal_entries import (
     Ending,
     JournalEntry,
     Row,
+    end_data,
 )
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.journal.reserve import Kept, Reserve, RunEnd, lost
@@ -102,6 +103,7 @@ class Journal:
         aside: The name that the file has or will have, because it is another mission's.
         is_resumed: Whether the mission was begun by an earlier run.
         clock: The mission's clock.
+        head: The head of the file's chain, as hexadecimal digits; empty before the run has ended.
         on_failure: Called with a sentence when the file cannot be written, or a listener has raised.
         on_recovery: Called with a sentence when the file can be written again.
         leaf_in_hand: Returns which `leaf` notes a fact just now, in which `tick`; nothing between two ticks.
@@ -126,6 +128,7 @@ class Journal:
         self._ordered_by, self._led_to = "", list[str]()
         self._file = file
         self.aside = aside
+        self.head = ""
         known = file if aside is None else None
         self.is_resumed = known is not None and bool(known.runs())
         self._facts = [*known.facts()] if known is not None else []
@@ -352,14 +355,14 @@ class Journal:
             status: The exit status.
             reason: The reason in a sentence.
         """
-        entry = self._entry(RUN_ENDED, {"ending": ending.value, "status": status, "reason": reason})
+        entry = self._entry(RUN_ENDED, end_data(ending, status, reason, ""))
         self._apply(entry)
         if changed := self._changed(entry):
             self.watch(CHANGED, **changed)
         if self._is_written:
             self._end = RunEnd(self._run, time.time(), ending, status, reason)
             self._write()
-        self._tell(entry)
+        self._tell(entry._replace(data=end_data(ending, status, reason, self.head)))
 
     def close(self) -> None:
         """Write what is queued, and close the file; remove one in which nothing has begun."""
@@ -406,6 +409,9 @@ class Journal:
         except Error as error:
             self._wait(error)
         else:
+            if self._end is not None:
+                # Nothing comes behind the end of the run, which closes the chain.
+                self.head, self._is_written = file.head, False
             self._watched, self._pending, self._end = [], [], None
             self._recover()
 

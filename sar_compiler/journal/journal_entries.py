@@ -13,7 +13,7 @@ FACTS_LOST = "facts_lost"
 
 RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
 """Kinds that a stream has beside facts and what was watched: what the mission is, with `run`, what the run has of its own;
-`ending`, `status` and `reason`."""
+`ending`, `status`, `reason`, and the `head` of the journal's chain, where there is one."""
 
 ORDERED = "ordered"
 """The kind of an order by a service of the mission: its `verb`, its `label`, `by` whom, as far as that is known, the `refusal`, empty if there is
@@ -84,6 +84,7 @@ class JournalRun(NamedTuple):
         ending: How it ended; None if it broke off, or still runs.
         status: The exit status.
         reason: A sentence with the reason of the end; may be empty.
+        head: The head of the journal's chain after the run's end, as hexadecimal digits; empty if there is none.
     """
 
     number: int
@@ -93,8 +94,15 @@ class JournalRun(NamedTuple):
     ending: Ending | None
     status: int | None
     reason: str
+    head: str = ""
 
     @property
     def is_over(self) -> bool:
         """Whether the mission was over with this run."""
         return self.ending is Ending.OVER
+
+
+def end_data(ending: Ending, status: int | None, reason: str, head: str) -> dict[str, object]:
+    """Return what belongs to the end of a run in a stream."""
+    data: dict[str, object] = {"ending": ending.value, "status": status, "reason": reason}
+    return {**data, "head": head} if head else data

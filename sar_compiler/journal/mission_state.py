@@ -196,6 +196,7 @@ class RunState:
         ending: How: `over`, `stopped` or `failed`; empty if it has not.
         status: The exit status.
         reason: The reason in a sentence.
+        head: The head of the journal's chain after it, as hexadecimal digits; empty if there is none.
     """
 
     number: int
@@ -205,6 +206,7 @@ class RunState:
     ending: str = ""
     status: int | None = None
     reason: str = ""
+    head: str = ""
 
 
 class MissionState:
@@ -363,6 +365,11 @@ class MissionState:
         return float(limit) if isinstance(limit, int | float) and limit > 0 else None
 
     @property
+    def head(self) -> str:
+        """The head of the journal's chain, as hexadecimal digits; empty where the last run has none."""
+        return self.runs[-1].head if self.runs else ""
+
+    @property
     def parameters(self) -> Mapping[str, Any]:
         """The parameters of the last run, by name."""
         given = self.runs[-1].about.get("parameters") if self.runs else None
@@ -375,9 +382,10 @@ class MissionState:
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
 
-    def _run_ended(self, ending: str, status: int | None, reason: str) -> None:
+    def _run_ended(self, ending: str, status: int | None, reason: str, head: str = "") -> None:
         run = self.runs[-1]
         run.ended, run.ending, run.status, run.reason = self.now, str(ending), status, str(reason)
+        run.head = str(head)
         self.drive, self.lacks = None, ""
 
     def _goal_sent(self, action: str, goal: str) -> None:

@@ -75,6 +75,8 @@ def journal_lines(
         entries = file.entries(run.number, with_watched=with_watched)
         yield in_one_line(_headline(run))
         yield from map(in_one_line, _table(run, entries, nodes, width))
+    if runs and runs[-1].head:
+        yield f"head of the chain: {runs[-1].head}"
 
 
 def _state(state: MissionState) -> str:

@@ -69,6 +69,7 @@ def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
                 "reason": run.reason,
                 "version": run.about.get("version"),
                 "after": run.about.get("after"),
+                "head": run.head or None,
             }
             for run in state.runs
         ],

@@ -69,6 +69,7 @@ def geojson_report(state: MissionState) -> str:
             about = {"kind": "path", **simulated, "run": run.number}
             features.append(geojson.Feature(geometry=line, properties=about))
     about = {key: data[key] for key in ("mission", "simulated", "outcome", "reason")}
+    about["head"] = state.head or None
     return as_json(geojson.FeatureCollection(features, **about)) + "\n"
 
 
@@ -88,7 +89,7 @@ def kml_report(state: MissionState) -> str:
     reference, situation = _reference(state), state.situation
     document = _E.Document(
         _E.name(_text(state.title)),
-        _description(state, condition_text(state)),
+        _description(state, f"{condition_text(state)}{state.head and f' Head of the journal: {state.head}'}"),
         *(
             _placemark(state, each, reference)
             for kind in situation.kinds.values()

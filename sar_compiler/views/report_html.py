@@ -205,7 +205,10 @@ def _annex(state: MissionState, why: Why | None) -> Iterator[str]:
     yield "<h2>Tree</h2><p class='quiet'>The last status of each node, and what it said then.</p><div class='wide'>"
     yield f'<table class="tree"><tbody>{"".join(map(_node, state.nodes))}</tbody></table></div></section>'
     about = state.runs[-1].about if state.runs else {}
-    yield f"<footer>sar_compiler {_text(str(about.get('version') or ''))}, node {_text(str(about.get('node') or _NONE))}</footer>"
+    told = f"sar_compiler {about.get('version') or ''}, node {about.get('node') or _NONE}"
+    if head := state.head:
+        told += f", head of the journal {head}"
+    yield f"<footer>{_text(told)}</footer>"
 
 
 def _node(node: NodeState) -> str:

@@ -61,6 +61,7 @@ MORE = {
     "sar-run --report": ["reports.md"],
     "sar-run --fault": ["running.md#rehearsing-faults"],
     "sar-journal": ["journal.md#sar-journal"],
+    "sar-journal check": ["journal.md#whether-it-was-altered"],
     "sar-journal why": ["why.md"],
     "sar-journal report": ["reports.md"],
     "sar-journal replay": ["page.md#replay-and-several-robots"],

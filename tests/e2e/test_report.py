@@ -1,6 +1,7 @@
 """`--report` of `sar-run`: what is written at the end, and what is refused before anything moves."""
 
 import json
+import re
 
 import geojson
 import pytest
@@ -48,6 +49,22 @@ def test_a_run_that_has_failed_is_reported_too(start, tree, tmp_path):
     assert [(node["name"], node["status"], node["line"]) for node in data["tree"]] == [
         ("Nothing", "FAILURE", 3)
     ]
+
+
+def test_the_summary_and_the_report_tell_the_head_by_which_the_journal_is_checked(start, tree, tmp_path):
+    place = tmp_path / "m.journal"
+    run = start("sar-run", tree, "--journal", place, "--report", tmp_path / "r.json")
+    assert run.end() == 1
+    (head,) = re.findall("The journal's head, for sar-journal check --head: ([0-9a-f]{64})", run.output)
+    assert json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["runs"][0]["head"] == head
+    assert start("sar-journal", "check", place, "--head", head).end() == 0
+    run = start("sar-run", tree, "--journal", place, "--format", "json")
+    assert run.end() == 1
+    (head,) = re.findall('"head": "([0-9a-f]{64})"', run.output)
+    assert start("sar-journal", "check", place, "--head", head).end() == 0
+    show = start("sar-journal", "show", place)
+    assert show.end() == 0
+    assert f"head of the chain: {head}" in show.output
 
 
 def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_path):

@@ -38,11 +38,13 @@ def test_a_listener_is_told_what_the_stream_of_the_file_has(tmp_path):
     assert read == told
     assert [kind for _, _, kind, _ in told] == ["run_began", "pose", "zone_visited", "run_ended"]
     assert told[0][3]["run"]["node"] == "/patrol"
-    assert told[-1][3] == {"ending": "over", "status": 0, "reason": "Complete."}
+    head = {"head": told[-1][3]["head"]}
+    assert told[-1][3] == {"ending": "over", "status": 0, "reason": "Complete.", **head}
 
 
-def test_a_listener_without_a_file_is_told_the_same(tmp_path):
+def test_a_listener_without_a_file_is_told_the_same_but_for_the_head_of_the_chain(tmp_path):
     def without_process(told):
+        told[-1][3].pop("head", None)
         return [(number, kind, data) for number, _, kind, data in told if kind != "run_began"]
 
     assert without_process(live(Journal())) == without_process(live(open_journal(tmp_path / "a.journal")))

@@ -140,6 +140,15 @@ class TestWhereTheMapLies:
         assert Georeference.among({**VIENNA, f"georeference.{name}": value}) is None
 
 
+HEAD = "6bd4f795" * 8
+
+
+@pytest.mark.parametrize("form", [".html", ".json", ".geojson", ".kml"])
+def test_the_head_of_the_journal_is_told_where_a_report_has_a_place_for_it(form):
+    ended = ("run_ended", {"ending": "over", "status": 1, "reason": "", "head": HEAD})
+    assert HEAD in report_text(mission(ended, ended=False), f"r{form}")
+
+
 class TestJson:
     def test_it_has_who_was_found_where_and_when_base_knew(self):
         data = json.loads(report_text(mission(), "r.json"))

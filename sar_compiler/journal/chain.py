@@ -1,0 +1,257 @@
+"""The chain of a journal: whoever alters, removes, moves or adds an entry breaks it.
+
+Each entry has a link: the SHA-256 of the link before it (zeros before the first one) and of everything that its row has, as `linked` puts it together. The
+beginning and the end of a run are entries of the chain, too. So the link of the last one, the head, stands for all of it.
+"""
+
+import hashlib
+import sqlite3
+import struct
+from collections import deque
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED
+from sar_compiler.journal.json_values import json_text
+
+START = bytes(hashlib.sha256().digest_size)
+"""What stands for the link before the first one."""
+
+BEGAN, FACT, WATCHED, ENDED = b"b", b"f", b"w", b"e"
+"""What an entry of the chain is."""
+
+CHAINED_SINCE = "chained_since"
+"""What the mission is said to be where its first runs had no chain: the number of the run that began with one for all."""
+
+# What it is, number, run, wall, time, length of the kind; most significant bytes first.
+_HEAD = struct.Struct(">cqqddI")
+
+_ENTRIES = (
+    "SELECT x'66', number, run, wall, time, kind, data, link FROM main.fact UNION ALL "
+    "SELECT x'77', number, run, wall, time, kind, data, link FROM main.watched ORDER BY number"
+)
+
+# Whoever adds a chain to a journal of version 2 does it by these, too.
+ADD_LINKS = (
+    "ALTER TABLE fact ADD COLUMN link BLOB",
+    "ALTER TABLE watched ADD COLUMN link BLOB",
+    "ALTER TABLE run ADD COLUMN link BLOB",
+    "ALTER TABLE run ADD COLUMN closed BLOB",
+    "ALTER TABLE run ADD COLUMN began_behind INTEGER",
+    "ALTER TABLE run ADD COLUMN ended_behind INTEGER",
+)
+
+_LAST = "(SELECT ifnull(max(e.number), 0) FROM (SELECT number, run FROM fact UNION ALL SELECT number, run FROM watched) AS e WHERE e.run"
+_FIND_PLACES = (
+    f"UPDATE run SET began_behind = {_LAST} < run.number)",  # noqa: S608 - of constants
+    f"UPDATE run SET ended_behind = {_LAST} <= run.number) WHERE ended IS NOT NULL",  # noqa: S608 - of constants
+)
+
+_WITH_LINK = {
+    BEGAN: "UPDATE run SET link = ? WHERE number = ?",
+    FACT: "UPDATE fact SET link = ? WHERE number = ?",
+    WATCHED: "UPDATE watched SET link = ? WHERE number = ?",
+    ENDED: "UPDATE run SET closed = ? WHERE number = ?",
+}
+
+
+def linked(
+    before: bytes, what: bytes, number: int, run: int, wall: float, time: float, kind: str, data: str
+) -> bytes:
+    """Return the link of an entry.
+
+    Args:
+        before: The link before it.
+        what: What it is.
+        number: Its number; of a run's beginning or end that of the entry before it, 0 where there is none.
+        run: The number of its run.
+        wall: When it was written, in seconds since 1970.
+        time: The time of the mission's clock, in seconds; 0 at a run's beginning and end.
+        kind: Its kind.
+        data: What belongs to it, as the text that the file has.
+    """
+    named = kind.encode("utf-8", "surrogateescape")
+    # SQLite has one zero only.
+    head = _HEAD.pack(what, number, run, wall + 0.0, time + 0.0, len(named))
+    return hashlib.sha256(before + head + named + data.encode("utf-8", "surrogateescape")).digest()
+
+
+class LinkPlace(NamedTuple):
+    """A place in a chain.
+
+    Attributes:
+        link: The link before it.
+        number: The number of the last entry before it that is no beginning or end of a run.
+    """
+
+    link: bytes = START
+    number: int = 0
+
+
+def began_link(
+    place: LinkPlace, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
+) -> bytes:
+    """Return the link of a run's beginning.
+
+    Args:
+        place: Where it is.
+        run: The run's number.
+        wall: When it began, in seconds since 1970.
+        about: What it ran with, as the text that the file has.
+        of_mission: Of the first run, what the mission is: keys and values, ordered by key.
+    """
+    return linked(place.link, *_beginning(place.number, run, wall, about, of_mission))
+
+
+def ended_link(place: LinkPlace, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
+    """Return the link of a run's end, which has these columns of its row."""
+    return linked(place.link, *_end(place.number, run, wall, ending, status, reason))
+
+
+def _beginning(behind: Any, run: Any, wall: Any, about: Any, of_mission: Iterable[Any]) -> tuple[Any, ...]:
+    return BEGAN, behind, run, wall, 0.0, RUN_BEGAN, _text([*of_mission, about])
+
+
+def _end(behind: Any, run: Any, wall: Any, *columns: Any) -> tuple[Any, ...]:
+    return ENDED, behind, run, wall, 0.0, RUN_ENDED, _text(columns)
+
+
+def _text(values: Any) -> str:
+    return json_text(values, default=_blob)
+
+
+def _blob(value: bytes) -> list[str]:
+    """Return bytes, which are nowhere in a journal, as what is no text."""
+    return [value.hex()]
+
+
+class Chained(NamedTuple):
+    """An entry of the chain, as the file has it: of whatever types, if somebody has altered it.
+
+    Attributes:
+        what: What it is.
+        number: Its number.
+        run: The number of its run.
+        wall: When it was written, in seconds since 1970.
+        time: The time of the mission's clock, in seconds.
+        kind: Its kind.
+        data: What belongs to it.
+        link: Its link.
+    """
+
+    what: bytes
+    number: Any
+    run: Any
+    wall: Any
+    time: Any
+    kind: Any
+    data: Any
+    link: Any
+
+
+def chained(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
+    """Yield the entries of the chain in their order, one by one, as tuples of what `Chained` has.
+
+    Args:
+        connection: The database.
+    """
+    of_mission = connection.execute("SELECT key, value FROM main.about ORDER BY key").fetchall()
+    rows = connection.execute(
+        "SELECT number, began, about, ended, ending, status, reason, link, closed, began_behind, ended_behind FROM main.run "
+        "ORDER BY number"
+    ).fetchall()
+    marks = deque(mark for place, row in enumerate(rows) for mark in _marks(row, () if place else of_mission))
+    for entry in connection.execute(_ENTRIES):
+        # What is no number stands nowhere, and is wrong.
+        while marks and not (isinstance(marks[0][1], int) and marks[0][1] >= entry[1]):
+            yield marks.popleft()
+        yield entry
+    yield from marks
+
+
+def _marks(row: tuple[Any, ...], of_mission: Iterable[Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield the beginning of a run, and its end if it has one."""
+    run, began, about, *end, link, closed, began_behind, ended_behind = row
+    yield *_beginning(began_behind, run, began, about, of_mission), link
+    if (*end, closed, ended_behind) != (None, None, None, "", None, None):
+        yield *_end(ended_behind, run, *end), closed
+
+
+class JournalChain(NamedTuple):
+    """What was found out about a chain.
+
+    Attributes:
+        entries: How many entries, but for beginnings and ends of runs, are as they were written.
+        runs: How many runs have begun in it.
+        heads: The link of each run's end as hexadecimal digits, by the number of the run.
+        is_closed: Whether the last entry is the end of a run.
+        wrong: The first entry that does not follow from the one before it; None if all do.
+    """
+
+    entries: int
+    runs: int
+    heads: dict[int, str]
+    is_closed: bool
+    wrong: Chained | None
+
+    @property
+    def head(self) -> str:
+        """The link that closes it; empty if it is open."""
+        return [*self.heads.values()][-1] if self.is_closed else ""
+
+
+def follow(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
+    """Follow a chain from its beginning to its end, or to the first entry that is wrong.
+
+    Args:
+        entries: The entries, as `chained` yields them.
+    """
+    before, what, read, runs, heads = START, b"", 0, 0, dict[int, str]()
+    for entry in entries:
+        if not _follows(before, entry):
+            return JournalChain(read, runs, heads, is_closed=False, wrong=Chained(*entry))
+        before, what = entry[7], entry[0]
+        if what == ENDED:
+            heads[entry[2]] = before.hex()
+        elif what == BEGAN:
+            runs += 1
+        else:
+            read += 1
+    return JournalChain(read, runs, heads, is_closed=what == ENDED, wrong=None)
+
+
+def _follows(before: bytes, entry: tuple[Any, ...]) -> bool:
+    try:
+        return bool(entry[7] == linked(before, *entry[:7]))
+    except (AttributeError, TypeError, OverflowError, struct.error):
+        return False  # a value is of a type that nobody writes
+
+
+def add_chain(connection: sqlite3.Connection) -> None:
+    """Chain what is in a journal of version 2, within a transaction.
+
+    Args:
+        connection: The database.
+    """
+    for statement in (*ADD_LINKS, *_FIND_PLACES):
+        connection.execute(statement)
+    connection.execute("INSERT INTO about SELECT ?, 1 + count(*) FROM run HAVING count(*)", (CHAINED_SINCE,))
+    before = START
+    for what, number, run, *row, _ in chained(connection):
+        before = linked(before, what, number, run, *row)
+        connection.execute(_WITH_LINK[what], (before, number if what in (FACT, WATCHED) else run))
+
+
+def last_place(connection: sqlite3.Connection) -> LinkPlace:
+    """Return the place behind the last entry.
+
+    Args:
+        connection: The database.
+    """
+    entries = "SELECT number, link FROM fact UNION ALL SELECT number, link FROM watched"
+    entry = connection.execute(f"{entries} ORDER BY number DESC LIMIT 1").fetchone() or (0, START)
+    runs = "SELECT link, closed, began_behind FROM run ORDER BY number DESC LIMIT 1"
+    link, closed, behind = connection.execute(runs).fetchone() or (START, None, -1)
+    found = closed or (link if behind == entry[0] else entry[1])
+    # Behind one that was altered nothing fits, whatever goes on from there.
+    return LinkPlace(found if isinstance(found, bytes) else START, entry[0])
