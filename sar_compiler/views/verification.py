@@ -177,7 +177,9 @@ def _answer(verdict: Verdict) -> str:
 
 
 def _limits(verification: Verification) -> Iterator[str]:
-    """Yield of what there is no proof."""
+    """Yield how the answers were found, and of what there is no proof."""
+    if verification.branches:
+        yield f"{verification.branches} parallel branches share nothing, and were searched apart: {verification.searches} searches."
     for tag, cls in verification.by_semantics:
         yield f"<{tag}> ({cls}) was taken to do what its semantics say; of its own methods nothing is proved."
     if verification.complete:
@@ -196,6 +198,8 @@ def _numbers(verification: Verification) -> dict[str, object]:
         "depth": verification.depth,
         "complete": verification.complete,
         "stopped": verification.stopped,
+        "searches": verification.searches,
+        "branches": verification.branches,
         "by_semantics": [{"tag": tag, "class": cls} for tag, cls in verification.by_semantics],
     }
 

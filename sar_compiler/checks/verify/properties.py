@@ -1,7 +1,7 @@
 """Properties that a tree can keep or break: the files that demand them, their conditions, and the monitors that watch runs for them."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 
@@ -92,8 +92,12 @@ class Condition:
     @property
     def entries(self) -> list[Entry]:
         """The entries that it reads."""
-        names = {use.name for use in name_uses(self._program.script)}.difference(AFTER_A_TICK)
-        return [self._surroundings.entry(name) for name in names]
+        return [self._surroundings.entry(name) for name in self.names.difference(AFTER_A_TICK)]
+
+    @property
+    def names(self) -> set[str]:
+        """The names in it."""
+        return {use.name for use in name_uses(self._program.script)}
 
     def holds(self) -> bool:
         """Return whether it holds now, in a tick.
@@ -208,6 +212,9 @@ class Monitors:
     def __init__(self, monitors: Sequence[Monitor]) -> None:
         self._monitors = tuple(monitors)
         self._owing = sum(1 << bit for bit, monitor in enumerate(self._monitors) if monitor.owes)
+
+    def __getitem__(self, number: int) -> Monitor:
+        return self._monitors[number]
 
     @property
     def count(self) -> int:
@@ -415,6 +422,7 @@ class Properties:
         owing: The rules that can be broken by a run that goes on for ever, with what it then owes.
         left_out: Those that say nothing about the tree.
         has_end: Whether runs have an end, and so whether they come to it is asked.
+        conditions: All conditions in them.
     """
 
     rules: Rules
@@ -422,6 +430,38 @@ class Properties:
     owing: tuple[int, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     has_end: bool = True
+    conditions: tuple[Condition, ...] = ()
+
+    @property
+    def asks_for_idle(self) -> bool:
+        """Whether a condition asks whether every tick leaves the tree as it is."""
+        return any(IDLE in condition.names for condition in self.conditions)
+
+    def events(self, number: int) -> set[int]:
+        """Return the numbers of the events that a property speaks of."""
+        monitors, guarded = self.rules.monitors, self.rules.guarded
+        heard = set(monitors[number].roles) if number < monitors.count else set()
+        beside = {event for event, some in guarded.items() if heard & {each.number for each in some}}
+        return (heard | beside).difference(each.number for some in guarded.values() for each in some)
+
+    def only(self, numbers: Sequence[int]) -> "Properties":
+        """Return some of the properties, by their numbers in ascending order."""
+        rules, count = self.rules, self.rules.monitors.count
+        monitors = Monitors([rules.monitors[number] for number in numbers if number < count])
+        at_end = [rules.at_end[number - count] for number in numbers if number >= count]
+        guarded = {
+            event: kept
+            for event, some in rules.guarded.items()
+            if (kept := [each for each in some if each.number in monitors.heard])
+        }
+        owing = tuple(place for place, number in enumerate(numbers) if number in self.owing)
+        names = tuple(self.names[number] for number in numbers)
+        return replace(
+            self,
+            rules=replace(rules, monitors=monitors, guarded=guarded, at_end=at_end),
+            names=names,
+            owing=owing,
+        )
 
 
 def without_properties() -> Properties:
@@ -461,7 +501,8 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
         [entry for condition in (*conditions, *([end] if end else ())) for entry in condition.entries],
     )
     owing = tuple(number for number, monitor in enumerate(reading.monitors) if monitor.owes)
-    return Properties(rules, (*reading.names, *file.ends), owing, tuple(reading.left_out), has_end)
+    names = (*reading.names, *file.ends)
+    return Properties(rules, names, owing, tuple(reading.left_out), has_end, tuple(reading.conditions))
 
 
 @dataclass
@@ -494,6 +535,7 @@ class _Reading:
         self._words = LeafWords(document, prepared.simulated)
         self._tags = tags
         self._surroundings = Surroundings(prepared.simulated)
+        self.conditions: list[Condition] = []
 
     def take(self, written: EventProperty) -> None:
         """Add a property."""
@@ -522,7 +564,10 @@ class _Reading:
         """Return a condition; None if it makes no sense."""
         own, later = (AFTER_A_TICK, ()) if after_a_tick else ((), AFTER_A_TICK)
         script = self._words.condition(value, own, later)
-        return None if script is None else Condition(script, self._surroundings, owner)
+        if script is None:
+            return None
+        self.conditions.append(Condition(script, self._surroundings, owner))
+        return self.conditions[-1]
 
     def _events(self, values: Sequence[Value]) -> _MeantEvents:
         events = _MeantEvents()

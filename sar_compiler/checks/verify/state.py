@@ -2,6 +2,9 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
+
+from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.leaf_words import EventPattern
 from sar_compiler.compiler.simulated_tree import SimulatedTree
@@ -59,11 +62,15 @@ class Prepared:
         simulated: The tree.
         alphabet: Its events.
         entries: What its keys and facts hold.
+        start: The numbers of what they hold at the start.
+        begun: What the cells of each node held at the start, by its behaviour.
     """
 
     simulated: SimulatedTree
     alphabet: Alphabet
     entries: EntryCells = field(default_factory=EntryCells)
+    start: list[int] = field(default_factory=list)
+    begun: dict[Behaviour, tuple[list[int], list[Any]]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, simulated: SimulatedTree) -> "Prepared":
@@ -75,6 +82,7 @@ class Prepared:
         prepared = cls(simulated, Alphabet(simulated))
         for board in (simulated.facts.board, simulated.compiled.board):
             NumberedBoard.of(board, prepared.entries)
+        prepared.start.extend(prepared.entries.now)
         return prepared
 
 

@@ -16,6 +16,7 @@ from sar_compiler.nodes.outcome_sets import ALL, BITS
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import TickRecord, changes_in, value_changes, with_end
+from sar_compiler.runtime.kernel.branch_nodes import BranchNode
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.forking import ForkingTicker
@@ -23,6 +24,8 @@ from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.kernel.trail import Trail
+from sar_compiler.runtime.kernel.tree import FlatTree
+from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode
 
 
@@ -64,6 +67,7 @@ class TreeStepper:
     Args:
         prepared: The tree with stub leaves.
         rules: What is watched.
+        flattened: Brings it into flat form, given what builds its leaves; None for the whole tree as it is.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         meets: Whether ticks that come to the same place are one from there on.
 
@@ -80,16 +84,26 @@ class TreeStepper:
         wrong: What these have done last that their records exclude, in words.
     """
 
-    def __init__(self, prepared: Prepared, rules: Rules, *, forgets: bool = True, meets: bool = True) -> None:
+    def __init__(
+        self,
+        prepared: Prepared,
+        rules: Rules,
+        flattened: Callable[[LeafNodes], FlatTree] | None = None,
+        *,
+        forgets: bool = True,
+        meets: bool = True,
+    ) -> None:
         self._alphabet = prepared.alphabet
         choices = Choices()
         entries = prepared.entries
+        entries.restore(vec[i32](prepared.start))
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
         simulated = prepared.simulated
         leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail)
-        self.flat = flatten(simulated.root, leaves.node_of)
+        self.flat = flattened(leaves) if flattened else flatten(simulated.root, leaves.node_of)
         self.ran = leaves.ran
         first = self.flat.ticker(ChosenTimes(choices, trail))
+        self._begin_as_first(prepared, first)
         self.ticker = ForkingTicker(
             first.cells, first.values, first.times, entries, choices, trail, meets=meets
         )
@@ -100,6 +114,19 @@ class TreeStepper:
         self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
         self.states = StateValues(simulated, self.steps, self._remembered)
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
+
+    def _begin_as_first(self, prepared: Prepared, ticker: Ticker) -> None:
+        """Have nodes begin as those of the first stepper, whose behaviours have been ticked since: some bring along what they remember."""
+        cells, values = ticker.cells, ticker.values
+        for node in self.flat.nodes:
+            keeps_nothing = node.first_cell == node.last_cell and node.first_value == node.last_value
+            if keeps_nothing or isinstance(node, BranchNode):
+                continue
+            now = list(cells[node.first_cell : node.last_cell]), values[node.first_value : node.last_value]
+            begun = prepared.begun.setdefault(node.behaviour, now)
+            values[node.first_value : node.last_value] = begun[1]
+            for place, held in enumerate(begun[0], node.first_cell):
+                cells[place] = i32(held)
 
     def _deny(self, behaviour: Behaviour, what: str) -> None:
         cls = type(behaviour)
@@ -117,12 +144,12 @@ class TreeStepper:
             if held is cell
         }
 
-    def ticks(self, state: bytes) -> Iterator[TickSteps]:
-        """Play the ticks of a state one after the other; `played` and `unusual` tell of the last one."""
+    def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
+        """Play the ticks of a state one after the other, or the one with some choices; `played` and `unusual` tell of the last one."""
         self._before = self.states.facts_and_keys(state)
         self._trail.keeps = True
         try:
-            self.steps.enter(state, alone=True)
+            self.steps.enter(state, alone=True, path=path)
             while self.steps.step():
                 yield self.steps
         finally:

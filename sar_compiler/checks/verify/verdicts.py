@@ -70,6 +70,8 @@ class Verification:
         space: The states that were found, and the ticks between them, if they were to be kept.
         by_semantics: The tags of the nodes that were taken to do what their `semantics` say, each with its class: they have a
             `tick` of their own, of which nothing is proved.
+        searches: How many searches there were; with more than one, states and steps are those of all.
+        branches: How many parallel branches share nothing, and stood for themselves where the question did not speak of them.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -83,6 +85,8 @@ class Verification:
     stopped: bool = False
     space: StateSpace | None = None
     by_semantics: tuple[tuple[str, str], ...] = ()
+    searches: int = 1
+    branches: int = 0
 
     def __repr__(self) -> str:
         counts = Counter(verdict.outcome.value for verdict in self.verdicts)

@@ -40,10 +40,10 @@ class Choices:
         """The index of the choice in which a combination that is about to be played differs from the one before."""
         return len(self._path) - 1
 
-    def begin(self) -> None:
-        """Begin with the first combination."""
-        self._path.clear()
-        self._counts.clear()
+    def begin(self, path: tuple[int, ...] = ()) -> None:
+        """Begin with the first combination; with *path* the first one that begins with these options."""
+        self._path = list(path)
+        self._counts = [0] * len(path)
         self._asked = 0
 
     def pick(self, count: int) -> int:

@@ -140,14 +140,15 @@ class ForkingTicker(Ticker):
         """
         self._code = StateCode(self.cells, self.values, forgotten)
 
-    def begin(self, root: TreeNode, watched: int) -> None:
+    def begin(self, root: TreeNode, watched: int, path: tuple[int, ...] = ()) -> None:
         """Begin with the first tick of the state that the cells and entries have.
 
         Args:
             root: What is ticked.
             watched: What the properties remember.
+            path: The choices with which the tick begins.
         """
-        self.choices.begin()
+        self.choices.begin(path)
         self.trail.begin(watched)
         self._seen.clear()
         self._forks = [Fork(self, root, [], is_middle=False)]

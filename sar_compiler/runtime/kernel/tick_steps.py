@@ -67,16 +67,17 @@ class TickSteps(Stepper):
         """Return the choices of the last step."""
         return self._ticker.choices.path
 
-    def enter(self, state: bytes, *, alone: bool = False) -> None:
+    def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
         """Go to a state, to play its ticks.
 
         Args:
             state: The state.
             alone: Whether all of its ticks are played, also where those of other states came to the same middles.
+            path: The choices of the first one; there are no others then.
         """
         watched = self.restore(state)[1]
         self._ticker.middles = None if alone else self.middles
-        self._ticker.begin(self._flat.nodes[0], watched)
+        self._ticker.begin(self._flat.nodes[0], watched, path)
         self._is_fresh = True
 
     def step(self) -> int:
