@@ -140,6 +140,7 @@ GOALS = (
             (4, "11 s", {}),
             (5, "not done in 250 s", {}),
             (6, "three hours, estimated", {"": 10.0}),
+            (20, "10^18 states", {"": 60.0}),
         )
     ),
     Goal(

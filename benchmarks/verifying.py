@@ -52,7 +52,7 @@ RESILIENT_FORGOTTEN = f"{RESILIENT}, 4 zones"
 MEMORY = f"{RESILIENT}, 9 zones, memory"
 RETRIED = "200 retried leaves in a Sequence"
 NAV2_SHAPE = "a tree of Nav2's shape"
-BRANCHES = (4, 5, 6)
+BRANCHES = (4, 5, 6, 20)
 EIGHT_ZONES = f"{RESILIENT}, 8 zones"
 _MODEL = Path(__file__).with_name("search_and_rescue.pml")
 _ZONES = 1_000
@@ -61,6 +61,7 @@ _ZONES_OF_SPIN = 20_000
 _ENOUGH = 1_000_000
 _STATES_FOR_MEMORY = 100_000
 _LEAVES = 200
+_OF_A_BRANCH = "properties: {one after the other: {before: b1 starts, comes: a1 SUCCESS}}"
 # A search is repeated as long as all of them together take no longer.
 _REPEATED_SEC = 8.0
 
@@ -205,10 +206,12 @@ def _commands(folder: Path, effort: Effort) -> Iterator[Result]:
         yield from _command(binary_subject(levels), [str(tree), "--properties", str(properties)], effort)
     branches = BRANCHES if effort.share == 1 else BRANCHES[:1]
     written = {RETRIED: _retried(effort.size(_LEAVES)), NAV2_SHAPE: _nav2_shape()}
+    path, properties = folder / "written.xml", folder / "of_a_branch.yaml"
+    properties.write_text(_OF_A_BRANCH, encoding="utf-8")
     for name, text in {**written, **{parallel_subject(count): _guarded(count) for count in branches}}.items():
-        path = folder / "written.xml"
         path.write_text(text, encoding="utf-8")
-        yield from _command(name, ["--model", "nav2:jazzy", str(path)], effort)
+        asked = [] if name in written else ["--properties", str(properties)]
+        yield from _command(name, ["--model", "nav2:jazzy", str(path), *asked], effort)
     if effort.share == 1:
         zones = ["--set", "zones_left=8", "--max-states", "100000000"]
         yield from _command(EIGHT_ZONES, [RESILIENT, *zones], effort)
