@@ -7,6 +7,7 @@ from contextlib import closing, suppress
 
 from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_page_options, georeference
 from sar_compiler.cli.journal_check import add_check
+from sar_compiler.cli.journal_stats import add_stats
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
@@ -57,6 +58,8 @@ def _parser() -> Parser:
     add_why(commands.add_parser("why", help=text, description=text))
     text = "Check whether journals are as they were written: each entry has a hash of itself and of all before it."
     add_check(commands.add_parser("check", help=text, description=text))
+    text = "Count what the leaves have answered in all runs of some journals, how often, after which time, with intervals."
+    add_stats(commands.add_parser("stats", help=text, description=text))
     serving = "Serve a page on this machine that shows missions"
     for name, how in (
         ("replay", "again, back and forth through time."),

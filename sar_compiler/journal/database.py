@@ -359,17 +359,17 @@ class JournalFile:
         """Yield what was watched, in its order: entries of some kinds; of all, if none is named."""
         return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
-    def stream(self) -> Iterator[JournalEntry]:
-        """Yield all entries in their order, one by one, as `Journal.listen` gives them live."""
-        for number, entry in enumerate(self.stream_behind(StreamPlace()), 1):
+    def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
+        """Yield all entries in their order, one by one, as `Journal.listen` gives them live; without those of some watched kinds."""
+        for number, entry in enumerate(self.stream_behind(StreamPlace(), without=without), 1):
             yield JournalEntry(number, *entry[1:])
 
-    def stream_behind(self, after: StreamPlace) -> Iterator[JournalEntry]:
-        """Yield all entries behind a place in their order, one by one, with the numbers that places have."""
+    def stream_behind(self, after: StreamPlace, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
+        """Yield all entries behind a place in their order, one by one, with the numbers that places have; without those of some watched kinds."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
-                    yield from self._of_run(run, after=after if run.number == after.run else None)
+                    yield from self._of_run(run, without, after if run.number == after.run else None)
 
     def last_run(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
         """Yield the entries of the last run in their order, one by one, without those of some watched kinds."""

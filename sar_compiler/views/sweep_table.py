@@ -23,11 +23,7 @@ def sweep_as_text(
     """
     confidence = f"{100 * rule.confidence:g} % interval"
     lines = [_line(row, rule, confidence) for row in rows]
-    heads = list(dict.fromkeys(head for line in lines for head in line))
-    table = [heads, *([line.get(head, "") for head in heads] for line in lines)]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    labels = len(rows[0].labels)
-    text = "\n".join("  ".join(_aligned(cells, widths, labels)).rstrip() for cells in table)
+    text = table_text(lines, len(rows[0].labels))
     if smallest is not None:
         row, played = smallest
         which = "".join(f"{name} {value}, " for name, value in row.labels.items())
@@ -37,6 +33,19 @@ def sweep_as_text(
             f"\n  the smallest scenario that fails is written to {written[0]}; play it again: {written[1]}"
         )
     return text
+
+
+def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
+    """Return lines, each with its cells by their heads, as a table.
+
+    Args:
+        lines: The lines, one at least.
+        labels: How many of the columns are to the left.
+    """
+    heads = list(dict.fromkeys(head for line in lines for head in line))
+    table = [heads, *([line.get(head, "") for head in heads] for line in lines)]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return "\n".join("  ".join(_aligned(cells, widths, labels)).rstrip() for cells in table)
 
 
 def _aligned(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator[str]:
@@ -52,8 +61,8 @@ def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, st
         "runs": str(len(row.outcomes)),
         "success": f"{100 * _rate(row.outcomes):.1f} %" if row.outcomes else "",
         confidence: f"{100 * interval.low:.1f} to {100 * interval.high:.1f}",
-        "time (median)": f"{_quantile(times, 0.5):.1f} s" if times else "",
-        "(95th percentile)": f"{_quantile(times, 0.95):.1f} s" if times else "",
+        "time (median)": f"{quantile(times, 0.5):.1f} s" if times else "",
+        "(95th percentile)": f"{quantile(times, 0.95):.1f} s" if times else "",
         **{name: f"{mean:.2f}" for name, mean in _means(row.outcomes).items()},
     }
 
@@ -79,7 +88,7 @@ def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
         "successes": len(times),
         "rate": _rate(row.outcomes) if row.outcomes else None,
         "interval": list(rule.interval(row.outcomes)),
-        "time": {"median": _quantile(times, 0.5), "p95": _quantile(times, 0.95)} if times else None,
+        "time": {"median": quantile(times, 0.5), "p95": quantile(times, 0.95)} if times else None,
         "means": _means(row.outcomes),
         "failures": [{"seed": each.seed, "failure": each.failure} for each in failed],
     }
@@ -99,6 +108,6 @@ def _times(outcomes: Sequence[Played]) -> list[float]:
     return sorted(each.time_sec for each in outcomes if not each.failure)
 
 
-def _quantile(ordered: Sequence[float], part: float) -> float:
+def quantile(ordered: Sequence[float], part: float) -> float:
     """Return the smallest time that so large a part of the times does not exceed."""
     return ordered[max(0, -(-len(ordered) * round(part * 100) // 100) - 1)]

@@ -62,6 +62,7 @@ MORE = {
     "sar-run --fault": ["running.md#rehearsing-faults"],
     "sar-journal": ["journal.md#sar-journal"],
     "sar-journal check": ["journal.md#whether-it-was-altered"],
+    "sar-journal stats": ["journal.md#what-leaves-have-answered"],
     "sar-journal why": ["why.md"],
     "sar-journal report": ["reports.md"],
     "sar-journal replay": ["page.md#replay-and-several-robots"],

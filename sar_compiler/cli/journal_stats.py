@@ -1,0 +1,80 @@
+"""`sar-journal stats`: what the leaves of a tree have answered, how often and after which time."""
+
+import argparse
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.cli.arguments import FILE, confidence
+from sar_compiler.cli.loading import FORMAT_HELP
+from sar_compiler.commands import print_text
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal_entries import OF_ROBOT
+
+if TYPE_CHECKING:
+    from sar_compiler.views.leaf_statistics import RunStatistics
+
+
+def add_stats(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stats`."""
+    add = parser.add_argument
+    add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, of one tree")
+    text = "the confidence of the intervals, which are Wilson's (default 0.95)"
+    add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
+    text = (
+        f"{FORMAT_HELP}; yaml: as answers: of a file of properties, each with its chance p and its time sec"
+    )
+    add("--format", choices=("text", "json", "yaml"), default="text", help=text)
+    parser.set_defaults(run=tell_statistics)
+
+
+def tell_statistics(options: argparse.Namespace) -> None:
+    """Print what the leaves have answered in all runs of some journals.
+
+    Raises:
+        JournalError: If one cannot be read, or is of another tree than the first.
+    """
+    from sar_compiler.views import leaf_statistics as view
+
+    found = _statistics(options.journals)
+    if options.format == "text":
+        print_text(view.statistics_as_text(found, options.confidence))
+    else:
+        form = view.statistics_as_json if options.format == "json" else view.statistics_as_yaml
+        print(form(found, options.confidence))
+
+
+def _statistics(journals: Sequence[Path]) -> "RunStatistics":
+    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.views.leaf_statistics import RunStatistics
+
+    found, first = RunStatistics(), None
+    for place in journals:
+        with closing(JournalFile.read(place)) as file, file.snapshot():
+            nodes = _nodes(file.about().get("tree"))
+            first = nodes if first is None else first
+            if nodes != first:
+                raise JournalError(
+                    f"{place} is of another tree than {journals[0]}: {_difference(first, nodes)}; what leaves have answered is "
+                    "counted for one tree"
+                )
+            found.add(file.stream(without=OF_ROBOT))
+    return found
+
+
+def _nodes(tree: Any) -> list[tuple[str, int, str, Any]]:
+    """Return what is the same of two journals of one tree, wherever its file is: of each node."""
+    from sar_compiler.journal.mission_state import tree_nodes
+
+    return [(node.name, node.depth, node.kind, node.attributes) for node in tree_nodes(tree)]
+
+
+def _difference(there: Sequence[tuple[Any, ...]], here: Sequence[tuple[Any, ...]]) -> str:
+    """Return the first difference in words."""
+    for was, now in zip(there, here, strict=False):
+        if was[:3] != now[:3]:
+            return f"'{now[0]}' ({now[2]}) stands where '{was[0]}' ({was[2]}) does"
+        if was != now:
+            return f"'{now[0]}' has other attributes"
+    return f"it has {len(here)} nodes, and not {len(there)}"

@@ -1,0 +1,209 @@
+"""`sar-journal stats`: what leaves have answered in journals, how often, and after which time."""
+
+import json
+from collections import Counter
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sar_compiler.checks.sweep import wilson
+from sar_compiler.cli.journal_command import main
+from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.journal.journal_entries import RUN_BEGAN, Ending, JournalEntry
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.views.leaf_statistics import RunStatistics, statistics_as_json, statistics_as_yaml
+from tests.chance import rounds
+
+
+def leaf(name, **more):
+    return {"class": "a.Leaf", "name": name, "children": [], **more}
+
+
+TREE = {"class": "a.Sequence", "name": "Main", "children": [leaf("Drive"), leaf("Look")]}
+DRIVE, LOOK = 1, 2
+
+
+def fly(place, *ticks, tree=TREE):
+    """Write a run: in each tick, two seconds after the one before, what nodes come to: number, status, and a label where one is declared."""
+    journal = open_journal(place, resume=place.exists())
+    journal.clock = clock = ManualClock(100.0)
+    journal.begin({"mission": "patrol", "tree": tree}, {})
+    for number, tick in enumerate(ticks, 1):
+        clock.advance(2.0)
+        for node, status, *label in tick:
+            said = {"label": label[0]} if label else {}
+            journal.watch("status", node=node, tick=number, status=status, message="", **said)
+        journal.watch("pose", x=1.0, y=1.0, yaw=0.0)
+    journal.end(Ending.STOPPED, 130)
+    journal.close()
+    return place
+
+
+def drives(*answers):
+    """Return ticks in which a leaf runs for two seconds, and answers."""
+    return [
+        tick for status, label in answers for tick in ([(DRIVE, "RUNNING", "")], [(DRIVE, status, label)])
+    ]
+
+
+@pytest.fixture
+def place(tmp_path):
+    return tmp_path / "m.journal"
+
+
+def told(capsys, *arguments):
+    assert main(["stats", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def data(capsys, *arguments):
+    return json.loads(told(capsys, *arguments, "--format", "json"))
+
+
+def test_answers_are_counted_with_their_shares_their_intervals_and_their_times(place, capsys):
+    fly(place, *drives(("SUCCESS", "arrived"), ("SUCCESS", "arrived"), ("FAILURE", "blocked")))
+    fly(place, [(DRIVE, "RUNNING", "")], [], [], [(DRIVE, "SUCCESS", "arrived")])
+    found = data(capsys, place)
+    assert (found["runs"], found["confidence"], found["interval"]) == (2, 0.95, "Wilson")
+    (drive,) = found["leaves"]
+    assert (drive["path"], drive["count"], drive["retries"], drive["stopped"]) == (["Main", "Drive"], 4, 0, 0)
+    arrived, blocked = drive["answers"]
+    assert (arrived["label"], arrived["count"], arrived["share"]) == ("arrived", 3, 0.75)
+    assert arrived["interval"] == pytest.approx(wilson(3, 4, 0.95))
+    assert arrived["time"] == {"p5": 2.0, "median": 2.0, "p95": 6.0}
+    assert (blocked["status"], blocked["count"]) == ("FAILURE", 1)
+
+
+def test_journals_are_summed_up_and_told_as_a_table(place, tmp_path, capsys):
+    fly(place, *drives(("SUCCESS", "arrived")))
+    fly(
+        tmp_path / "other.journal",
+        *drives(("SUCCESS", "arrived"), ("FAILURE", "blocked")),
+        [(LOOK, "SUCCESS")],
+    )
+    lines = told(capsys, place, tmp_path / "other.journal", "--confidence", "0.9").splitlines()
+    assert lines[0].split("  ")[0] == "leaf"
+    assert "90 % interval" in lines[0]
+    assert lines[1].split() == ["Main/Drive", "arrived", "2", "66.7", "%", *lines[1].split()[5:]]
+    assert lines[1].split()[-2:] == ["0", "0"]
+    assert lines[2].split()[:4] == ["blocked", "1", "33.3", "%"]
+    assert lines[3].split()[:5] == ["Main/Look", "SUCCESS", "1", "100.0", "%"]
+    assert lines[-1].startswith("2 runs. Shares are of the answers that have ended")
+
+
+def test_an_answer_after_a_failure_in_the_same_run_is_a_retry(place, capsys):
+    fly(place, *drives(("FAILURE", ""), ("FAILURE", ""), ("SUCCESS", ""), ("SUCCESS", ""), ("FAILURE", "")))
+    fly(place, *drives(("SUCCESS", "")))
+    assert data(capsys, place)["leaves"][0]["retries"] == 2
+
+
+def test_a_leaf_that_is_stopped_or_skipped_has_given_no_answer(place, capsys):
+    fly(
+        place,
+        [(DRIVE, "RUNNING", ""), (LOOK, "SKIPPED")],
+        [(DRIVE, "HALTED")],
+        [(DRIVE, "RUNNING", "")],
+        [(DRIVE, "SKIPPED", "")],
+        [(DRIVE, "SUCCESS", "arrived")],
+        [(DRIVE, "IDLE")],
+        [(DRIVE, "RUNNING", "")],
+    )
+    drive, look = data(capsys, place)["leaves"]
+    assert (drive["count"], drive["stopped"], look["count"], look["answers"]) == (1, 1, 0, [])
+    assert drive["answers"][0]["time"]["median"] == 4.0
+    assert "Main/Look" in told(capsys, place)
+
+
+def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
+    fly(place)
+    assert told(capsys, place) == "1 run; no leaf has answered.\n"
+    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data == {"answers": {}}
+
+
+@pytest.mark.parametrize(
+    ("children", "words"),
+    [
+        ([leaf("Drive"), leaf("Fly")], "'Fly' (a.Leaf) stands where 'Look' (a.Leaf) does"),
+        ([leaf("Drive"), leaf("Look", attributes={"x": 2})], "'Look' has other attributes"),
+        ([leaf("Drive")], "it has 2 nodes, and not 3"),
+    ],
+)
+def test_a_journal_of_another_tree_is_refused_in_words(place, tmp_path, capsys, children, words):
+    fly(place)
+    other = fly(tmp_path / "other.journal", tree={**TREE, "children": children})
+    assert main(["stats", str(place), str(other)]) == 2
+    assert f"{other} is of another tree than {place}: {words}; " in capsys.readouterr().err
+
+
+def test_a_tree_whose_file_was_moved_is_the_same(place, tmp_path, capsys):
+    fly(place)
+    moved = {**TREE, "children": [leaf("Drive", file="/a.xml", line=7), leaf("Look")]}
+    assert data(capsys, place, fly(tmp_path / "other.journal", tree=moved))["runs"] == 2
+
+
+def test_as_assumptions_a_declared_answer_has_its_chance_and_its_time(place, capsys):
+    fly(place, *drives(*[("SUCCESS", "arrived")] * 9, ("FAILURE", "blocked")), [(LOOK, "SUCCESS")])
+    text = told(capsys, place, "--format", "yaml")
+    assert parse_yaml(text, "s.yaml", "").root.data == {
+        "answers": {
+            "Main/Drive": [
+                {"answer": "arrived", "p": [0.5958, 0.9821], "sec": [2.0, 2.0]},
+                {"answer": "blocked", "p": [0.0179, 0.4042], "sec": [2.0, 2.0]},
+            ]
+        }
+    }
+    assert "# Fewer than 10 answers, so nothing is said of it: Main/Look (1)" in text
+    assert '"Main/Drive":  # 10 answers' in text
+
+
+def test_as_assumptions_a_leaf_that_declares_nothing_may_still_fail_though_it_never_has(place, capsys):
+    fly(place, *[tick for _ in range(10) for tick in ([(LOOK, "SUCCESS")], [(LOOK, "IDLE")])])
+    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["answers"] == {
+        "Main/Look": [{"status": "SUCCESS", "p": [0.7225, 1.0]}, {"status": "FAILURE", "p": [0.0, 0.2775]}]
+    }
+
+
+def test_as_assumptions_one_that_runs_takes_its_time(place, capsys):
+    fly(place, *[tick for _ in range(10) for tick in ([(LOOK, "RUNNING")], [(LOOK, "SUCCESS")])])
+    (look,) = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["answers"].values()
+    assert look[0]["sec"] == [2.0, 2.0]
+    assert "sec" not in look[1]
+    assert look[2] == "RUNNING"
+
+
+def test_a_name_with_a_line_in_it_or_a_slash_stays_a_name(place, capsys):
+    names = [leaf("Dri\nve"), leaf("a/b: {"), leaf("few\n- x")]
+    ticks = [
+        tick for _ in range(10) for tick in ([(1, "SUCCESS"), (2, "SUCCESS")], [(1, "IDLE"), (2, "IDLE")])
+    ]
+    fly(place, *ticks, [(3, "SUCCESS")], tree={**TREE, "children": names})
+    answers = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["answers"]
+    assert [*answers] == ["Main/Dri\nve", "a/b: {"]
+
+
+ANSWERS = st.lists(
+    st.tuples(st.sampled_from(["SUCCESS", "FAILURE"]), st.sampled_from(["", "a", "b"]), st.integers(0, 3))
+)
+
+
+@settings(max_examples=rounds(50))
+@given(ANSWERS, st.floats(0.5, 0.999))
+def test_whatever_is_answered_is_counted_and_its_chances_can_add_up_to_one(answers, confidence):
+    entries = [JournalEntry(0, 1, 0.0, 0.0, RUN_BEGAN, {"tree": TREE, "run": {}})]
+    tick = 0
+    for status, label, running in answers:
+        for now in ["RUNNING"] * min(running, 1) + [status]:
+            tick += max(1, running if now == status else 1)
+            data = {"node": LOOK, "tick": tick, "status": now, "label": label if now == status else ""}
+            entries.append(JournalEntry(tick, 1, 0.0, float(tick), "status", data))
+    found = RunStatistics()
+    found.add(entries)
+    leaves = json.loads(statistics_as_json(found, confidence))["leaves"]
+    counted = {(each["status"], each["label"]): each["count"] for look in leaves for each in look["answers"]}
+    assert counted == Counter((status, label) for status, label, _ in answers)
+    for look in leaves:
+        lows, highs = zip(*(each["interval"] for each in look["answers"]), strict=True)
+        assert sum(lows) <= 1.0 + 1e-9 <= sum(highs) + 2e-9
+    parse_yaml(statistics_as_yaml(found, confidence), "s.yaml", "")
