@@ -128,14 +128,16 @@ def test_one_command_flies_the_whole_mission_and_sums_it_up(start):
         in_order(["DetectSurvivor service ready.", "ReportSurvivor service ready.", *MISSION_LOG], run.log)
         is None
     )
-    assert run.output.splitlines()[-6:-1] == [
+    assert run.output.splitlines()[-7:-2] == [
         "Summary: the mission is complete.",
         "  zones visited:   4 of 4 (zone_a, zone_b, zone_c, zone_d)",
         "  survivors found: survivor_1 in zone_a at (-2.50, 3.20), acknowledged",
         "                   survivor_2 in zone_c at (4.10, -2.50), acknowledged",
         "  back at base:    yes",
     ]
-    assert run.output.splitlines()[-1].startswith("  duration:        ")
+    *_, duration, head = run.output.splitlines()
+    assert duration.startswith("  duration:        ")
+    assert head.startswith("The journal's head, for sar-journal check --head: ")
 
 
 @pytest.mark.ros
