@@ -253,28 +253,29 @@ def searched(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = ()) -
     if not _comes_to_its_end(graph, runs):
         return None
     results = [[(outcomes[target], target) for target, _ in graph.ticks(state)] for state in range(len(runs))]
-    classes = _classes(runs, results)
+    classes = _classes(results)
     named = dict(zip(graph.states, classes, strict=True))
     return Branch(root, parts, named, _automaton(classes, results))
 
 
 def _comes_to_its_end(graph: Graph, runs: Sequence[bool]) -> bool:
-    """Return whether a branch comes to its end in every fair run, and whether nothing is waited for where it begins or ends."""
-    waits_for_nothing = all(
-        not waits or (runs[state] and runs[target])
-        for state in range(len(runs))
-        for target, waits in graph.ticks(state)
+    """Return whether a branch comes to its end in every fair run, and nothing goes on being waited for while it does not run.
+
+    What was waited for until it has ended is not waited for when it begins again, so that runs in which it ends again and again are fair.
+    """
+    waits_at_rest = any(
+        waits for state in range(len(runs)) if not runs[state] for _, waits in graph.ticks(state)
     )
     rounds = components(graph, bytearray(not each for each in runs))
-    return waits_for_nothing and not any(is_fair(graph, component) for component in rounds)
+    return not waits_at_rest and not any(is_fair(graph, component) for component in rounds)
 
 
-def _classes(runs: Sequence[bool], results: Sequence[Sequence[BranchResult]]) -> list[int]:
+def _classes(results: Sequence[Sequence[BranchResult]]) -> list[int]:
     """Return a number for each state, the same for those of which the same can come: the coarsest bisimulation.
 
-    Equal automata have equal numbers, since these follow from what can come of a state alone.
+    Only a branch that runs can be halted, so one that does not is another one.
     """
-    classes, count = [int(each) for each in runs], 0
+    classes, count = [0] * len(results), 0
     while count < len(set(classes)):
         count = len(set(classes))
         signs = [(classes[state], _following(classes, each)) for state, each in enumerate(results)]

@@ -18,6 +18,8 @@ from tests.trees import document, forest_of
 
 _PLAINLY = 10**9
 _MOST_STATES = 3000
+_TELLING = (104,)
+"""A run for ever of this tree needs several rounds of that of its parts."""
 
 
 class Case:
@@ -95,7 +97,7 @@ def answers(verification):
 
 def test_random_trees_have_the_same_answers_apart_and_every_run_is_one_of_theirs():
     apart = 0
-    for seed in range(rounds(40)):
+    for seed in [*range(rounds(40)), *_TELLING]:
         body = random_branches(seed)
         case = Case(body, random_properties(body, seed))
         plain = case.verified(_PLAINLY)
@@ -154,6 +156,44 @@ def test_branches_that_share_something_do_not_stand_for_themselves(branch):
     assert Case(guarded(2, branch), OF_A_BRANCH).verified(10, 100_000).searches == 1
 
 
+def test_branches_that_read_what_nobody_changes_stand_for_themselves():
+    branch = "<Sequence><A name='a{0}'/><B name='b{0}'/><Z/></Sequence>"
+    assert Case(guarded(2, branch), OF_A_BRANCH).verified(10, 100_000).searches == 3
+
+
+def test_a_branch_with_a_timer_stands_for_itself():
+    timed = '<Timeout msec="10"><A name="a{0}"/></Timeout>'
+    again = '<RetryUntilSuccessful num_attempts="-1">{}</RetryUntilSuccessful>'
+    parallel = f'<Parallel success_count="2" failure_count="1">{timed.replace("{0}", "0")}{timed.replace("{0}", "1")}</Parallel>'
+    case = Case(again.format(parallel), "properties: {p: {after: a1 starts, eventually: a1 SUCCESS}}")
+    found = case.verified(1)
+    assert found.searches == 3
+    assert answers(found) == answers(case.verified(_PLAINLY))
+    assert all(case.holds_against(each.question, each.trace) for each in found.verdicts if each.trace)
+
+
+def test_a_branch_that_is_ticked_when_it_is_halted_does_not_stand_for_itself():
+    branch = '<TryCatch catch_on_halt="true"><A name="a{0}"/><B name="b{0}"/></TryCatch>'
+    assert Case(guarded(2, branch), OF_A_BRANCH).verified(10, 100_000).searches == 1
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        'success_count="1" failure_count="3"',
+        'success_count="3" failure_count="0"',
+        'success_count="3" failure_count="3"',
+        'success_count="-1" failure_count="-1"',
+    ],
+)
+@pytest.mark.parametrize("end", ["SUCCESS", "FAILURE"])
+def test_how_many_have_to_succeed_or_may_fail_counts(limits, end):
+    body = f'<Parallel {limits}><ForceFailure><A name="a0"/></ForceFailure><A name="a1"/><A name="a2"/></Parallel>'
+    for each in (body, body.replace("ForceFailure", "Inverter")):
+        case = Case(each, f"properties: {{p: {{at_end: root == '{end}'}}}}")
+        assert answers(case.verified(1)) == answers(case.verified(_PLAINLY))
+
+
 @pytest.mark.parametrize(
     ("asked", "searches"),
     [
@@ -177,6 +217,16 @@ def test_a_branch_may_be_a_subtree():
         other='<Sequence><Script code="k := 0"/><A/><Script code="k += 1"/></Sequence>',
     ).verified(10, 100_000)
     assert (found.searches, found.proved) == (4, True)
+
+
+def test_a_branch_that_is_skipped_is_asked_again():
+    skipped = '<AlwaysFailure _skipIf="@k := 1 - @k; @k == 1"/>'
+    body = f'<Parallel success_count="-1">{skipped}<AlwaysSuccess/><A/></Parallel>'
+    asked = "{p: {after: A RUNNING, eventually: A SUCCESS}}"
+    case = Case(body, f"answers: {{A: [SUCCESS, RUNNING]}}\nparameters: {{k: 0}}\nproperties: {asked}")
+    found = case.verified(1)
+    assert (found.searches, len(verdict(found, "p").trace.ticks)) == (4, 2)
+    assert answers(found) == answers(case.verified(_PLAINLY))
 
 
 def test_what_a_leaf_remembers_is_at_its_start_in_every_search():
