@@ -181,6 +181,8 @@ class JournalFile:
         self._version = VERSION
         # That behind the last entry; not known before something is written.
         self._end: LinkPlace | None = None
+        # Whether the last transaction waited for the disk; None before the first one.
+        self._durable: bool | None = None
         self._patience = _Patience(_STEPS + _STEPS_OF_A_BYTE * (_size(path) + _size(f"{path}-wal")))
         connection.set_progress_handler(self._patience.is_over, _Patience.STRIDE)
 
@@ -584,7 +586,9 @@ class JournalFile:
     def _transaction(self, *, durable: bool = True) -> Iterator[None]:
         # With NORMAL a commit survives the process but not the machine, and SQLite syncs when it has to for the file
         # to stay whole.
-        self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+        if durable is not self._durable:
+            self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+            self._durable = durable
         self._connection.execute("BEGIN IMMEDIATE")
         try:
             yield
