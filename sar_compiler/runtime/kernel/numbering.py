@@ -12,24 +12,28 @@ _BITS_OF_NUMBER: Final = 32
 _NUMBER: Final = (1 << _BITS_OF_NUMBER) - 1
 _HASH: Final = (1 << 31) - 1
 """So much of a hash stands in the table; so large a table can become."""
+_STRETCH: Final = 1 << 12
+"""So many states stand together. They take less than the 2^31 bytes that numbers of 32 bits count: 500,000 each."""
+_ROOM: Final = 1 << 15
+"""A middle is kept while ticks have come to so many others: 6 MB in all, however far a search goes."""
 
 
 class StateStore:
     """The states, as bytes, by their numbers.
 
-    They stand one behind the other: an object for each would take 50 bytes more.
+    They stand one behind the other: an object for each would take 50 bytes more. So many at a time have a stretch of their own,
+    which is never copied again: one that has to grow is there twice meanwhile, and leaves a hole.
     """
 
     def __init__(self) -> None:
-        self._written = vec[u8]()
-        # Where each ends, and the next one begins.
-        self._ends = vec[i64]([0])
+        self._stretches: list[_Stretch] = []
+        self._count = 0
 
     def __len__(self) -> int:
-        return len(self._ends) - 1
+        return self._count
 
     def __getitem__(self, number: int) -> bytes:
-        return bytes(self._written[self._ends[number] : self._ends[number + 1]])
+        return self._stretches[number // _STRETCH].at(number % _STRETCH)
 
     def __iter__(self) -> Iterator[bytes]:
         return iter(self.between(0, len(self)))
@@ -40,8 +44,28 @@ class StateStore:
 
     def append(self, state: bytes) -> None:
         """Give a state the next number."""
+        if self._count % _STRETCH == 0:
+            self._stretches.append(_Stretch())
+        self._stretches[-1].append(state)
+        self._count += 1
+
+
+class _Stretch:
+    """Some states, one behind the other."""
+
+    def __init__(self) -> None:
+        self._written = vec[u8]()
+        # Where each ends, and the next one begins.
+        self._ends = vec[i32]([0])
+
+    def at(self, place: int) -> bytes:
+        """Return the state at a place."""
+        return bytes(self._written[self._ends[place] : self._ends[place + 1]])
+
+    def append(self, state: bytes) -> None:
+        """Add a state behind the others."""
         self._written = extend(self._written, state)
-        self._ends = append(self._ends, len(self._written))
+        self._ends = append(self._ends, i32(len(self._written)))
 
 
 class Numbering:
@@ -103,9 +127,13 @@ class Middles:
 
     A middle takes as much as a state, and there are several for each; but ticks that meet begin in states that are found at about the
     same time. One that is forgotten gets another number when a tick comes to it again.
+
+    Args:
+        room: One is kept while ticks have come to so many others, and at most twice as long.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, room: int = _ROOM) -> None:
+        self._room = room
         self._lately, self._before = _Recent(), _Recent()
         self._count = 0
 
@@ -115,20 +143,20 @@ class Middles:
         if number < 0:
             number = self._before.find(middle)
             if number >= 0:
-                self._lately.add(middle, number)
+                self._keep(middle, number)
         return number
 
     def add(self, middle: bytes) -> int:
         """Return the number of a middle that has none."""
         number = self._count
-        self._lately.add(middle, number)
+        self._keep(middle, number)
         self._count = number + 1
         return number
 
-    def age(self) -> None:
-        """Forget those that no tick has come to since the last time."""
-        self._before = self._lately
-        self._lately = _Recent()
+    def _keep(self, middle: bytes, number: int) -> None:
+        if len(self._lately) >= self._room:
+            self._before, self._lately = self._lately, _Recent()
+        self._lately.add(middle, number)
 
 
 class _Recent:
@@ -137,6 +165,9 @@ class _Recent:
     def __init__(self) -> None:
         self._numbering = Numbering()
         self._numbers = vec[i32]()
+
+    def __len__(self) -> int:
+        return len(self._numbers)
 
     def find(self, middle: bytes) -> int:
         at = self._numbering.find(middle)

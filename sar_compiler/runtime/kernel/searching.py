@@ -168,7 +168,6 @@ class _Exploration:
             if index == level_end:
                 graph.levels.append(index)
                 level_end = len(graph.states)
-                self._stepper.middles.age()
             self._expand(index)
             index += 1
         return graph
@@ -183,23 +182,25 @@ class _Exploration:
             led = stepper.step()
             if led == NOTHING:
                 break
+            # Before others are kept: it may be forgotten by them.
+            middle = stepper.middles.find(stepper.middle) if led == A_MIDDLE else -1
             self._leave(stepper.left)
             self._state, self._waits, self._broken = stepper.state, stepper.waits, stepper.broken
-            if not self._take(led, stepper.middle):
+            if not self._take(led, middle):
                 return
         self._finish()
 
-    def _take(self, led: int, middle: bytes) -> bool:
-        """Take the step in hand; return False if the search is over."""
+    def _take(self, led: int, middle: int) -> bool:
+        """Take the step in hand, which may lead to the middle of a number; return False if the search is over."""
         graph = self._graph
         self._count()
         if graph.stopped:
             return False
         if led == A_NEW_MIDDLE:
-            self._places.append(_OpenPlace(middle, self._waits))
+            self._places.append(_OpenPlace(self._stepper.middle, self._waits))
             return True
         if led == A_MIDDLE:
-            self._lead(-1 - self._stepper.middles.find(middle), self._waits)
+            self._lead(-1 - middle, self._waits)
             return True
         target = _NOWHERE
         if self._state is None:

@@ -94,13 +94,12 @@ def test_a_condition_that_changes_what_it_looks_at_changes_it_in_every_run():
 
 
 def test_a_middle_is_forgotten_when_no_tick_has_come_to_it_lately():
-    middles = Middles()
-    assert [middles.add(b"met again"), middles.add(b"met once")] == [0, 1]
-    middles.age()
+    middles = Middles(room=2)
+    assert [middles.add(each) for each in (b"met again", b"met once", b"new")] == [0, 1, 2]
     assert middles.find(b"met again") == 0
-    middles.age()
-    assert [middles.find(b"met again"), middles.find(b"met once")] == [0, -1]
-    assert middles.add(b"met once") == 2
+    assert middles.add(b"newer") == 3
+    assert [middles.find(b"met again"), middles.find(b"met once"), middles.find(b"new")] == [0, -1, 2]
+    assert middles.add(b"met once") == 4
 
 
 def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
