@@ -39,7 +39,7 @@ _TOLD_PASSED = "BehaviorTree.CPP passes over it, other readers of XML do not"
 _TOLD = "BehaviorTree.CPP takes it as it is, other readers of XML do not"
 
 
-class _Stretch(Enum):
+class _PartOfFile(Enum):
     """What a stretch of a text is, with the regular expression of what is not XML in it."""
 
     BEFORE_ROOT = _LINE
@@ -122,10 +122,10 @@ def _stand_ins(text: str) -> dict[int, str] | None:
     return found if len(found) == len(_STANDING_ALONE) else None
 
 
-def _replace(stretch: str, stand_ins: dict[int, str], part: _Stretch) -> str:
+def _replace(stretch: str, stand_ins: dict[int, str], part: _PartOfFile) -> str:
     if part in _PASSED:
         return _NOT_BLANK.sub(" ", stretch)
-    if part is _Stretch.COMMENT:
+    if part is _PartOfFile.COMMENT:
         return stretch.replace("-", stand_ins[ord("-")])
     return _LONE.sub(stand_ins[ord("&")], stretch).replace("<", stand_ins[ord("<")])
 
@@ -140,36 +140,36 @@ class _TagWalk:
         # Where an element begins that is not in the root.
         self._beside = -1
 
-    def stretches(self) -> Iterator[tuple[int, int, _Stretch]]:
+    def stretches(self) -> Iterator[tuple[int, int, _PartOfFile]]:
         """Yield the places of texts, values and comments, and of what is not in the root."""
         offset = 0
         while (tag := self._text.find("<", offset)) >= 0:
             if self._beside < 0:
                 yield offset, tag, self._part()
-            found: list[tuple[int, int, _Stretch]] = []
+            found: list[tuple[int, int, _PartOfFile]] = []
             offset = self._behind_tag(tag, found)
             yield from found if self._beside < 0 else ()
             if not offset:
                 return
             if self._beside >= 0 and not self._opened:
-                yield self._beside, offset, _Stretch.BESIDE_ROOT
+                yield self._beside, offset, _PartOfFile.BESIDE_ROOT
                 self._beside = -1
 
-    def _part(self) -> _Stretch:
+    def _part(self) -> _PartOfFile:
         if not self._has_root:
-            return _Stretch.BEFORE_ROOT
-        return _Stretch.CONTENT if self._opened else _Stretch.BESIDE_ROOT
+            return _PartOfFile.BEFORE_ROOT
+        return _PartOfFile.CONTENT if self._opened else _PartOfFile.BESIDE_ROOT
 
-    def _behind_tag(self, tag: int, found: list[tuple[int, int, _Stretch]]) -> int:
+    def _behind_tag(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
         """Add what is found in a tag, and return its end; 0 if it makes no sense."""
         text = self._text
         if text.startswith("<!--", tag):
             end = _behind(text, "-->", tag + len("<!--"))
-            found += [(tag + len("<!--"), end - len("-->"), _Stretch.COMMENT)] if end else []
+            found += [(tag + len("<!--"), end - len("-->"), _PartOfFile.COMMENT)] if end else []
             return end
         if text.startswith("<![CDATA[", tag):
             end = _behind(text, "]]>", tag)
-            found += [(tag, end, _Stretch.BESIDE_ROOT)] if end and not self._opened else []
+            found += [(tag, end, _PartOfFile.BESIDE_ROOT)] if end and not self._opened else []
             return end
         if text.startswith("<?", tag):
             return _behind(text, "?>", tag)
@@ -179,7 +179,7 @@ class _TagWalk:
             return end if closes else 0
         return self._behind_start(tag, found)
 
-    def _behind_start(self, tag: int, found: list[tuple[int, int, _Stretch]]) -> int:
+    def _behind_start(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
         if self._has_root and not self._opened:
             self._beside = tag
         self._has_root = True
@@ -194,14 +194,14 @@ def _behind(text: str, end: str, start: int) -> int:
     return found + len(end) if found >= 0 else 0
 
 
-def _values(text: str, tag: int, values: list[tuple[int, int, _Stretch]]) -> int:
+def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> int:
     """Add the places of a start tag's values, and return its end; 0, and none, if it makes no sense."""
     name = None if text.startswith("<!", tag) else NAME.match(text, tag)
     if name is None:
         return 0
     offset = name.end()
     while match := ATTRIBUTE.match(text, offset):
-        values.append((*match.span(3), _Stretch.CONTENT))
+        values.append((*match.span(3), _PartOfFile.CONTENT))
         offset = match.end()
     end = _TAG_END.match(text, offset)
     if end is None:
@@ -212,8 +212,8 @@ def _values(text: str, tag: int, values: list[tuple[int, int, _Stretch]]) -> int
 
 
 _PASSED = {
-    _Stretch.BEFORE_ROOT: ("text is not allowed before the root", "put it in a comment, or delete it"),
-    _Stretch.BESIDE_ROOT: (
+    _PartOfFile.BEFORE_ROOT: ("text is not allowed before the root", "put it in a comment, or delete it"),
+    _PartOfFile.BESIDE_ROOT: (
         "a file is one <root>, and this is none of it",
         "delete it, or put it into the <root>",
     ),
@@ -221,7 +221,7 @@ _PASSED = {
 """What is wrong with what BehaviorTree.CPP passes over, and what to do."""
 
 
-def _recovery(source: Source, start: int, end: int, part: _Stretch) -> Diagnostic:
+def _recovery(source: Source, start: int, end: int, part: _PartOfFile) -> Diagnostic:
     """Return the finding about something that is not XML."""
     if part not in _PASSED:
         return _loose(source, start, end)
