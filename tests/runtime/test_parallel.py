@@ -102,3 +102,14 @@ def test_parallel_all_cannot_allow_more_failures_than_it_has_children():
     stage = Stage()
     with pytest.raises(ThresholdError, match="max_failures is at most 1"):
         ParallelAll("p", stage.leaves(a="S"), Input(2)).tick_once()
+
+
+@pytest.mark.parametrize("kind", [Parallel, ParallelAll])
+def test_of_a_hundred_children_each_is_ticked_until_it_has_ended(kind):
+    stage = Stage()
+    outcomes = {f"c{number}": "S" if number % 3 else "R,S" for number in range(100)}
+    limits = [Input(-1), Input(1)] if kind is Parallel else [Input(1)]
+    root = kind("p", stage.leaves(**outcomes), *limits)
+    assert stage.tick(root).startswith("R: ")
+    slow = " ".join(f"c{number}=S" for number in range(0, 100, 3))
+    assert stage.tick(root) == f"S: {slow}"

@@ -1,8 +1,13 @@
 """Parallels of BehaviorTree.CPP: children side by side, until enough of them have ended."""
 
+from typing import Final
+
 from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker
+
+_BITS: Final = 30
+"""So many children are bits of one cell, whose numbers have 32."""
 
 
 class ThresholdError(NodeError):
@@ -13,7 +18,7 @@ class CountingNode(ControlNode):
     """Children side by side; one that has ended is not ticked again until the node has.
 
     Attributes:
-        through: The cell with the children that have ended, as bits.
+        through: The first of the cells with the children that have ended, as bits.
         successes: The cell with the number of these that have succeeded.
         failures: The cell with the number of these that have failed.
         current: The cell with the index of the child in hand, in a tick.
@@ -22,7 +27,10 @@ class CountingNode(ControlNode):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.through, self.successes, self.failures = part.cell(), part.cell(), part.cell()
+        self.through = part.cell()
+        for _ in range(_BITS, len(part.children), _BITS):
+            part.cell()
+        self.successes, self.failures = part.cell(), part.cell()
         self.current, self.skips = part.cell(of_tick=True), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
@@ -45,7 +53,8 @@ class CountingNode(ControlNode):
             if index == len(children):
                 return self.leave(ticker, self.decide_at_the_end(ticker))
             outcome = INVALID
-            if not cells[self.through] >> index & 1:
+            place = self.through + int(index // _BITS)
+            if not cells[place] >> index % _BITS & 1:
                 self.behaviour.current_child = children[index].behaviour
                 outcome = children[index].tick(ticker)
                 if outcome == CALLED:
@@ -57,7 +66,8 @@ class CountingNode(ControlNode):
         """Count the child in hand; return the node's outcome if that decides, else INVALID."""
         cells, index = ticker.cells, ticker.cells[self.current]
         if outcome & ENDED:
-            cells[self.through] |= 1 << index
+            place = self.through + int(index // _BITS)
+            cells[place] |= 1 << index % _BITS
             cells[self.failures if outcome == FAILURE else self.successes] += 1
         elif outcome == SKIPPED:
             cells[self.skips] += 1
