@@ -147,7 +147,7 @@ def not_installed(error: ImportError) -> str | None:
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:
         return (
-            f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
+            f"a library of the simulator is not here ({error}): it and `predict` need numpy, scipy and Pillow; "
             "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
         )
     for extra, (modules, option, hint) in _OF_OPTIONS.items():

@@ -5,7 +5,7 @@ These name the stand-ins for nodes of which nobody here knows what they do.
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from sar_compiler.checks.leaf_words import LeafWords, report_script, unknown_in, word
 from sar_compiler.compiler.simulated_tree import (
@@ -25,10 +25,13 @@ from sar_compiler.nodes.spec import NodeSpec, Role
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import TreeFile
 
+# What chances that people have rounded may differ by.
+_ROUNDING = 1e-3
 _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
@@ -110,11 +113,76 @@ def _read_answers(value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...
     said: dict[str, tuple[Answer, ...]] = {}
     for key, inner in value.entries or ():
         leaves = words.find(key)
-        options = [
-            _answer(words.document, item, [words.spec(leaf) for leaf in leaves]) for item in inner.listed
-        ]
-        said[key.text or ""] = tuple(dict.fromkeys(option for option in options if option is not None))
+        specs = list({id(spec): spec for spec in map(words.spec, leaves)}.values())
+        kept = [item for item in inner.listed if "answer" in item.mapping]
+        options = [_answer(words.document, item, specs) for item in inner.listed if item not in kept]
+        declared = _declared(words, key, kept, leaves, specs) if kept else ()
+        found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
+        _check_chances(words.document, inner, found)
+        said[key.text or ""] = found
     return said
+
+
+def _declared(
+    words: LeafWords,
+    key: Value,
+    items: Sequence[Value],
+    leaves: Sequence[StubLeaf],
+    specs: Sequence[NodeSpec],
+) -> tuple[Answer, ...]:
+    """Return the answers that leaves have declared, with the chances and times that a file gives to some of them."""
+    if len(specs) != 1:
+        message = f"'{key.text}' names leaves that declare different answers"
+        if specs:
+            words.document.report("wrong-value", message, key, hint="say it of each by its path or tag")
+        return ()
+    answers = list(specs[0].answers)
+    for item in items:
+        for part in item.mapping.keys() & {"status", "label", "when", "then"}:
+            message = f"'answer' means one that is declared, and that says its '{part}' itself"
+            words.document.report("conflicting-keys", message, item.mapping[part])
+        name = words.answer(item.mapping["answer"], leaves)
+        for place, answer in enumerate(answers):
+            if name is not None and name in (answer.label, answer.status):
+                p, sec = _chance(words.document, item.mapping)
+                answers[place] = replace(answer, p=p, sec=sec)
+                break
+    return tuple(answers)
+
+
+def _chance(
+    document: Document, parts: Mapping[str, Value]
+) -> tuple[tuple[float, float] | None, tuple[float, float]]:
+    """Return what a file says of how likely an answer is, and of how long it takes."""
+    return _interval(document, parts.get("p")), _interval(document, parts.get("sec")) or (0.0, 0.0)
+
+
+def _interval(document: Document, value: Value | None) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    numbers = [float(each.data) for each in value.listed]
+    if numbers[-1] < numbers[0]:
+        document.report("wrong-value", "an interval goes from the lower to the higher number", value)
+    return numbers[0], numbers[-1]
+
+
+def _check_chances(document: Document, value: Value, answers: Sequence[Answer]) -> None:
+    """Report chances that cannot add up, and a time before the answers of a leaf that never runs."""
+    ending = [answer for answer in answers if answer.status != "RUNNING"]
+    known = [answer.p for answer in ending if answer.p is not None]
+    least, most = sum(p[0] for p in known), sum(p[1] for p in known)
+    if least > 1.0 + _ROUNDING:
+        document.report(
+            "wrong-value", f"the chances p of these answers add up to {least:g}, and not to 1", value
+        )
+    elif known and len(known) == len(ending) and most < 1.0 - _ROUNDING:
+        message = f"the chances p of these answers add up to {most:g} at most, and one of them must come"
+        document.report("wrong-value", message, value)
+    if any(answer.sec[1] for answer in ending) and len(ending) == len(answers):
+        hint = "leave sec out, or list an answer that is RUNNING as well"
+        document.report(
+            "wrong-value", "none of these answers is RUNNING, so they take no time", value, hint=hint
+        )
 
 
 def check_answers(value: Value | None, words: LeafWords) -> None:
@@ -146,7 +214,7 @@ def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answ
     label, when, then = (
         parts[part].text or "" if part in parts else "" for part in ("label", "when", "then")
     )
-    answer = Answer(status or "", label, when, then)
+    answer = Answer(status or "", label, when, then, *_chance(document, parts))
     usable = all(_scripts_fit(document, parts, answer, spec) for spec in specs)
     return answer if status is not None and usable else None
 

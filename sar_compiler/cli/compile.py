@@ -42,6 +42,7 @@ _COMMANDS = {
     "simulate": "Tick the tree without ROS by a script, and check that it does what is expected.",
     "sweep": "Tick the tree without ROS many times with random answers: how often it succeeds, and what fails.",
     "verify": "Explore all possible runs of a tree, and prove what holds in every one.",
+    "predict": "Compute how likely a tree is to succeed and to keep its properties, how long it takes, and what matters most.",
     "explain": "Explain a finding, with an example.",
     "nodes": "List the nodes of tree files, or describe one with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from sar_compiler.documents.located import Document
     from sar_compiler.runtime.kernel.searching import Progress
 
-_MAX_STATES = 1_000_000
+MAX_STATES = 1_000_000
 _MOST_CODES = 20
 _COLOURS = {"proved": "advice", "does not hold": "error", "not decided": "warning"}
 _ANSWER = re.compile(f"(?<= )({'|'.join(_COLOURS)})(?=$|[:;])", re.MULTILINE)
@@ -45,15 +45,15 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_tree_id(parser, "verify")
     text = "the initial value of a fact, such as points_left=4; may be repeated"
-    add("--set", action="append", default=[], type=_assignment, metavar="FACT=VALUE", help=text)
+    add("--set", action="append", default=[], type=assignment, metavar="FACT=VALUE", help=text)
     text = (
         "write the states and ticks for PRISM and Storm, as the explicit files PREFIX.sta, .tra and .lab; in a "
         "folder, they are named after the tree"
     )
     add("--export", type=FILE, metavar="PREFIX", help=text)
     add_params(parser)
-    text = f"explore at most N states, and leave open what would take more (default {_MAX_STATES})"
-    add("--max-states", type=count, default=_MAX_STATES, metavar="N", help=text)
+    text = f"explore at most N states, and leave open what would take more (default {MAX_STATES})"
+    add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     add("--jobs", type=count, help=argparse.SUPPRESS)
     add_project_options(parser)
     add_mission(parser)
@@ -110,11 +110,11 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
         defaults = (tree.default_properties(arguments.tree) for tree in trees)
         properties = next((path for path in defaults if path is not None), None)
     for tree, file in zip(trees, files, strict=True):
-        with contextlib.closing(_ProgressOfProof(f"{file}: " if len(files) > 1 else "")) as progress:
+        with contextlib.closing(ProgressOfSearch(f"{file}: " if len(files) > 1 else "")) as progress:
             done.append(
                 tree.verify(
                     properties,
-                    facts=_facts(arguments.set),
+                    facts=facts_given(arguments.set),
                     params=arguments.params,
                     tree_id=arguments.tree,
                     max_states=arguments.max_states,
@@ -173,7 +173,7 @@ def _print_answers(text: str, form: str) -> None:
     print(text if form == "json" else _ANSWER.sub(lambda said: paint(said[0], _COLOURS[said[0]]), text))
 
 
-def _facts(pairs: "list[tuple[str, str]]") -> "Document | None":
+def facts_given(pairs: "list[tuple[str, str]]") -> "Document | None":
     """Return the facts given on the command line."""
     if not pairs:
         return None
@@ -184,14 +184,15 @@ def _facts(pairs: "list[tuple[str, str]]") -> "Document | None":
     return parse_yaml(text, "--set", "write FACT=VALUE")
 
 
-def _assignment(text: str) -> tuple[str, str]:
+def assignment(text: str) -> tuple[str, str]:
+    """Return the name and the value of `FACT=VALUE`."""
     name, sign, value = text.partition("=")
     if not (name.strip() and sign and value.strip()):
         raise argparse.ArgumentTypeError(f"'{text}' is not FACT=VALUE, such as points_left=4")
     return name.strip(), value.strip()
 
 
-class _ProgressOfProof:
+class ProgressOfSearch:
     """Progress on standard error, and what is broken.
 
     The first Ctrl-C has the search stopped, so that what was found so far is told; the second one ends the command.

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.checks.assumptions import StartValues
+    from sar_compiler.checks.predict import Prediction
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.checks.verify.verdicts import Verification
@@ -659,6 +660,43 @@ class LoadedTree:
             verify, max_states=max_states, on_progress=on_progress, keep_states=keep_states
         )
         return verify_tree(self, binding, properties, facts, start, search)
+
+    def predict(
+        self,
+        properties: str | Path | None = None,
+        *,
+        answers: Iterable[str | Path] = (),
+        facts: "Mapping[str, object] | Document | None" = None,
+        params: str | Path | None = None,
+        tree_id: str | None = None,
+        period_sec: float | None = None,
+        max_states: int = 1_000_000,
+        on_progress: "Report" = lambda _progress: None,
+    ) -> "Prediction":
+        """Compute how likely the tree is to succeed and to keep its properties, and how long it takes. Needs numpy and scipy.
+
+        Args:
+            properties: A file with the properties, and with the chances `p` and times `sec` of answers; by default the mission's own.
+            answers: Further files that say how likely answers are; the file of properties overrides them.
+            facts: As for `verify`.
+            params: As for `verify`.
+            tree_id: As for `verify`.
+            period_sec: The time between two ticks, seconds; by default that of *params*, or half a second.
+            max_states: As for `verify`; what is behind the others may be anything, so the numbers have wider bounds.
+            on_progress: As for `verify`.
+
+        Raises:
+            TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
+        """
+        from sar_compiler.checks.predict import predict
+        from sar_compiler.checks.simulate.scenario_files import PERIOD_SEC
+        from sar_compiler.project.proof import verify_tree
+
+        binding = self.binding(tree_id)
+        start = self._start_values(params, binding)
+        period = period_sec or start.period_sec or PERIOD_SEC
+        search = functools.partial(predict, period_sec=period, max_states=max_states, on_progress=on_progress)
+        return verify_tree(self, binding, properties, facts, start, search, answers)
 
 
 def load(

@@ -2,7 +2,7 @@
 
 import contextlib
 import functools
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -39,10 +39,12 @@ def verify_tree(
     facts: Mapping[str, object] | Document | None,
     start: StartValues,
     search: TreeSearch[SearchResult],
+    answers: Iterable[str | Path] = (),
 ) -> SearchResult:
-    """Return what a search finds in the runs of a bound tree; see `LoadedTree.verify`."""
+    """Return what a search finds in the runs of a bound tree; see `LoadedTree.verify` and `predict`."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
+    others = [read_property_file(each) for each in answers]
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
@@ -52,6 +54,9 @@ def verify_tree(
         compiled = functools.partial(compile_simulated, binding, parameters, all_runs=True)
         simulated = compiled()
         assumed = start_assumptions(start, simulated)
+        for each in others:
+            assumed |= read_assumptions(each.document, each.facts, each.answers, simulated)
+            each.document.raise_findings()
         if file is not None:
             assumed |= read_assumptions(file.document, file.facts, file.answers, simulated)
         if facts:

@@ -70,10 +70,11 @@ class ScenarioRuns:
 
     def are_by_chance(self) -> bool:
         """Return whether two runs can differ."""
-        steps = [step for script in self.understood().scenario.scripts.values() for step in script]
-        return bool(self.unusual) or any(
-            step.chance < 1.0 or step.longest_sec > step.after_sec for step in steps
-        )
+        play = self.understood()
+        steps = [step for script in play.scenario.scripts.values() for step in script]
+        if any(step.chance < 1.0 or step.longest_sec > step.after_sec for step in steps):
+            return True
+        return bool(self.unusual) or any(leaf.is_by_chance for leaf in play.simulated.leaves)
 
     def events(self, simulated: SimulatedTree) -> list[EventPattern]:
         """Return the events to count.

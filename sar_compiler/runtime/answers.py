@@ -48,12 +48,16 @@ class Answer:
         label: What it means, in a word or two: "found", "refused"; empty for the status's own name.
         when: A script over facts; the answer is possible only if it is true. Empty: always.
         then: A script that changes facts when the answer is given.
+        p: How likely it is that it ends what the leaf has begun, at least and at most; None if nobody knows.
+        sec: How long the leaf runs before, at least and at most, in seconds; every time between is as likely.
     """
 
     status: str
     label: str = ""
     when: str = ""
     then: str = ""
+    p: tuple[float, float] | None = None
+    sec: tuple[float, float] = (0.0, 0.0)
 
     @property
     def name(self) -> str:
@@ -64,6 +68,33 @@ class Answer:
 def nominal(options: Sequence[Answer]) -> Answer:
     """Return the first answer that is not RUNNING, or else the first one."""
     return next((answer for answer in options if answer.status != "RUNNING"), options[0])
+
+
+def chances(answers: Sequence[Answer]) -> list[tuple[float, float]]:
+    """Return how likely each of some answers is, at least and at most, where it will be one of them.
+
+    Where all have a chance, these count in relation to each other, as some of a leaf's answers may be impossible now. One
+    that has none has what the others leave.
+    """
+    known = [answer.p for answer in answers if answer.p is not None]
+    low, high = sum(p[0] for p in known), sum(p[1] for p in known)
+    if len(answers) == 1:
+        return [(1.0, 1.0)]
+    if len(known) < len(answers):
+        least = max(0.0, 1.0 - high) if len(known) + 1 == len(answers) else 0.0
+        return [answer.p or (least, max(0.0, 1.0 - low)) for answer in answers]
+    return [(_share(p[0], high - p[1]), _share(p[1], low - p[0])) for p in known]
+
+
+def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
+    """Return chances that add up to 1, each as far between its bounds as the others are."""
+    room = sum(high - low for low, high in bounds)
+    part = (1.0 - sum(low for low, _ in bounds)) / room if room else 0.0
+    return [low + part * (high - low) for low, high in bounds]
+
+
+def _share(weight: float, others: float) -> float:
+    return weight / (weight + others) if weight else 0.0
 
 
 OVERRIDDEN = "overridden"

@@ -150,6 +150,11 @@ class StubLeaf(SkippableLeaf):
         self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.answers if a.then}
         self._memos: dict[Answer | None, Memo | None] = {}
 
+    @property
+    def is_by_chance(self) -> bool:
+        """Whether it is known of any of its answers how likely that is, or how long it takes."""
+        return any(answer.p is not None or answer.sec != (0.0, 0.0) for answer in self.answers)
+
     def options(self) -> tuple[Answer, ...]:
         """Return the answers that are possible now.
 

@@ -11,6 +11,9 @@ from sar_compiler.runtime.answers import Answer
 from sar_compiler.tree.model import synthetic_element
 from sar_compiler.views.plain import as_json, plain, value_as_script
 
+# What no leaf declares of its answers, but a file that predicts runs.
+_CHANCES = ("p", "sec")
+
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
     """Return a list of tags; for a single tag all its meanings, with their attributes."""
@@ -110,7 +113,10 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
         "skipped": list(_skipped(spec)),
         "effects": spec.effects,
         "uses": [{"kind": use.kind, "name": use.name} for use in spec.uses],
-        "answers": [asdict(answer) for answer in spec.answers],
+        "answers": [
+            {name: value for name, value in asdict(answer).items() if name not in _CHANCES}
+            for answer in spec.answers
+        ],
         "facts": dict(spec.facts),
         "reads": list(spec.reads),
         "writes": list(spec.writes),

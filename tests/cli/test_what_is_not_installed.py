@@ -31,7 +31,7 @@ def run_without(library, *arguments, **environment):
 def test_the_simulator_names_what_it_lacks(library, tmp_path):
     status, said = run_without(library, "cli.sim:main", "map", "-o", str(tmp_path / "map"))
     assert (status, "Traceback" in said) == (2, False)
-    assert f"the simulator is not complete (import of {library}" in said
+    assert f"a library of the simulator is not here (import of {library}" in said
     assert "pip install 'sar_compiler[sim]'" in said
 
 
@@ -44,7 +44,7 @@ SIMULATING = [("cli.sim:main", "run"), ("cli.run:main", "--sim")]
 def test_what_the_simulator_lacks_is_not_taken_for_a_missing_ros(library, command):
     status, said = run_without(library, *command)
     assert (status, "Traceback" in said) == (2, False), said
-    assert "the simulator is not complete (" in said
+    assert "a library of the simulator is not here (" in said
     assert library in said
     assert "ROS 2 is not here" not in said
 

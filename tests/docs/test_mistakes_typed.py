@@ -112,7 +112,7 @@ MAKE = {
 LACKING = {
     "ROS 2 is not here (…). On a robot, source its installation and workspace": "rclpy",
     "ROS 2 is here, but not the interface package '…'": "nav2_msgs",
-    "the simulator is not complete (…)": "scipy",
+    "a library of the simulator is not here (…)": "scipy",
 }
 NO_EXTRA = "… takes a library that is not here (…): pip install 'sar_compiler[…]' brings it"
 PLACE = "-p georeference.lat:=48.2 -p georeference.lon:=16.4 -p georeference.heading:=90.0"

@@ -15,7 +15,7 @@ from sar_compiler.checks.simulate.scenario_files import OWN, AnswerStep, Scenari
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.runtime.answers import STATUSES, Answer, nominal
+from sar_compiler.runtime.answers import STATUSES, Answer, chances, middle, nominal
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
@@ -76,7 +76,7 @@ class Drawn(NamedTuple):
 
 
 class Scripted:
-    """Chooses the answers of leaves by a scenario; leaves that it does not mention give their usual answer.
+    """Chooses the answers of leaves by a scenario; leaves that it does not mention answer by their chances, or what is usual.
 
     Args:
         scenario: What leaves answer, step by step, and what chance decides.
@@ -92,7 +92,8 @@ class Scripted:
         self._random = Random(scenario.seed)  # noqa: S311 - it must be possible to repeat a run
         self._unusual = scenario.unusual
         scripts = scenario.scripts.items()
-        self._plans = {
+        self._clock = clock
+        self._plans: dict[StubLeaf, _Plan | _ByChance] = {
             leaf: _Plan(leaf, [*map(_Left, steps)], self._random, variables, clock) for leaf, steps in scripts
         }
 
@@ -103,6 +104,8 @@ class Scripted:
             ScriptedError: If the leaf cannot answer that now.
         """
         plan = self._plans.get(leaf)
+        if plan is None and leaf.is_by_chance:
+            plan = self._plans[leaf] = _ByChance(leaf, self._random, self._clock)
         if plan is not None:
             return plan.choose(options, self.choices)
         answer = usual = nominal(options)
@@ -111,6 +114,37 @@ class Scripted:
             answer = self._random.choice(others or [usual])
         self.choices.append(Drawn(leaf, answer.name, usual=answer == usual))
         return answer
+
+
+@dataclass(eq=False)
+class _ByChance:
+    """What a leaf of which chances or times are known answers, and after which time: chosen when it begins, as `kernel.chances` does."""
+
+    leaf: StubLeaf
+    random: Random
+    clock: Clock
+    _answer: Answer | None = None
+    _until: float = 0.0
+
+    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
+        """Return the leaf's next answer, and record the choice."""
+        now = self.clock.now() + _TOLERANCE_SEC
+        if self.leaf.status is not Status.RUNNING or (now >= self._until and self._answer not in options):
+            self._draw(options, choices)
+        running = [answer for answer in options if answer.status == "RUNNING"]
+        if self._answer is None or (running and now < self._until):
+            return running[0]
+        return self._answer
+
+    def _draw(self, options: Sequence[Answer], choices: list[Drawn]) -> None:
+        ending = [answer for answer in options if answer.status != "RUNNING"]
+        self._answer = None
+        if ending:
+            self._answer = self.random.choices(ending, middle(chances(ending)))[0]
+            after_sec = round(self.random.uniform(*self._answer.sec), 3)
+            self._until = self.clock.now() + after_sec
+            usual = self._answer == nominal(options) and not after_sec
+            choices.append(Drawn(self.leaf, self._answer.name, after_sec, usual=usual))
 
 
 @dataclass(eq=False)

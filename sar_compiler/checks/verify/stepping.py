@@ -18,6 +18,7 @@ from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import TickRecord, changes_in, value_changes, with_end
 from sar_compiler.runtime.kernel.branch_nodes import BranchNode
 from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.chances import ChanceLeafNodes, Chances, WeighedSteps
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.forking import ForkingTicker
 from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
@@ -70,11 +71,13 @@ class TreeStepper:
         flattened: Brings it into flat form, given what builds its leaves; None for the whole tree as it is.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         meets: Whether ticks that come to the same place are one from there on.
+        chances: Is told of the choices of leaves whose chances are known; None where everything is possible.
 
     Raises:
         NotFlatError: If the tree has a node whose rules are not known.
 
     Attributes:
+        leaves: The tree's stub leaves.
         flat: The flat form.
         ticker: What ticks it.
         steps: Its steps.
@@ -92,6 +95,7 @@ class TreeStepper:
         *,
         forgets: bool = True,
         meets: bool = True,
+        chances: Chances | None = None,
     ) -> None:
         self._alphabet = prepared.alphabet
         choices = Choices()
@@ -99,10 +103,11 @@ class TreeStepper:
         entries.restore(vec[i32](prepared.start))
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
         simulated = prepared.simulated
-        leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail)
+        given = simulated.facts.board, prepared.alphabet.numbers, choices, trail
+        leaves = ChanceLeafNodes(*given, chances) if chances else LeafNodes(*given)
         self.flat = flattened(leaves) if flattened else flatten(simulated.root, leaves.node_of)
         self.ran = leaves.ran
-        first = self.flat.ticker(ChosenTimes(choices, trail))
+        first = self.flat.ticker(chances.times if chances else ChosenTimes(choices, trail))
         self._begin_as_first(prepared, first)
         self.ticker = ForkingTicker(
             first.cells, first.values, first.times, entries, choices, trail, meets=meets
@@ -111,7 +116,12 @@ class TreeStepper:
         self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]
         self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
         judged_by = [entries.place_of(entry.name) for entry in rules.entries]
-        self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
+        self.leaves = simulated.leaves
+        self.steps = (
+            WeighedSteps(self.flat, self.ticker, rules.judge, judged_by, chances.times)
+            if chances
+            else TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
+        )
         self.states = StateValues(simulated, self.steps, self._remembered)
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 

@@ -17,10 +17,11 @@ from sar_compiler.runtime.language_nodes import ScriptCondition
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
-class _Reply:
+class Reply:
     """An answer of a leaf.
 
     Attributes:
+        answer: What it says.
         event: The number of its event.
         outcome: The outcome of the tick.
         change: Changes facts and keys; None if the answer changes nothing.
@@ -28,6 +29,7 @@ class _Reply:
     """
 
     def __init__(self, event: int, leaf: StubLeaf, answer: Answer, memo: Callable[..., Memo]) -> None:
+        self.answer = answer
         self.event = event
         self.outcome = WORDS.index(answer.status)
         self.change: Callable[[], None] | None = None
@@ -66,7 +68,7 @@ class LeafNodes:
         """
         behaviour = part.behaviour
         if isinstance(behaviour, StubLeaf):
-            return StubNode(part, self)
+            return self.stub(part)
         node: TreeNode = known_node(part)
         if part.children:
             return node
@@ -77,6 +79,10 @@ class LeafNodes:
                 memo = OutcomeMemo(self.board.cells, self.board.cells.place_of(script.entry.name))
                 return ConditionLeafNode(part, node, self.ran, memo)
         return NotedNode(part, node, self.ran)
+
+    def stub(self, part: Part) -> TreeNode:
+        """Build the node of a stub leaf."""
+        return StubNode(part, self)
 
 
 class NotedNode(TreeNode):
@@ -168,7 +174,7 @@ class StubNode(TreeNode):
             status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.answers))
         }
         self._replies = [
-            (answer, _Reply(numbers[id(leaf), ANSWERED, id(answer)], leaf, answer, leaves.board.memo))
+            (answer, Reply(numbers[id(leaf), ANSWERED, id(answer)], leaf, answer, leaves.board.memo))
             for answer in sorted(leaf.answers, key=lambda each: -ranks[each.status])
         ]
         self._all = [reply for _, reply in self._replies]
@@ -214,14 +220,14 @@ class StubNode(TreeNode):
             self._trail.take(self._halted)
         ticker.cells[self.at] = INVALID
 
-    def _possible(self) -> list[_Reply]:
+    def _possible(self) -> list[Reply]:
         """Return what the leaf can answer now."""
         if self._asked is None:
             return self._all
-        possible: list[_Reply] = self._asked.call(self._work_out)
+        possible: list[Reply] = self._asked.call(self._work_out)
         return possible
 
-    def _work_out(self) -> list[_Reply]:
+    def _work_out(self) -> list[Reply]:
         possible = self.behaviour.options()
         return [reply for answer, reply in self._replies if any(answer is each for each in possible)]
 
@@ -241,6 +247,10 @@ class ChosenTimes(Times):
     def __init__(self, choices: Choices, trail: Trail) -> None:
         self._choices = choices
         self._trail = trail
+
+    def ways(self) -> int:
+        """Return that it may be up, or not."""
+        return 2
 
     def start(self, index: int, seconds: float) -> int:
         """Start a timer; one without any time is up at once."""

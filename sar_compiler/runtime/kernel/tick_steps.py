@@ -101,10 +101,7 @@ class TickSteps(Stepper):
             try:
                 outcome = ticker.play()
                 if outcome < KNOWN:
-                    self._flat.share(ticker)
-                    self._flat.renumber(ticker)
-                    self.state = self._write_state(outcome, ticker.trail.watched)
-                    self.outcome, self.waits, self.broken = outcome, ticker.waits, ticker.trail.broken
+                    self.end_tick(outcome)
                     return A_STATE
             except UndecidableError:
                 raise
@@ -115,6 +112,14 @@ class TickSteps(Stepper):
                 self.middle, self.waits = ticker.middle, ticker.waits
                 self._is_fresh = outcome == ENTERED
                 return A_NEW_MIDDLE if self._is_fresh else A_MIDDLE
+
+    def end_tick(self, outcome: int) -> None:
+        """Take the state after a tick that has come to an outcome."""
+        ticker = self._ticker
+        self._flat.share(ticker)
+        self._flat.renumber(ticker)
+        self.state = self._write_state(outcome, ticker.trail.watched)
+        self.outcome, self.waits, self.broken = outcome, ticker.waits, ticker.trail.broken
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
         """Judge a state.

@@ -6,6 +6,10 @@ from typing import Any
 class Times:
     """The timers of a tree's nodes. What is known of a timer is its token, which a cell holds."""
 
+    def ways(self) -> int:
+        """Return in how many ways a look at a timer that counts may end."""
+        return 1
+
     def start(self, index: int, seconds: float) -> Any:
         """Start a node's timer.
 

@@ -58,7 +58,7 @@ class Countdown:
 
     def ways(self, ticker: Ticker) -> int:
         """Return in how many ways it may go on to count."""
-        return 2 if ticker.cells[self.state] == COUNTING else 1
+        return ticker.times.ways() if ticker.cells[self.state] == COUNTING else 1
 
     def left(self, ticker: Ticker) -> str:
         """Return the feedback message about the time that is left."""
@@ -162,9 +162,9 @@ class SleepNode(ChildlessNode):
         super().__init__(part)
         self.timer = Countdown(part)
 
-    def ways(self, ticker: Ticker) -> int:  # noqa: ARG002
+    def ways(self, ticker: Ticker) -> int:
         """Return whether the time may be over, or not; it may be as soon as it has started."""
-        return 2
+        return ticker.times.ways()
 
     def begin(self, ticker: Ticker) -> int:
         """Look at the time."""

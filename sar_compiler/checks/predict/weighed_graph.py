@@ -1,0 +1,392 @@
+"""The places that a tree's runs come to, with how likely each step is, and what follows from that.
+
+A *place* is a state, or a middle of ticks (`kernel.forking`), in which one leaf has several ways to go on. Where all chances are known the places
+are a Markov chain, and the chance of coming to some states from each of them is the solution of x = A x + b, once the places are left out from which
+there is no way there (else A has 1 as an eigenvalue, and the solution is not unique).
+
+Where chances are known as intervals, or not at all, the bounds are those over all ways in which they could be chosen, anew at each place and
+each time: a Markov decision process. They are found by improving a choice of the chances until there is no better one (policy iteration). Two
+things make that right. For the largest chance the first choice gives something to everything that is possible, so that every place that can get to
+the goal does. For the least one the places are left out from which the goal can be avoided for ever: there the least chance is 0, and equations alone
+would not find it, since they hold for every value on a round that nobody has to leave.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.sparse.linalg import splu
+
+from sar_compiler.runtime.answers import middle
+from sar_compiler.runtime.kernel.chances import Chances
+from sar_compiler.runtime.kernel.graph import Graph
+
+Flags: TypeAlias = npt.NDArray[Any]
+Indices: TypeAlias = npt.NDArray[Any]
+Reals: TypeAlias = npt.NDArray[Any]
+"""Arrays of bool, of int64 and of float64: one number for each place, or for each step."""
+
+_MOST_ROUNDS = 100
+_ROUNDING = 1e-9
+# What is left of a run's chance when its time is not followed any more, and how many steps are followed: a second or two.
+_REST = 1e-6
+_MOST_CARRIED = 20_000_000
+
+
+class Between(NamedTuple):
+    """A number of which it is known that it lies between two.
+
+    Attributes:
+        low: The least that it can be.
+        high: The greatest.
+    """
+
+    low: float
+    high: float
+
+
+class EndTick(NamedTuple):
+    """A tick in which runs can end.
+
+    Attributes:
+        tick: Its number, from 0.
+        succeeded: The chance that a run has ended by then, and well.
+        ended: The chance that it has ended.
+    """
+
+    tick: int
+    succeeded: float
+    ended: float
+
+
+class WeighedGraph:
+    """What a search has found, with how likely each step is.
+
+    Behind the places stands one more, to which all steps lead that raise an error.
+
+    Args:
+        graph: The states and steps; `going_on` of what these do has the number of a weight.
+        chances: The weights.
+    """
+
+    def __init__(self, graph: Graph, chances: Chances) -> None:
+        self._states, self._error = len(graph.states), graph.places
+        self._choices = chances.choices
+        steps = _steps_of(graph)
+        labels = np.array([waits[0] for waits in graph.waits] or [0])[steps[2]]
+        weights = np.array(chances.weights)[np.maximum(labels, 0)]
+        answers, shares = weights[:, 1].astype(np.int64), weights[:, 2]
+        # The last choice is that of a place where there is nothing to choose.
+        self._low, self._high, self._middle = _tables([choice.bounds for choice in self._choices])
+        self._choice_at = np.full(self._error + 1, -1)
+        self._choice_at[steps[0]] = weights[:, 0]
+        lost = self._lost(graph, steps[0], answers, shares)
+        source = np.concatenate([steps[0], lost[0]])
+        order = np.argsort(source, kind="stable")
+        self._source = source[order]
+        self._target = np.concatenate([steps[1], np.full(len(lost[0]), self._error)])[order]
+        self._answer = np.concatenate([answers, lost[1]])[order]
+        self._share = np.concatenate([shares, lost[2]])[order]
+        # Only time passes in a step without a weight; a step to a middle does not end its tick.
+        ticks = np.where(labels < 0, -labels, 1) * (steps[1] < self._states)
+        self._ticks = np.concatenate([ticks, np.ones(len(lost[0]), np.int64)])[order]
+        wide = self._low < self._high
+        self._varying = np.flatnonzero(np.any(wide[self._choice_at], axis=1))
+
+    def _lost(
+        self, graph: Graph, source: Indices, answer: Indices, share: Reals
+    ) -> tuple[Indices, Indices, Reals]:
+        """Return the steps to the error, which the graph leaves out: their sources, answers and shares."""
+        width = self._low.shape[1]
+        left = (self._high > 0.0).astype(float)[self._choice_at]
+        np.subtract.at(left, (source, answer), share)
+        left[self._states if graph.complete else graph.expanded : self._states] = 0.0
+        left[: self._states][np.frombuffer(bytes(graph.ends), np.uint8).astype(bool)] = 0.0
+        left[self._error] = 0.0
+        places, answers = np.nonzero(left > _ROUNDING)
+        return places, answers, left.reshape(-1)[places * width + answers]
+
+    def bounds(self, goal: Flags, unknown: Flags) -> Between:
+        """Return the chance of coming to some states.
+
+        Args:
+            goal: Which states these are.
+            unknown: The states of which nobody knows what follows.
+        """
+        return Between(
+            self._optimum(self._wide(goal), -1)[0], self._optimum(self._wide(goal | unknown), 1)[0]
+        )
+
+    def fails(self, unknown: Flags) -> Between:
+        """Return the chance that a tick raises an error; see `bounds`."""
+        goal = np.zeros(self._error + 1, bool)
+        goal[self._error] = True
+        return Between(self._optimum(goal, -1)[0], self._optimum(goal | self._wide(unknown), 1)[0])
+
+    def _wide(self, states: Flags) -> Flags:
+        """Return which places some states are."""
+        return np.concatenate([states, np.zeros(self._error + 1 - self._states, bool)])
+
+    def _optimum(self, goal: Flags, sign: int) -> tuple[float, Reals]:
+        """Return the largest chance of coming to a goal, with a *sign* below 0 the least one, and the chances with which it is that."""
+        chances = self._between()
+        left_out = (
+            self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._error + 1, bool)
+        )
+        values = self._reach(goal, chances, left_out)
+        for _ in range(_MOST_ROUNDS if len(self._varying) else 0):
+            better = self._improved(values, chances, sign)
+            if better is None:
+                break
+            chances = better
+            values = self._reach(goal, chances, left_out)
+        return float(values[0]), chances
+
+    def _between(self) -> Reals:
+        """Return chances of the answers at each place that are between their bounds, and not 0 where they need not be."""
+        chances: Reals = self._middle[self._choice_at]
+        return chances
+
+    def _improved(self, values: Reals, chances: Reals, sign: int) -> Reals | None:
+        """Return chances that are better where places have a choice; None if there are none."""
+        places = self._varying
+        worth = self._worth(values)[places]
+        low, high = self._low[self._choice_at[places]], self._high[self._choice_at[places]]
+        better, left = low.copy(), 1.0 - low.sum(axis=1)
+        rows = np.arange(len(places))
+        for answers in np.argsort(-sign * worth, axis=1, kind="stable").T:
+            more = np.minimum(left, (high - low)[rows, answers])
+            better[rows, answers] += more
+            left -= more
+        gain = sign * ((better - chances[places]) * worth).sum(axis=1)
+        if not (gain > _ROUNDING).any():
+            return None
+        found = chances.copy()
+        found[places[gain > _ROUNDING]] = better[gain > _ROUNDING]
+        return found
+
+    def _worth(self, values: Reals) -> Reals:
+        """Return the value of each answer at each place."""
+        width = self._low.shape[1]
+        worth = np.bincount(
+            self._source * width + self._answer, self._share * values[self._target], (self._error + 1) * width
+        )
+        return worth.reshape(-1, width)
+
+    def _reach(self, goal: Flags, chances: Reals, left_out: Flags) -> Reals:
+        """Return the chance of coming to a goal from each place."""
+        return self._equations(goal, chances, left_out).reach(goal)
+
+    def _equations(self, goal: Flags, chances: Reals, left_out: Flags) -> "_Equations":
+        likely = self._share * chances[self._source, self._answer]
+        likely[goal[self._source] | left_out[self._source]] = 0.0
+        there = self._before(goal, likely > 0.0) & ~goal
+        return _Equations(self._source, self._target, likely, there)
+
+    def _before(self, goal: Flags, used: Flags) -> Flags:
+        """Return the places from which there is a way to a goal."""
+        count = self._error + 1
+        first = np.flatnonzero(goal)
+        rows = np.concatenate([self._target[used], np.full(len(first), count)])
+        columns = np.concatenate([self._source[used], first])
+        matrix = sparse.csr_matrix((np.ones(len(rows), np.int8), (rows, columns)), (count + 1, count + 1))
+        found = np.zeros(count + 1, bool)
+        found[csgraph.breadth_first_order(matrix, count, return_predecessors=False)] = True
+        before: Flags = found[:count]
+        return before
+
+    def _avoiding(self, goal: Flags) -> Flags:
+        """Return the places from which a goal can be avoided for ever."""
+        width = self._low.shape[1]
+        avoiding = ~goal
+        order = np.argsort(self._target, kind="stable")
+        ends = np.cumsum(np.bincount(self._target, minlength=self._error + 1))
+        sources, answers = self._source[order], self._answer[order]
+        # The answers of a place from which all steps avoid the goal, and whether one of these can be all that comes.
+        safe = np.ones((self._error + 1, width), bool)
+        waiting = deque(np.flatnonzero(goal))
+        while waiting:
+            place = waiting.popleft()
+            before = slice(ends[place - 1] if place else 0, ends[place])
+            for source, answer in zip(sources[before].tolist(), answers[before].tolist(), strict=True):
+                safe[source, answer] = False
+                choice = self._choice_at[source]
+                if avoiding[source] and (self._high[choice] * safe[source]).sum() < 1.0 - _ROUNDING:
+                    avoiding[source] = False
+                    waiting.append(source)
+        return avoiding
+
+    def ticks(self, goal: Flags, best_for: Flags) -> Between | None:
+        """Return the expected number of ticks of the runs that come to some states; None if none does.
+
+        Args:
+            goal: The states.
+            best_for: The states for which chances that are not known are the worst and the best ones.
+        """
+        found = [self._expected(self._wide(goal), chances) for chances in self._extremes(best_for)]
+        told = [each for each in found if each is not None]
+        return Between(min(told), max(told)) if told else None
+
+    def _extremes(self, goal: Flags) -> list[Reals]:
+        """Return the chances with which coming to some states is least and most likely."""
+        signs = (-1, 1) if len(self._varying) else (1,)
+        return [self._optimum(self._wide(goal), sign)[1] for sign in signs]
+
+    def _expected(self, goal: Flags, chances: Reals) -> float | None:
+        equations = self._equations(goal, chances, np.zeros(self._error + 1, bool))
+        reached = equations.reach(goal)
+        ticks = np.zeros(self._error + 1)
+        ticks[equations.places] = equations.solve(equations.mean(self._ticks * reached[self._target]))
+        return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
+
+    def influences(self, goal: Flags, usual: Sequence[int]) -> Iterator[tuple[int, float, float]]:
+        """Yield the leaves with a choice that matters, each with a derivative and with the chance of a goal if it never failed.
+
+        The derivative is that of the chance of coming to the goal, for the chance of the leaf's usual answer, where the others keep their proportions.
+        Chances that are not known are taken to be in the middle.
+
+        Args:
+            goal: The states.
+            usual: Which answer of each choice is the usual one; -1 for none.
+        """
+        wide, chances = self._wide(goal), self._between()
+        nothing = np.zeros(self._error + 1, bool)
+        equations = self._equations(wide, chances, nothing)
+        reached = equations.reach(wide)
+        if not reached[0]:
+            return
+        visits = equations.visits()
+        worth = self._worth(reached)
+        leaves = np.array([choice.leaf for choice in self._choices] + [-1])[self._choice_at]
+        usual_at = np.array([*usual, -1])[self._choice_at]
+        for leaf in dict.fromkeys(choice.leaf for choice in self._choices):
+            places = np.flatnonzero((leaves == leaf) & (usual_at >= 0) & (visits > 0.0))
+            answer = usual_at[places]
+            others = 1.0 - chances[places, answer]
+            open_ = others > _ROUNDING
+            if not open_.any():
+                continue
+            places, answer, others = places[open_], answer[open_], others[open_]
+            best = worth[places, answer]
+            rest = (chances[places] * worth[places]).sum(axis=1) - chances[places, answer] * best
+            always = chances.copy()
+            always[places] = 0.0
+            always[places, answer] = 1.0
+            slope = float((visits[places] * (best - rest / others)).sum())
+            yield leaf, slope, float(self._reach(wide, always, nothing)[0])
+
+    def ends(self, ends: Flags, goal: Flags) -> list[EndTick] | None:
+        """Return when runs end, tick by tick; None if that would take too long. Chances that are not known are taken to be in the middle."""
+        likely = self._share * self._between()[self._source, self._answer]
+        first = np.concatenate([[0], np.cumsum(np.bincount(self._source, minlength=self._error + 1))])
+        found, total, good, carried = [], 0.0, 0.0, 0
+        moments: dict[int, list[tuple[Indices, Reals]]] = {0: [(np.array([0]), np.array([1.0]))]}
+        while moments and 1.0 - total > _REST:
+            tick = min(moments)
+            places, mass = _gathered(moments.pop(tick))
+            over = ends[places]
+            if over.any():
+                total += float(mass[over].sum())
+                good += float(mass[over & goal[places]].sum())
+                found.append(EndTick(tick, good, total))
+            places, mass = places[~over], mass[~over]
+            while len(places):
+                steps, counts = _ranges(first[places], first[places + 1])
+                carried += len(steps)
+                if carried > _MOST_CARRIED:
+                    return None
+                moved, to = np.repeat(mass, counts) * likely[steps], self._target[steps]
+                ended, taken = to < self._states, self._ticks[steps]
+                for ticks in np.unique(taken[ended]):
+                    now = ended & (taken == ticks)
+                    moments.setdefault(tick + int(ticks), []).append((to[now], moved[now]))
+                inside = ~ended & (to != self._error)
+                places, mass = _gathered([(to[inside], moved[inside])])
+        return found
+
+
+class _Equations:
+    """The equations of the places from which there is a way to a goal.
+
+    Args:
+        source: Where each step begins.
+        target: Where it leads.
+        likely: How likely it is.
+        there: Which places these are.
+    """
+
+    def __init__(self, source: Indices, target: Indices, likely: Reals, there: Flags) -> None:
+        self._source, self._target, self._likely, self._count = source, target, likely, len(there)
+        self.places = np.flatnonzero(there)
+        number = np.cumsum(there) - 1
+        inside = there[source] & there[target] & (likely > 0.0)
+        size = len(self.places)
+        matrix = sparse.csc_matrix(
+            (likely[inside], (number[source[inside]], number[target[inside]])), (size, size)
+        )
+        self._solver = splu(sparse.identity(size, format="csc") - matrix) if size else None
+
+    def mean(self, values: Reals) -> Reals:
+        """Return for each of the places the mean over its steps of something that each step has."""
+        return np.bincount(self._source, self._likely * values, self._count)[self.places]
+
+    def solve(self, known: Reals) -> Reals:
+        """Return what each place has, given what it has of its own."""
+        return self._solver.solve(known) if self._solver else known
+
+    def reach(self, goal: Flags) -> Reals:
+        """Return the chance of coming to the goal from each place."""
+        values = goal.astype(float)
+        values[self.places] = self.solve(self.mean(values[self._target]))
+        return values
+
+    def visits(self) -> Reals:
+        """Return how often runs come to each of the places."""
+        visits = np.zeros(self._count)
+        begin = (self.places == 0).astype(float)
+        visits[self.places] = self._solver.solve(begin, "T") if self._solver else begin
+        return visits
+
+
+def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
+    """Return of each step its source and its target, as places, and the number of what it does."""
+    sources, targets, waits = [], [], []
+    for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
+        counts = [len(steps.of(place)) for place in range(len(steps))]
+        sources.append(np.repeat(np.arange(first, first + len(steps)), counts))
+        targets += list(steps.targets)
+        waits += [steps.waits[step] for step in range(len(steps.targets))]
+    target = np.array(targets, np.int64)
+    return (
+        np.concatenate(sources),
+        np.where(target >= 0, target, len(graph.states) - 1 - target),
+        np.array(waits, np.int64),
+    )
+
+
+def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Reals, Reals]:
+    """Return the least, the greatest and the middle chance of each answer of each choice; the last choice has a single answer."""
+    shape = len(bounds) + 1, max(map(len, bounds), default=1)
+    low, high, between = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    for number, answers in enumerate([*bounds, [(1.0, 1.0)]]):
+        place = number, slice(len(answers))
+        low[place], high[place] = zip(*answers, strict=True)
+        between[place] = middle(answers)
+    return low, high, between
+
+
+def _gathered(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
+    """Return the places of some parts, each once, with all that comes there."""
+    places, inverse = np.unique(np.concatenate([each[0] for each in parts]), return_inverse=True)
+    return places, np.bincount(inverse, np.concatenate([each[1] for each in parts]), len(places))
+
+
+def _ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
+    """Return the numbers of some ranges, one behind the other, and how many each has."""
+    counts = ends - begins
+    before = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    return np.arange(counts.sum()) + np.repeat(begins - before, counts), counts

@@ -1,0 +1,84 @@
+"""`sar-compile predict`: how likely a tree is to succeed, and how long it takes."""
+
+import argparse
+import contextlib
+import time
+
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, add_tree_id, count, seconds
+from sar_compiler.cli.loading import (
+    FORMAT_HELP,
+    INPUT_HELP,
+    add_mission,
+    add_params,
+    add_project_options,
+    workspace,
+)
+from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, assignment, facts_given
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_text
+
+
+def add_predict(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `predict`."""
+    add = parser.add_argument
+    add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
+    text = "a file of properties, with the chances p and the times sec of answers (default: what the mission brings)"
+    add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
+    text = "a further file with chances and times of answers, such as the statistics of journals; may be repeated"
+    add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
+    add_tree_id(parser, "predict")
+    text = "the initial value of a fact, such as points_left=4; may be repeated"
+    add("--set", action="append", default=[], type=assignment, metavar="FACT=VALUE", help=text)
+    add_params(parser)
+    text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
+    add("--period", type=seconds, metavar="SEC", help=text)
+    text = f"explore at most N states; what is behind the others may be anything (default {MAX_STATES})"
+    add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
+    text = "write a picture (SVG) of the chance that a run has ended, and ended well, by each time"
+    add("--plot", type=FILE, metavar="OUT.svg", help=text)
+    add_project_options(parser)
+    add_mission(parser)
+    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    parser.set_defaults(run=predict_file)
+
+
+def predict_file(arguments: argparse.Namespace) -> int:
+    """Predict the runs of a tree, and print what is to be expected.
+
+    Returns:
+        0; 1 if the tree's runs cannot be gone through, 130 after Ctrl-C, with what is known so far.
+
+    Raises:
+        TreeError: If a file has mistakes.
+    """
+    from sar_compiler.cli.writing import write_text
+    from sar_compiler.errors import UndecidableError
+    from sar_compiler.views import prediction as views
+
+    started = time.monotonic()
+    try:
+        with contextlib.closing(ProgressOfSearch()) as progress:
+            found = (
+                workspace(arguments)
+                .load(arguments.file)
+                .predict(
+                    arguments.properties,
+                    answers=arguments.answers,
+                    facts=facts_given(arguments.set),
+                    params=arguments.params,
+                    tree_id=arguments.tree,
+                    period_sec=arguments.period,
+                    max_states=arguments.max_states,
+                    on_progress=progress.show,
+                )
+            )
+    except UndecidableError as error:
+        print_error(f"sar-compile: nothing can be predicted: {error}")
+        return FINDINGS
+    taken_sec = time.monotonic() - started
+    if arguments.format == "json":
+        print(views.prediction_as_json(found, taken_sec))
+    else:
+        print_text(views.prediction_as_text(found, taken_sec))
+    if arguments.plot is not None:
+        write_text(arguments.plot, views.prediction_as_svg(found))
+    return INTERRUPTED if found.stopped else OK
