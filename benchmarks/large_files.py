@@ -29,6 +29,7 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 
 SIZE = 100_000
+_MOST_ATTRIBUTES = 1_000
 TENTH = "a tenth of it"
 SLOWEST = "the slowest of these"
 # The longest part of all benchmarks.
@@ -40,10 +41,10 @@ def _of(*forms: str) -> Callable[[int], str]:
     return lambda count: balanced(nodes(count))
 
 
-def _in_one_element(count: int) -> str:
-    """Return an element with so many attributes that it does not have."""
-    attributes = " ".join(f'foo{number}="1"' for number in range(count))
-    return f"<AlwaysSuccess {attributes}/>"
+def _with_many_attributes(count: int) -> str:
+    """Return elements with so many attributes that they do not have, as many in each as one may have."""
+    attributes = " ".join(f'foo{number}="1"' for number in range(min(count, _MOST_ATTRIBUTES)))
+    return balanced([f"<AlwaysSuccess {attributes}/>"] * max(count // _MOST_ATTRIBUTES, 1))
 
 
 FILES: Mapping[str, Callable[[int], str]] = {
@@ -54,7 +55,7 @@ FILES: Mapping[str, Callable[[int], str]] = {
     ),
     "a script each": lambda count: balanced(scripts(count)),
     "comments": _of('<!-- about it -->\n<AlwaysSuccess name="n{0}"/>'),
-    "unknown attributes in one element": _in_one_element,
+    "unknown attributes, a thousand an element": _with_many_attributes,
     "mistakes of two kinds": _of("<Foo{0}/>", '<Delay delay_msec="x"><AlwaysSuccess/></Delay>'),
     "postconditions that nobody reads": _of('<AlwaysSuccess _onSuccess="k{0} := 1"/>'),
     "keys that are misspelt": _of('<Script code="key{0} := 1"/>', '<ScriptCondition code="kye{0} == 1"/>'),
