@@ -297,6 +297,9 @@ class TreeError(SarError):
         self.beginning = beginning
         super().__init__("\n".join(finding.render() for finding in self.findings))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.findings, self.beginning)
+
 
 class UnreadableFileError(SarError):
     """A file does not exist, or cannot be read."""

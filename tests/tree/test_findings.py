@@ -1,8 +1,10 @@
 """How a finding looks on a terminal."""
 
+import pickle
+
 import pytest
 
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.xml import parse_xml
 
 
@@ -95,3 +97,10 @@ def test_a_finding_is_as_bad_as_its_kind_unless_it_is_said_otherwise():
 def test_there_is_no_finding_of_a_kind_that_is_not_declared(severity):
     with pytest.raises(KeyError, match="unknown-nod"):
         parse_xml("<root/>", "a.xml").root.finding("unknown-nod", "why", severity=severity)
+
+
+def test_what_is_wrong_with_a_file_can_be_told_by_another_process():
+    with pytest.raises(TreeError) as caught:
+        parse_xml("<root><A", "trees/mission.xml")
+    copied = pickle.loads(pickle.dumps(caught.value))  # noqa: S301 - our own
+    assert str(copied) == str(caught.value)
