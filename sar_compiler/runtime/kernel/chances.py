@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 from librt.vecs import vec
 from mypy_extensions import i32, i64
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.runtime.answers import Answer, chances
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.choices import Choices
@@ -247,6 +247,12 @@ class ChanceNode(StubNode):
     def _choose(self, ticker: Ticker, options: list[Option]) -> None:
         option = options[self._choices.pick(len(options))]
         if len(options) > 1:
+            if self._trail.going_on:
+                message = (
+                    f"'{self.behaviour.name}' answers by chance while it is ticked in the middle of another node's end, as by catch_on_halt; "
+                    "how likely that is cannot be computed: give it one answer, or none by chance"
+                )
+                raise UndecidableError(message)
             self._trail.going_on = option.weight
         ticker.values[self._chosen] = option.reply
         ticker.values[self._left] = self._chances.times.left(option.ticks)

@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from sar_compiler import load
+from sar_compiler.errors import UndecidableError
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
 from tests.checks.predict.stage import PERIOD_SEC, played, predicted, random_timed_tree
@@ -191,6 +192,12 @@ def test_chances_that_cannot_be_are_findings(answers, message):
     with pytest.raises(TreeError) as caught:
         predicted("<Sequence><A/><P/><X/></Sequence>", answers)
     assert message in str(caught.value)
+
+
+def test_two_choices_in_one_step_are_refused_and_not_weighed_wrongly():
+    body = '<ReactiveSequence><P/><TryCatch catch_on_halt="true"><A/><X/></TryCatch></ReactiveSequence>'
+    with pytest.raises(UndecidableError, match="'X' answers by chance while it is ticked in the middle"):
+        predicted(body)
 
 
 def test_statistics_of_journals_are_such_a_file(tmp_path):
