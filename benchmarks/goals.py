@@ -3,7 +3,17 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from benchmarks import flying, large_files, paging, pipeline, startup, sweeping, ticking, verifying
+from benchmarks import (
+    flying,
+    large_files,
+    paging,
+    pipeline,
+    predicting,
+    startup,
+    sweeping,
+    ticking,
+    verifying,
+)
 from benchmarks.peers import COMPILED
 
 
@@ -84,6 +94,15 @@ GOALS = (
         {"": 1 / 2_000},
         "the plain mission, every tenth answer an unusual one",
         "s/run",
+    ),
+    Goal(
+        "`predict`, states a second",
+        "a prototype on Python: 1,500 states/s",
+        "predict",
+        predicting.SUBJECT,
+        {"": 1 / 20_000},
+        "resilient mission, five zones, with all that is told: 10^5 states in 5 s",
+        "s/state",
     ),
     Goal(
         "`verify`, states a second, nothing forgotten",

@@ -18,6 +18,7 @@ from benchmarks import (
     large_files,
     paging,
     pipeline,
+    predicting,
     startup,
     sweeping,
     ticking,
@@ -39,6 +40,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "page": paging.measure,
     "verify": verifying.measure,
     "sweep": sweeping.measure,
+    "predict": predicting.measure,
     "large-files": large_files.measure,
 }
 
