@@ -306,12 +306,20 @@ class PrismModel:
         yield from (f"{state}:({state}{rows[row]})\n" for state, row in enumerate(self._row))
 
     def transitions(self) -> Iterator[str]:
-        """Yield the lines of the file of transitions, `.tra`; a state without ticks has one to itself."""
-        count = sum(len(self._graph.ticks(state)) or 1 for state in range(self._count))
+        """Yield the lines of the file of transitions, `.tra`, with what leaves answer as the action; a state without ticks has one to itself."""
+        graph, labels = self._graph, leaf_labels(self._space.stepper.leaves)
+        count = sum(len(graph.ticks(state)) or 1 for state in range(self._count))
         yield f"{self._count} {count} {count}\n"
+        take, actions = _identifiers(()), dict[str, str]()
         for state in range(self._count):
-            targets = [each.target for each in self._space.transitions(state)] or [state]
-            yield from (f"{state} {choice} {target} 1\n" for choice, target in enumerate(targets))
+            ticks = zip(graph.ticks(state), self._space.answers(state), strict=True)
+            told = [
+                (target, "  ".join(f"{labels[each.number]} {each.deed}" for each in answers) or "tick")
+                for (target, _), answers in ticks
+            ]
+            for choice, (target, text) in enumerate(told or [(state, "nothing")]):
+                action = actions.get(text) or actions.setdefault(text, take(text))
+                yield f"{state} {choice} {target} 1 {action}\n"
 
     def labels(self) -> Iterator[str]:
         """Yield the lines of the file of labels, `.lab`."""

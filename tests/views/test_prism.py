@@ -18,6 +18,7 @@ class Files:
     Attributes:
         rows: The variables of each state, as texts.
         ticks: The states that the choices of each state lead to.
+        actions: What leaves answer in each of these choices.
         labels: The states with each label.
     """
 
@@ -30,9 +31,14 @@ class Files:
         assert [line.split(":")[0] for line in lines] == [str(number) for number in range(len(lines))]
         head, *lines = "".join(transitions).splitlines()
         self.ticks: list[list[int]] = [[] for _ in self.rows]
-        for source, choice, target, probability in (map(int, line.split()) for line in lines):
+        self.actions: list[list[str]] = [[] for _ in self.rows]
+        for line in lines:
+            words = line.split()
+            action = words.pop()
+            source, choice, target, probability = map(int, words)
             assert (choice, probability) == (len(self.ticks[source]), 1)
             self.ticks[source].append(target)
+            self.actions[source].append(action)
         assert head == f"{len(self.rows)} {len(lines)} {len(lines)}"
         head, *lines = "".join(labels).splitlines()
         known = dict(re.findall(r'(\d+)="(\w+)"', head))
@@ -85,6 +91,22 @@ def test_the_files_have_the_states_and_ticks_that_were_found():
     assert len(distances) == verification.states
     assert max(distances.values()) == verification.depth
     assert files.can_end() == set(distances)
+
+
+def test_each_choice_is_called_by_what_leaves_answer_in_it():
+    verification, files = exported(RETRIED.format(2))
+    assert set(files.actions[0]) == {
+        "A_FAILURE",
+        "A_RUNNING",
+        "A_SUCCESS_B_FAILURE",
+        "A_SUCCESS_B_RUNNING",
+        "A_SUCCESS_B_SUCCESS",
+    }
+    assert verification.space is not None
+    for state, actions in enumerate(files.actions):
+        played = [each.events for each in verification.space.transitions(state)]
+        told = ["_".join(f"{e.leaf}_{e.deed}" for e in events if e.what == "answered") for events in played]
+        assert [text or "tick" for text in told] == actions or not played
 
 
 def test_what_no_end_can_be_reached_from_follows_from_the_files():

@@ -82,6 +82,16 @@ class StateSpace:
         for tick in self.graph.ticks(state):
             yield Transition(tick[0], functools.partial(self._play, state, self._is(tick)))
 
+    def answers(self, state: int) -> list[tuple[Event, ...]]:
+        """Return what leaves answer in each of the ticks of a state; where several lead to the same and wait for the same, in one of them."""
+        ticks = self.graph.ticks(state)
+        targets = {self.graph.states[target]: target for target, _ in ticks}
+        found: dict[Edge, tuple[Event, ...]] = {}
+        for step in self.stepper.ticks(self.graph.states[state]) if ticks else ():
+            if step.state in targets:
+                found.setdefault((targets[step.state], step.waits[0]), self.stepper.answered())
+        return [found[tick] for tick in ticks]
+
     def to(self, state: int) -> Trace:
         """Return a shortest run to a state."""
         return self._trace(self._stem(self.graph.stem(state)))

@@ -15,7 +15,7 @@ from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.outcome_sets import ALL, BITS
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.answers import nominal
-from sar_compiler.runtime.events import TickRecord, changes_in, value_changes, with_end
+from sar_compiler.runtime.events import ANSWERED, Event, TickRecord, changes_in, value_changes, with_end
 from sar_compiler.runtime.kernel.branch_nodes import BranchNode
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.chances import ChanceLeafNodes, Chances, WeighedSteps
@@ -198,6 +198,11 @@ class TreeStepper:
                 unusual.append(nominal(leaf.options()) is not answer)
         entries.restore(after)
         return tuple(unusual)
+
+    def answered(self) -> tuple[Event, ...]:
+        """Return what leaves have answered in the last tick."""
+        events = [self._alphabet.events[event] for event, _ in self._happened()]
+        return tuple(event for event in events if event.what == ANSWERED)
 
     def _happened(self) -> list[tuple[int, list[int]]]:
         """Return the events of the last tick, each with what entries held before it."""
