@@ -229,7 +229,11 @@ class TestComingToRest:
         stage.until(lambda: stage.wakes > wakes, "the wake")
         assert stage.run(leaf) is end
 
-    def test_a_robot_that_does_not_stand_is_waited_for_no_longer_than_said(self, stage: "Stage") -> None:
+    def test_a_robot_that_does_not_stand_is_waited_for_no_longer_than_said(
+        self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        # On a loaded machine the odometry may come late.
+        monkeypatch.setattr("sar_compiler.ros.robot_estimate._FRESH_SEC", 60.0)
         server, _ = stage.nav_server(), Odometry(stage)
         leaf = drive(stage)
         under_way(stage, leaf, server)
