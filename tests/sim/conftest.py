@@ -11,6 +11,8 @@ from sar_compiler.sim.occupancy import OccupancyMap, read_map
 from sar_compiler.sim.world import World, find_world
 from tests.waiting import SILENCE_SEC
 
+_AGAIN_SEC = 1.0
+
 
 @pytest.fixture(scope="session")
 def disaster_zone() -> World:
@@ -81,8 +83,14 @@ class Client:
         message.header.frame_id = frame
         message.pose.pose = to_pose(pose or Pose2D(0.0, 0.0))
 
+        due = time.monotonic()
+
         def answered() -> bool:
-            publisher.publish(message)
+            nonlocal due
+            # Seldom: one that is still on its way when the robot drives would put it back to where it was.
+            if time.monotonic() >= due:
+                publisher.publish(message)
+                due = time.monotonic() + _AGAIN_SEC
             return bool(answers)
 
         self.wait(answered, "amcl_pose", timeout_sec)
