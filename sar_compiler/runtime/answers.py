@@ -74,16 +74,19 @@ def chances(answers: Sequence[Answer]) -> list[tuple[float, float]]:
     """Return how likely each of some answers is, at least and at most, where it will be one of them.
 
     Where all have a chance, these count in relation to each other, as some of a leaf's answers may be impossible now. One
-    that has none has what the others leave.
+    that has none has what the others leave. Where none can be, of all that are possible, nothing is known.
     """
     known = [answer.p for answer in answers if answer.p is not None]
     low, high = sum(p[0] for p in known), sum(p[1] for p in known)
     if len(answers) == 1:
         return [(1.0, 1.0)]
-    if len(known) < len(answers):
+    if not high:
+        return [(0.0, 1.0)] * len(answers)
+    if len(known) < len(answers) and low < 1.0:
         least = max(0.0, 1.0 - high) if len(known) + 1 == len(answers) else 0.0
-        return [answer.p or (least, max(0.0, 1.0 - low)) for answer in answers]
-    return [(_share(p[0], high - p[1]), _share(p[1], low - p[0])) for p in known]
+        return [answer.p or (least, 1.0 - low) for answer in answers]
+    weights = [answer.p or (0.0, 0.0) for answer in answers]
+    return [(_share(p[0], high - p[1]), _share(p[1], low - p[0])) for p in weights]
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:

@@ -194,7 +194,7 @@ class _Reckoning:
         return Prediction(
             weighed.bounds(self._succeeded, unknown),
             weighed.bounds(self._ends, unknown),
-            weighed.fails(unknown) if graph.error is not None else Between(0.0, float(unknown.any())),
+            weighed.fails(unknown),
             {name: self._kept(rule) for rule, name in enumerate(self._properties.names)},
             self._time_sec(self._ends),
             self._time_sec(self._succeeded),

@@ -315,17 +315,15 @@ class WeighedSteps(TickSteps):
         """Play the next step, and return what it has led to; raises as `TickSteps.step`."""
         return NOTHING if self._is_over else super().step()
 
-    def end_tick(self, outcome: int) -> None:
-        """Take the state after a tick that has come to an outcome, and after those in which nothing else will happen."""
+    def take_state(self, outcome: int) -> None:
+        """Take the state after a tick, and after those that follow in which nothing else will happen."""
         ticker = self._ticker
-        self._flat.share(ticker)
-        self._flat.renumber(ticker)
         ticker.entries.settle()
         self._pass_by(1)
         passed = self._unchanged() if ticker.choices.asked == 0 else 0
         if passed:
             self._pass_by(passed)
-        super().end_tick(outcome)
+        super().take_state(outcome)
         if passed:
             self.waits = -1 - passed, 0, 0
 

@@ -115,9 +115,13 @@ class TickSteps(Stepper):
 
     def end_tick(self, outcome: int) -> None:
         """Take the state after a tick that has come to an outcome."""
+        self._flat.share(self._ticker)
+        self._flat.renumber(self._ticker)
+        self.take_state(outcome)
+
+    def take_state(self, outcome: int) -> None:
+        """Take what the cells hold as the state after a tick."""
         ticker = self._ticker
-        self._flat.share(ticker)
-        self._flat.renumber(ticker)
         self.state = self._write_state(outcome, ticker.trail.watched)
         self.outcome, self.waits, self.broken = outcome, ticker.waits, ticker.trail.broken
 

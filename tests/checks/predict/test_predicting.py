@@ -7,6 +7,7 @@ import pytest
 
 from sar_compiler import load
 from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.answers import Answer, chances, middle
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
 from tests.checks.predict.stage import PERIOD_SEC, played, predicted, random_timed_tree
@@ -83,14 +84,32 @@ def test_answers_that_are_impossible_now_leave_their_chance_to_the_others():
 
 
 @pytest.mark.parametrize(
-    ("limit_msec", "chance"), [(1000, 0.0), (2000, 0.0), (2500, 0.25), (3000, 0.5), (3500, 0.75), (4001, 1.0)]
+    ("limit_msec", "chance"),
+    [(2500, 0.0), (3000, 0.25), (3500, 0.5), (4000, 0.75), (4001, 1.0)],
 )
 def test_a_limit_and_a_leaf_that_takes_time_meet_as_in_flight(limit_msec, chance):
+    # The leaf ends by 2.5, 3, 3.5 or 4 s, each as likely; the limit is looked at before it is.
     text = "A: [{answer: SUCCESS, p: 1, sec: [2, 4]}]"
-    found = predicted(f'<Timeout msec="{limit_msec}"><A/></Timeout>', text)
-    # The leaf is asked every half a second, and the limit is looked at after that.
-    assert found.success[0] == pytest.approx(chance, abs=0.26)
-    assert found.success[0] in {0.0, 0.25, 0.5, 0.75, 1.0}
+    assert predicted(f'<Timeout msec="{limit_msec}"><A/></Timeout>', text).success == exactly(chance)
+
+
+@pytest.mark.parametrize(
+    ("answers", "bounds"),
+    [
+        ([(0.9, 0.9), (0.1001, 0.1001)], [(0.9, 0.9), (0.1, 0.1)]),
+        ([(0.9, 0.9), (0.1001, 0.1001), None], [(0.9, 0.9), (0.1, 0.1), (0.0, 0.0)]),
+        ([(0.2, 0.2), (0.6, 0.6)], [(0.25, 0.25), (0.75, 0.75)]),
+        ([(0.5, 0.7), None], [(0.5, 0.7), (0.3, 0.5)]),
+        ([(0.5, 0.7), None, None], [(0.5, 0.7), (0.0, 0.5), (0.0, 0.5)]),
+        ([(0.0, 0.0), (0.0, 0.0)], [(0.0, 1.0), (0.0, 1.0)]),
+        ([(0.0, 0.0)], [(1.0, 1.0)]),
+        ([None, None], [(0.0, 1.0), (0.0, 1.0)]),
+    ],
+)
+def test_chances_of_what_is_possible_now_add_up(answers, bounds):
+    found = chances([Answer("SUCCESS", str(number), p=p) for number, p in enumerate(answers)])
+    assert found == [pytest.approx(each, abs=1e-3) for each in bounds]
+    assert sum(middle(found)) == pytest.approx(1.0)
 
 
 def test_time_that_only_passes_takes_no_states():
