@@ -13,7 +13,7 @@ from sar_compiler.cli.loading import (
     add_project_options,
     workspace,
 )
-from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, assignment, facts_given
+from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_facts, facts_given
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_text
 
 
@@ -26,8 +26,7 @@ def add_predict(parser: argparse.ArgumentParser) -> None:
     text = "a further file with chances and times of answers, such as the statistics of journals; may be repeated"
     add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     add_tree_id(parser, "predict")
-    text = "the initial value of a fact, such as points_left=4; may be repeated"
-    add("--set", action="append", default=[], type=assignment, metavar="FACT=VALUE", help=text)
+    add_facts(parser)
     add_params(parser)
     text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
     add("--period", type=seconds, metavar="SEC", help=text)
@@ -45,7 +44,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
     """Predict the runs of a tree, and print what is to be expected.
 
     Returns:
-        0; 1 if the tree's runs cannot be gone through, 130 after Ctrl-C, with what is known so far.
+        0; 1 if the tree's runs cannot be gone through, or there is nothing to plot, 130 after Ctrl-C, with what is known so far.
 
     Raises:
         TreeError: If a file has mistakes.
@@ -79,6 +78,11 @@ def predict_file(arguments: argparse.Namespace) -> int:
         print(views.prediction_as_json(found, taken_sec))
     else:
         print_text(views.prediction_as_text(found, taken_sec))
+    if arguments.plot is not None and not found.distribution:
+        print_error(
+            f"sar-compile: {arguments.plot} is not written: when runs end was not worked out, or none does"
+        )
+        return FINDINGS
     if arguments.plot is not None:
         write_text(arguments.plot, views.prediction_as_svg(found))
     return INTERRUPTED if found.stopped else OK

@@ -44,8 +44,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     text = "a file of properties, which must hold in every run (default: what the mission brings)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_tree_id(parser, "verify")
-    text = "the initial value of a fact, such as points_left=4; may be repeated"
-    add("--set", action="append", default=[], type=assignment, metavar="FACT=VALUE", help=text)
+    add_facts(parser)
     text = (
         "write the states and ticks for PRISM and Storm, as the explicit files PREFIX.sta, .tra and .lab; in a "
         "folder, they are named after the tree"
@@ -59,6 +58,14 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     add_mission(parser)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=verify_file)
+
+
+def add_facts(parser: argparse.ArgumentParser) -> None:
+    """Add `--set`; see `facts_given`."""
+    text = "the initial value of a fact, such as points_left=4; may be repeated"
+    parser.add_argument(
+        "--set", action="append", default=[], type=_assignment, metavar="FACT=VALUE", help=text
+    )
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
@@ -184,8 +191,7 @@ def facts_given(pairs: "list[tuple[str, str]]") -> "Document | None":
     return parse_yaml(text, "--set", "write FACT=VALUE")
 
 
-def assignment(text: str) -> tuple[str, str]:
-    """Return the name and the value of `FACT=VALUE`."""
+def _assignment(text: str) -> tuple[str, str]:
     name, sign, value = text.partition("=")
     if not (name.strip() and sign and value.strip()):
         raise argparse.ArgumentTypeError(f"'{text}' is not FACT=VALUE, such as points_left=4")

@@ -113,9 +113,9 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
 
 
 def prediction_as_svg(prediction: Prediction) -> str:
-    """Return a picture of the chance that a run has ended by each time, and that it has ended well."""
+    """Return a picture of the chance that a run has ended by each time, and that it has ended well; there must be a distribution."""
     points = prediction.distribution
-    last_sec = max((points[-1][0] if points else 0.0), 1e-9)
+    last_sec = points[-1][0] or 1.0
     wide, high = _WIDTH - _LEFT - _ABOVE, _HEIGHT - _BELOW - _ABOVE
 
     def line(values: list[tuple[float, float]], name: str) -> str:
@@ -148,7 +148,7 @@ def _axes(last_sec: float, wide: float, high: float) -> Iterator[str]:
         yield f'<text class="scale" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{100 * part:g} %</text>'
     # The largest round number of seconds of which at least three fit.
     power = 10.0 ** math.floor(math.log10(last_sec))
-    step = next(each * power for each in (0.5, 0.2, 0.1) if 3.0 * each * power <= last_sec)
+    step = next(each * power for each in (2.0, 1.0, 0.5, 0.2) if 3.0 * each * power <= last_sec)
     for number in range(int(last_sec / step) + 1):
         x = _LEFT + wide * number * step / last_sec
         yield f'<text class="scale" x="{x:.1f}" y="{_ABOVE + high + 18}" text-anchor="middle">{number * step:.4g}</text>'
