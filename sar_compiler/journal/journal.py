@@ -22,7 +22,7 @@ from sar_compiler.journal.journal_entries import (
 )
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.journal.reserve import Kept, Reserve, RunEnd, lost
-from sar_compiler.journal.situation import CHANGED, Display, LandmarkKind, beginning, changes_by
+from sar_compiler.journal.situation import CHANGED, Alarm, Display, LandmarkKind, beginning, changes_by
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
 
@@ -121,6 +121,8 @@ class Journal:
         self._state: FactState | None = None
         self._kinds: tuple[LandmarkKind, ...] = ()
         self._shown = Display()
+        # Those that are no mission's own.
+        self._alarms: list[Alarm] = []
         self.on_failure: Callable[[str], object] = lambda _: None
         self.on_recovery: Callable[[str], object] = lambda _: None
         self.leaf_in_hand: Callable[[], Mapping[str, int]] = dict
@@ -244,7 +246,7 @@ class Journal:
         self._tell(self._entry(RUN_BEGAN, {**self._about, "run": of_run}))
         if self._state is not None:
             self._apply(self._entry(RUN_BEGAN, of_run))
-            self._shown = self._state.display()
+            self._shown = self._display()
             self.watch(CHANGED, **beginning(self._kinds, self._shown))
 
     def _begin_in(
@@ -275,9 +277,26 @@ class Journal:
         Raises:
             TypeError: If a value is no JSON value.
         """
-        fact = self._entry(kind, data)
+        self._note(self._entry(kind, data))
+
+    def raise_alarm(self, text: str, kind: str, /, **data: object) -> None:
+        """Write a fact that is no mission's own, and an alarm, which is shown beside those of the mission from then on.
+
+        Args:
+            text: The alarm, which is the fact's sentence as well.
+            kind: As for `note`.
+            **data: As for `note`.
+
+        Raises:
+            TypeError: If a value is no JSON value.
+        """
+        self._alarms.append(Alarm(text))
+        self._note(self._entry(kind, data), text)
+
+    def _note(self, fact: JournalEntry, sentence: str = "") -> None:
         self._apply(fact)
-        changed = {**self._changed(fact), **self._order(kind), **self.leaf_in_hand()}
+        order = self._order(fact.kind)
+        changed = {**self._changed(fact, sentence), **order, **self.leaf_in_hand()}
         behind = [fact._replace(kind=CHANGED, data=changed)] if changed else []
         if self._is_written:
             self._pending.append(self._row(fact))
@@ -289,12 +308,18 @@ class Journal:
     def _entry(self, kind: str, data: Mapping[str, object]) -> JournalEntry:
         return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
 
-    def _changed(self, fact: JournalEntry) -> dict[str, object]:
-        """Return what a fact has changed of what the mission shows, with the fact as a sentence."""
-        if self._state is None:
+    def _changed(self, fact: JournalEntry, sentence: str = "") -> dict[str, object]:
+        """Return what a fact has changed of what is shown, with the fact as a sentence."""
+        if self._state is None and not self._alarms:
             return {}
-        before, self._shown = self._shown, self._state.display()
-        return changes_by(fact, self._state.sentence(fact), before, self._shown)
+        before, self._shown = self._shown, self._display()
+        if self._state is not None:
+            sentence = sentence or self._state.sentence(fact)
+        return changes_by(fact, sentence, before, self._shown)
+
+    def _display(self) -> Display:
+        shown = self._state.display() if self._state is not None else Display()
+        return shown._replace(alarms=(*shown.alarms, *self._alarms)) if self._alarms else shown
 
     @contextmanager
     def ordered_by(self, by: str) -> Iterator[list[str]]:

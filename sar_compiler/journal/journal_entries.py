@@ -19,6 +19,14 @@ ORDERED = "ordered"
 """The kind of an order by a service of the mission: its `verb`, its `label`, `by` whom, as far as that is known, the `refusal`, empty if there is
 none, and `is_told`: whether facts tell of it already."""
 
+PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
+"""Kinds of what a run is watched for: once, the `file` and its `properties`, each with its `name` and what is done `if_broken`, and the names `left_out`;
+and, whenever that changes, the names of those by which something still has to come, `owed`."""
+
+PROPERTY_BROKEN, ASSUMPTION_FAILED = "property_broken", "assumption_failed"
+"""Kinds of facts that no mission has: the `property` is broken by an `event`, or is `owed` at an end; what the `assumption` is that an answer contradicts.
+Each with the `tick`, the `node` (the leaf's number, null for none) and the `run` that led there: time in seconds, tick, node and deed of the last events."""
+
 OF_ROBOT = ("pose", "plan", "map", "battery", "log")
 """Kinds that are watched of the robot's topics."""
 

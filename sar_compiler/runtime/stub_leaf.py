@@ -70,10 +70,14 @@ class FactVariables:
         facts: The facts.
         keys: The keys of the tree that the leaf stands in.
         enums: The names that stand for numbers.
+
+    Attributes:
+        enums: The names that stand for numbers.
     """
 
     def __init__(self, facts: Scope, keys: Scope, enums: Enums) -> None:
         self._scope = facts
+        self.enums = enums
         self._facts = ScopeVariables(facts, enums)
         self._keys = ScopeVariables(keys, enums)
         self._known: dict[str, ScopeVariables] = {}
@@ -96,15 +100,21 @@ class FactVariables:
 
     def facts(self, names: Iterable[str]) -> dict[str, object]:
         """Return the values of those of some names that are facts, by the names that these have on their board."""
-        entries = [self.entry(name) for name in names if self._of(name) is self._facts]
+        entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
     def memo(self, scripts: Iterable[Script]) -> "Memo | None":
         """Return what remembers the effect of some scripts; None unless the boards are numbered."""
+        return self.memo_of([self.entry(use.name) for each in scripts for use in name_uses(each)])
+
+    def memo_of(self, entries: Sequence[Entry]) -> "Memo | None":
+        """Return what remembers the effect of code on some entries; None unless the boards are numbered."""
         board = self._scope.board
-        if not board.is_numbered:
-            return None
-        return board.memo([self.entry(use.name) for each in scripts for use in name_uses(each)])
+        return board.memo(entries) if board.is_numbered else None
+
+    def is_fact(self, name: str) -> bool:
+        """Return whether a name is a fact's."""
+        return self._of(name) is self._facts
 
     def _of(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
@@ -130,6 +140,7 @@ class StubLeaf(SkippableLeaf):
         answers: What it can answer.
         path: The names of the nodes around it, from the root down, and its own.
         number: Its number in the tree, from 0 in pre-order.
+        variables: What its scripts read and write.
         policy: Decides what it answers.
         events: What it does is noted here; shared by the leaves of a tree.
     """
@@ -145,7 +156,7 @@ class StubLeaf(SkippableLeaf):
         self.policy: OutcomePolicy = NominalPolicy()
         self.answer_label = ""
         self.events: list[Event] = []
-        self._variables = variables
+        self.variables = variables
         self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
         self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.answers if a.then}
         self._memos: dict[Answer | None, Memo | None] = {}
@@ -163,7 +174,7 @@ class StubLeaf(SkippableLeaf):
         """
         if not self._conditions:
             return self.answers
-        possible = tuple(answer for answer in self.answers if self._is_possible(answer))
+        possible = tuple(answer for answer in self.answers if self.is_possible(answer))
         if not possible:
             conditions = "; ".join(f"'{answer.name}' when {answer.when}" for answer in self.answers)
             message = f"'{self.name}' ({self.tag}) has no answer that is possible now: {conditions}"
@@ -179,13 +190,13 @@ class StubLeaf(SkippableLeaf):
         effect = self._effects.get(answer)
         if effect is not None:
             try:
-                effect.run(self._variables)
+                effect.run(self.variables)
             except EvaluationError as error:
                 raise self._unusable(answer, "then", answer.then, error) from error
 
     def entries(self, scripts: Iterable[str]) -> list[Entry]:
         """Return the entries that scripts of its answers can read or write."""
-        return [self._variables.entry(use.name) for script in scripts for use in name_uses(parse(script))]
+        return [self.variables.entry(use.name) for script in scripts for use in name_uses(parse(script))]
 
     def initialise(self) -> None:
         """Note the start."""
@@ -216,7 +227,7 @@ class StubLeaf(SkippableLeaf):
     def _recall(self, what: Answer | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
         """Run code that uses the entries of some scripts; on numbered boards not twice where these hold the same."""
         if what not in self._memos:
-            self._memos[what] = self._variables.memo(each.script for each in programs)
+            self._memos[what] = self.variables.memo(each.script for each in programs)
         memo = self._memos[what]
         answer: T = run() if memo is None else memo.call(run)
         return answer
@@ -237,14 +248,19 @@ class StubLeaf(SkippableLeaf):
     def _facts_of(self, answer: Answer) -> dict[str, object]:
         """Return the facts of which the script of an answer speaks, as they are now."""
         effect = self._effects.get(answer)
-        return {} if effect is None else self._variables.facts(use.name for use in name_uses(effect.script))
+        return {} if effect is None else self.variables.facts(use.name for use in name_uses(effect.script))
 
-    def _is_possible(self, answer: Answer) -> bool:
+    def is_possible(self, answer: Answer) -> bool:
+        """Return whether an answer is possible now.
+
+        Raises:
+            StubLeafError: If its condition cannot be evaluated.
+        """
         condition = self._conditions.get(answer)
         if condition is None:
             return True
         try:
-            return condition.holds(self._variables)
+            return condition.holds(self.variables)
         except EvaluationError as error:
             raise self._unusable(answer, "when", answer.when, error) from error
 

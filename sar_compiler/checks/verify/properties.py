@@ -12,7 +12,7 @@ from sar_compiler.documents.located import Document, Value
 from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.runtime.answers import Fact
-from sar_compiler.runtime.blackboard import Entry
+from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
@@ -41,15 +41,12 @@ class Surroundings(FactVariables):
     """The variables of conditions: facts, keys of the tree, and the end of the last tick.
 
     Args:
-        simulated: The tree, on numbered boards.
-
-    Attributes:
-        board: One of these.
+        simulated: The tree.
+        keys: The keys, where they are those of another tree.
     """
 
-    def __init__(self, simulated: SimulatedTree) -> None:
-        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
-        self.board = simulated.facts.board
+    def __init__(self, simulated: SimulatedTree, keys: Scope | None = None) -> None:
+        super().__init__(simulated.facts, keys or simulated.compiled.instance.scope, Enums())
         self._ended: dict[str, ScriptValue | None] = {}
 
     def end_tick(self, root: str, *, idle: bool | None) -> None:
@@ -87,7 +84,7 @@ class Condition:
         self._program = Program(script)
         self._surroundings = surroundings
         self._owner = owner
-        self._memo = surroundings.board.memo(self.entries)
+        self._memo = surroundings.memo_of(self.entries)
 
     @property
     def entries(self) -> list[Entry]:
@@ -105,6 +102,8 @@ class Condition:
         Raises:
             ConditionError: If it cannot be evaluated, because a key has no value yet or one that does not fit.
         """
+        if self._memo is None:
+            return self._holds()
         held: bool = self._memo.call(self._holds)
         return held
 
@@ -345,6 +344,7 @@ class PropertyFile:
         answers: What it says of what leaves answer.
         parameters: The keys of the root blackboard.
         controls: What it says of controls and decorators that only a model describes.
+        if_broken: What is done in a run that breaks a property, by its name, where that is more than to tell it: `hold` or `abort`.
     """
 
     document: Document
@@ -355,6 +355,7 @@ class PropertyFile:
     answers: Value | None = None
     parameters: Mapping[str, Fact] = field(default_factory=dict)
     controls: Value | None = None
+    if_broken: Mapping[str, Value] = field(default_factory=dict)
 
 
 def read_property_file(path: str | Path) -> PropertyFile:
@@ -386,6 +387,7 @@ def _understood(document: Document) -> PropertyFile:
         parts.get("answers"),
         parameters(parts.get("parameters")),
         parts.get("controls"),
+        {name: value.mapping["if_broken"] for name, value in written.items() if "if_broken" in value.data},
     )
 
 
@@ -469,18 +471,21 @@ def without_properties() -> Properties:
     return Properties(Rules(Monitors(()), {}, _root_is_over))
 
 
-def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str]) -> Properties:
+def properties_of(
+    file: PropertyFile, prepared: Prepared, tags: Collection[str], keys: Scope | None = None
+) -> Properties:
     """Return the properties that a file demands of a tree.
 
     Args:
         file: The file.
         prepared: The tree.
         tags: The tags of leaves that a tree can have.
+        keys: The keys of the main tree, where another one is watched.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
     """
-    reading = _Reading(file.document, prepared, tags)
+    reading = _Reading(file.document, prepared, tags, keys)
     for written in file.events:
         reading.take(written)
     has_end = file.end is None or file.end.text != NO_END
@@ -526,7 +531,9 @@ class _MeantEvents:
 class _Reading:
     """Turns the properties of a file into monitors."""
 
-    def __init__(self, document: Document, prepared: Prepared, tags: Collection[str]) -> None:
+    def __init__(
+        self, document: Document, prepared: Prepared, tags: Collection[str], keys: Scope | None
+    ) -> None:
         self.monitors: list[Monitor] = []
         self.names: list[str] = []
         self.guarded: dict[int, list[Guarded]] = {}
@@ -534,7 +541,7 @@ class _Reading:
         self._alphabet = prepared.alphabet
         self._words = LeafWords(document, prepared.simulated)
         self._tags = tags
-        self._surroundings = Surroundings(prepared.simulated)
+        self._surroundings = Surroundings(prepared.simulated, keys)
         self.conditions: list[Condition] = []
 
     def take(self, written: EventProperty) -> None:
