@@ -5,7 +5,7 @@ are those of the search, and are told of the same events in the same order. So a
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
@@ -33,7 +33,7 @@ from sar_compiler.runtime.variables import ScriptValue
 from sar_compiler.runtime.walking import pre_order
 
 _MOST_TOLD = 20
-"""How many events are told of a run that led to an alarm."""
+"""How many events are told of a run that led to an alarm; of those that properties hear as many again."""
 
 
 class WatchedEvent(NamedTuple):
@@ -60,6 +60,11 @@ class AlarmCause(Enum):
     ASSUMPTION = "something is otherwise than proofs assume"
     UNJUDGED = "a condition cannot be evaluated"
 
+    @property
+    def is_broken(self) -> bool:
+        """Whether a property is broken."""
+        return self in (AlarmCause.BROKEN, AlarmCause.OWED)
+
 
 class WatchAlarm(NamedTuple):
     """What is wrong with a run that is watched.
@@ -70,7 +75,8 @@ class WatchAlarm(NamedTuple):
         event: The event, `DetectSurvivor found`; empty if it is none.
         tick: The number of the tick, from 1.
         number: The leaf's number; None if it is none.
-        run: The last events that led there.
+        run: The last events that led there, in order: answers and halts, without what a leaf has answered in the tick before as well, and those that
+            the properties hear.
     """
 
     cause: AlarmCause
@@ -133,6 +139,7 @@ class PropertyWatch:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
 
     Attributes:
+        file: The file of properties.
         properties: The properties.
         alarms: What was found wrong since these were taken last; a property and an assumption are told of once.
         broken: The names of the properties that were broken.
@@ -142,7 +149,7 @@ class PropertyWatch:
         self,
         simulated: SimulatedTree,
         file: PropertyFile | None,
-        tags: Sequence[str] = (),
+        tags: Collection[str] = (),
         watched: CompiledTree | None = None,
         clock: Callable[[], float] = lambda: 0.0,
     ) -> None:
@@ -153,6 +160,7 @@ class PropertyWatch:
         )
         if watched is not None:
             _read_keys_of(watched, simulated)
+        self.file = file
         self.alarms: list[WatchAlarm] = []
         self.broken: set[str] = set()
         self._told: set[str] = set()
@@ -169,8 +177,18 @@ class PropertyWatch:
         self._trail = Trail(guarded, monitors.heard, monitors.after, EntryCells())
         self._trail.begin(0)
         self._tick, self._root = 1, ""
-        self._run: deque[WatchedEvent] = deque(maxlen=_MOST_TOLD)
-        self._last: dict[int, str] = {}
+        # The last events that properties hear, and the last others, each with its place in the run.
+        self._heard: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
+        self._others: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
+        self._count = 0
+        self._hears = monitors.heard.union(rules.guarded)
+        # Of each leaf: what it has done last, and in which tick.
+        self._last: dict[int, tuple[str, int]] = {}
+
+    @property
+    def remembered(self) -> int:
+        """What the properties remember, as a number: where it is the same, `owed` is."""
+        return self._trail.watched
 
     @property
     def owed(self) -> list[str]:
@@ -225,7 +243,7 @@ class PropertyWatch:
         event, answer = numbers[0]
         if len(numbers) > 1 or (answer is not None and answer.when):
             event, answer = self._possible(number, numbers)
-        self._note(number, label or status)
+        self._note(number, label or status, is_heard=event in self._hears)
         self._trail.take(event)
         if self._trail.broken:
             self._tell_broken(number, label or status)
@@ -259,8 +277,8 @@ class PropertyWatch:
             self._tell(judgement.broken, "", None, judgement.pending)
 
     def _happens(self, number: int, what: str) -> None:
-        self._note(number, what)
         for event, _ in self._numbers.get((number, what, "", ""), ()):
+            self._note(number, what, is_heard=event in self._hears)
             self._trail.take(event)
             if self._trail.broken:
                 self._tell_broken(number, what)
@@ -311,10 +329,14 @@ class PropertyWatch:
         except StubLeafError as error:
             self._cannot_judge(str(error))
 
-    def _note(self, number: int, deed: str) -> None:
-        if self._last.get(number) != deed:
-            self._last[number] = deed
-            self._run.append(WatchedEvent(self._clock(), self._tick, number, deed))
+    def _note(self, number: int, deed: str, *, is_heard: bool = False) -> None:
+        if deed == STARTED and not is_heard:
+            return
+        last, self._last[number] = self._last.get(number), (deed, self._tick)
+        if last not in ((deed, self._tick), (deed, self._tick - 1)):
+            self._count += 1
+            event = WatchedEvent(self._clock(), self._tick, number, deed)
+            (self._heard if is_heard else self._others).append((self._count, event))
 
     def _tell_broken(self, number: int, deed: str) -> None:
         broken, self._trail.broken = self._trail.broken, 0
@@ -333,7 +355,7 @@ class PropertyWatch:
         if about not in self._told:
             self._told.add(about)
             leaf = self._leaves[number]
-            self._raise(AlarmCause.ASSUMPTION, about, f"{leaf.name} {self._last[number]}", number)
+            self._raise(AlarmCause.ASSUMPTION, about, f"{leaf.name} {self._last[number][0]}", number)
 
     def _cannot_judge(self, about: str) -> None:
         if about not in self._told:
@@ -341,7 +363,8 @@ class PropertyWatch:
             self._raise(AlarmCause.UNJUDGED, about, "", None)
 
     def _raise(self, cause: AlarmCause, about: str, event: str, number: int | None) -> None:
-        self.alarms.append(WatchAlarm(cause, about, event, self._tick, number, tuple(self._run)))
+        run = tuple(event for _, event in sorted((*self._others, *self._heard)))
+        self.alarms.append(WatchAlarm(cause, about, event, self._tick, number, run))
 
 
 def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:

@@ -1,7 +1,7 @@
 """The companions of a run of `sar-run`: they keep, show, record or tell it; what they take is imported only where they are asked for."""
 
 from argparse import Namespace
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,12 +12,14 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.cli.run_journal import RunJournal
+    from sar_compiler.cli.run_watch import RunWatch
     from sar_compiler.cli.terminal import RunOutput
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
     from sar_compiler.missions.order_record import OrderRecord
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
+    from sar_compiler.project import LoadedTree
     from sar_compiler.ros.engine import Engine
     from sar_compiler.ros.parameter_reader import RunParameters
     from sar_compiler.ros.signals import StopSignals
@@ -33,6 +35,8 @@ class RunSetup(NamedTuple):
         journal: Its journal, which may be none.
         mission: The run of the mission.
         parameters: The parameters that any run has.
+        loaded: The tree's file.
+        values: What the node's parameters give to the tree, by their names.
         fixed_parameters: The names of those that are not set while it runs.
         output: Standard output.
         orders: Records by whom its orders are given.
@@ -45,6 +49,8 @@ class RunSetup(NamedTuple):
     journal: "Journal"
     mission: "MissionRun"
     parameters: "RunParameters"
+    loaded: "LoadedTree"
+    values: Mapping[str, object]
     fixed_parameters: Collection[str]
     output: "RunOutput"
     orders: "OrderRecord"
@@ -60,6 +66,10 @@ def companions_asked_for(options: Namespace) -> Iterator[Make]:
     Raises:
         ImportError: If a library is not installed.
     """
+    if options.properties:
+        from sar_compiler.cli.run_watch import RunWatch
+
+        yield RunWatch
     if options.view == "web":
         from sar_compiler.cli.run_page import RunPage
 
@@ -158,7 +168,7 @@ class Companions:
     """
 
     def __init__(self, run: RunSetup, journal: "RunJournal", makes: Iterable[Make], stack: ExitStack) -> None:
-        self._journal, self._has_begun = journal, False
+        self._journal, self._has_begun, self._options = journal, False, run.options
         self._complain = run.node.get_logger().error
         self._companions: list[Companion] = []
         for make in (lambda _: journal, *makes):
@@ -194,8 +204,31 @@ class Companions:
         Raises:
             JournalError: If it cannot be written.
         """
-        self._journal.begin_run()
+        for companion in self._companions:
+            companion.begin_run()
         self._has_begun = True
+
+    def take_setup(self) -> None:
+        """Tell each of them that the leaves are set up.
+
+        Raises:
+            UnfitLeavesError: If the run cannot be with these leaves.
+        """
+        for companion in self._companions:
+            companion.take_setup()
+
+    def conclude(self, *, is_over: bool) -> None:
+        """Have each of them write what the journal is to have before the run's end."""
+        for companion in self._companions:
+            companion.conclude(is_over=is_over)
+
+    def watch(self) -> "RunWatch | None":
+        """Return who watches the run for properties; None if nobody does."""
+        if not self._options.properties:
+            return None
+        from sar_compiler.cli.run_watch import RunWatch
+
+        return next(each for each in self._companions if isinstance(each, RunWatch))
 
     def _end(self, companion: Companion) -> None:
         try:

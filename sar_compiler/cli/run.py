@@ -284,6 +284,8 @@ def _add_safety(parser: Parser, group: "_ArgumentGroup") -> None:
         "in ~/.local/state/sar_compiler; with --sim: a new one in the folder simulated there, which keeps the last ten)"
     )
     add("--journal", type=FILE, metavar="FILE", help=text)
+    text = "watch the run for the properties of this file (default with the option alone: the mission's own): what breaks one is an alarm"
+    add("--properties", nargs="?", const=True, type=YAML_FILE, metavar="FILE", help=text)
     begun = group.add_mutually_exclusive_group()
     text = "go on with the mission in the journal; goals still under way are cancelled first"
     begun.add_argument("--resume", action="store_true", help=text)

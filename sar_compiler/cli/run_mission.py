@@ -83,7 +83,18 @@ def run_mission(
         options.supervision.tell_journal(journal.place)
         orders = OrderRecord(node, run.verbs(), journal)
         setup = RunSetup(
-            options, signals, node, journal, run, parameters, fixed, RunOutput(), orders, staying
+            options,
+            signals,
+            node,
+            journal,
+            run,
+            parameters,
+            loaded,
+            reader.parameters,
+            fixed,
+            RunOutput(),
+            orders,
+            staying,
         )
         companions = Companions(setup, run_journal, asked_for, stack)
         run_journal.keep_facts(run, reader.parameters)

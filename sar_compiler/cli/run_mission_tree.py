@@ -26,6 +26,7 @@ from sar_compiler.missions.mission import MissionRun
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.arguments import readable_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
+from sar_compiler.ros.companion import UnfitLeavesError
 from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, send_cancels, tell
 from sar_compiler.ros.executors import suited
 from sar_compiler.ros.leaves.goals import goals_under_way
@@ -317,6 +318,7 @@ class TreeRun:
             engine.setup(node=self._node)
             self.executor = suited(self.executor, self._node)
             self.setup.orders.begin()
+            self.companions.take_setup()
             self._signals.last_words = self._leave_at_once
             self._begin_watching()
             self._started = self._clock.now()
@@ -330,6 +332,10 @@ class TreeRun:
             )
             self._end_journal(Ending.FAILED, status, self._reason)
             return status
+        except UnfitLeavesError as error:
+            status = self._fail(str(error))
+            self._end_journal(Ending.FAILED, status, self._reason)
+            return status
         finally:
             self._signals.last_words = None
             self._options.supervision.tell_end()
@@ -339,10 +345,20 @@ class TreeRun:
         except MissionError as error:
             status = self._fail(str(error))
         is_over = engine.failure is None and (self._result is not None or self.end.complete)
+        self._conclude_watch(texts, is_over=is_over)
         ending = Ending.OVER if is_over else Ending.STOPPED if self._signals.came else Ending.FAILED
         reason = self._result.reason if self._result is not None else self._reason
         self._end_journal(ending, status, reason)
         return status
+
+    def _conclude_watch(self, texts: list[str], *, is_over: bool) -> None:
+        """Have the end of the run judged by the properties for which it is watched, and add what became of them to texts."""
+        self.companions.conclude(is_over=is_over)
+        watch = self.companions.watch()
+        if watch is not None and self._options.format == "json":
+            self._said["properties"] = watch.verdicts()
+        elif watch is not None:
+            texts.append(watch.in_words())
 
     def _with_head(self) -> Iterator[str]:
         """Yield the head of the journal's chain, by which it can be checked whether somebody has altered it; with a summary in JSON."""

@@ -37,10 +37,12 @@ if TYPE_CHECKING:
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.checks.verify.verdicts import Verification
+    from sar_compiler.checks.watch import PropertyWatch
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
     from sar_compiler.missions.mission import Mission
     from sar_compiler.project.simulated import Simulated
+    from sar_compiler.runtime.answers import Fact
     from sar_compiler.runtime.kernel.searching import Report
 
 
@@ -660,6 +662,35 @@ class LoadedTree:
             verify, max_states=max_states, on_progress=on_progress, keep_states=keep_states
         )
         return verify_tree(self, binding, properties, facts, start, search)
+
+    def watch(
+        self,
+        watched: "CompiledTree",
+        properties: str | Path | None = None,
+        *,
+        facts: "Mapping[str, Fact] | None" = None,
+        parameters: Mapping[str, object] | None = None,
+        tree_id: str | None = None,
+        clock: Callable[[], float] = lambda: 0.0,
+    ) -> "PropertyWatch":
+        """Return what watches a run of the tree for properties.
+
+        Args:
+            watched: The tree that is ticked.
+            properties: As for `verify`.
+            facts: The facts as they are when the run begins; they override what the file says.
+            parameters: The keys of the root blackboard.
+            tree_id: As for `verify`.
+            clock: Returns the time, seconds since the run began.
+
+        Raises:
+            TreeError, UndecidableError: As `verify`.
+        """
+        from sar_compiler.project.proof import watch_tree
+
+        return watch_tree(
+            self, self.binding(tree_id), properties, watched, facts or {}, parameters or {}, clock
+        )
 
     def predict(
         self,

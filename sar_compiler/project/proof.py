@@ -17,11 +17,14 @@ from sar_compiler.checks.assumptions import (
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.trying import TrialBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.checks.verify.properties import PropertyFile, read_property_file
+from sar_compiler.checks.watch import PropertyWatch
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.runtime.answers import Fact
 from sar_compiler.tree.diagnostic import Diagnostic
 
 if TYPE_CHECKING:
@@ -67,6 +70,26 @@ def verify_tree(
         if file is not None:
             check_answers(file.answers, LeafWords(file.document, simulated))
         return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})
+
+
+def watch_tree(
+    tree: "LoadedTree",
+    binding: Binding,
+    properties: str | Path | None,
+    watched: CompiledTree,
+    facts: Mapping[str, Fact],
+    parameters: Mapping[str, object],
+    clock: Callable[[], float],
+) -> PropertyWatch:
+    """Return what watches a run of a bound tree for properties; see `LoadedTree.watch`."""
+
+    def watch(simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str]) -> PropertyWatch:
+        # The file says how proofs begin; this run is watched from what is so.
+        for name in facts.keys() & simulated.fact_values().keys():
+            simulated.facts.resolve(name).write(facts[name])
+        return PropertyWatch(simulated, file, tags, watched, clock)
+
+    return verify_tree(tree, binding, properties, None, StartValues(parameters, facts), watch)
 
 
 def try_runs(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:

@@ -2,10 +2,16 @@
 
 from typing import TYPE_CHECKING
 
+from sar_compiler.errors import SarError
+
 if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.ros.engine import Engine
+
+
+class UnfitLeavesError(SarError):
+    """A companion needs something that the leaves of the tree do not do."""
 
 
 class Companion:
@@ -20,6 +26,23 @@ class Companion:
         Raises:
             SarError: If this cannot be; then the run ends before it has begun.
         """
+
+    def begin_run(self) -> None:
+        """Let the tree be ticked from here on; the journal's companion comes first.
+
+        Raises:
+            JournalError: If the journal cannot be written.
+        """
+
+    def take_setup(self) -> None:
+        """Take that the leaves are set up, with their services; the first tick comes next.
+
+        Raises:
+            UnfitLeavesError: If the run cannot be with these leaves; then it ends before that.
+        """
+
+    def conclude(self, *, is_over: bool) -> None:
+        """Write what the journal is to have before the run's end. *is_over* says whether the run is over by its own condition."""
 
     def take(self, entry: "JournalEntry") -> None:
         """Take an entry of the run's journal, from `run_began` to `run_ended`; return at once."""

@@ -86,7 +86,7 @@ class Case:
 
 def heard(watch, run):
     """Have a watch take the events of a run; return the places of those by which each property broke, counted in the run."""
-    places = {}
+    places: dict[str, int] = {}
     for place, event in enumerate(run.events):
         watch.take(event)
         for name in watch.broken - places.keys():

@@ -33,7 +33,7 @@ class Stage:
         )
         self.journal, self.output = Journal(), RunOutput()
         no: Any = None
-        self.run = RunSetup(no, no, self.node, self.journal, MissionRun(), no, (), self.output, no, [])
+        self.run = RunSetup(no, no, self.node, self.journal, MissionRun(), no, no, {}, (), self.output, no, [])
 
     def let_join(self, stack: ExitStack, *makes: Callable[[RunSetup], Companion]) -> Companions:
         """Let companions join the run beside its journal."""
