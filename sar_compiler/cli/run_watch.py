@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from sar_compiler.checks.watch import AlarmCause, WatchAlarm
-from sar_compiler.cli.companions import RunSetup, errors_of
+from sar_compiler.checks.property_watch import AlarmCause, WatchAlarm
+from sar_compiler.cli.companions import RunSetup
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
@@ -55,7 +55,7 @@ class _DueOrder(NamedTuple):
     since: float
 
 
-class _Orders:
+class _PropertyOrders:
     """What is ordered where a property is broken, by the mission's own verbs.
 
     Args:
@@ -76,7 +76,7 @@ class _Orders:
                 continue
             if _ROLES[wanted] not in known:
                 raise SarError(
-                    f"'{name}' says if_broken: {wanted}, and this mission has no such order; write tell"
+                    f"--properties: '{name}' says if_broken: {wanted}, and this mission has no such order; write tell"
                 )
             self._verbs[name] = known[_ROLES[wanted]]
         if self._verbs:
@@ -147,7 +147,6 @@ class RunWatch(Companion):
         self._remembered = 0
         self._began = 0.0
 
-    @errors_of("--properties")
     def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
         """Hear the leaves of the tree from now on.
 
@@ -167,7 +166,7 @@ class RunWatch(Companion):
             tree_id=options.tree_id,
             clock=self._now,
         )
-        self._orders = _Orders(self._run, self._if_broken)
+        self._orders = _PropertyOrders(self._run, self._if_broken)
         declared = tree.origins.declared_answers()
         for number, behaviour in enumerate(pre_order(tree.root)):
             if behaviour.id in declared and not behaviour.children:

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
     from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.predict import Prediction
+    from sar_compiler.checks.property_watch import PropertyWatch
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.checks.verify.verdicts import Verification
-    from sar_compiler.checks.watch import PropertyWatch
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
     from sar_compiler.missions.mission import Mission

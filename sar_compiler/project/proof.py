@@ -15,9 +15,9 @@ from sar_compiler.checks.assumptions import (
     take_controls,
 )
 from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.property_watch import PropertyWatch
 from sar_compiler.checks.trying import TrialBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.checks.verify.properties import PropertyFile, read_property_file
-from sar_compiler.checks.watch import PropertyWatch
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document

@@ -187,14 +187,17 @@ class MissionPublisher(Companion):
         leaves = [node.behaviour for node in running if node.uid not in inner]
         doing = "; ".join(f"{each.name}: {each.feedback_message}".rstrip(": ") for each in leaves)
         failed = tree.root.status is Status.FAILURE
+        alarms = [each.text for each in self._situation.alarms.values() if not each.is_over]
+        level = DiagnosticStatus.WARN if alarms else DiagnosticStatus.OK
         values = {
             "tree": self._tree.name,
             "root": tree.root.status.value,
             "ticks": tree.count + 1,
             **{each.name: f"{each.value:g}" for each in self._situation.figures.values()},
+            **({"alarms": "; ".join(alarms)} if alarms else {}),
         }
         status = DiagnosticStatus(
-            level=DiagnosticStatus.ERROR if failed else DiagnosticStatus.OK,
+            level=DiagnosticStatus.ERROR if failed else level,
             name=f"{self._node.get_name()}: mission",
             message=doing or str(tree.root.status.value),
             hardware_id=self._node.get_fully_qualified_name(),

@@ -118,11 +118,17 @@ def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[
             yield f"{key} {_value(value)}"
 
 
+_MOST_LISTED = 12
+"""How many values of an entry are listed: more are counted."""
+
+
 def _value(value: object) -> str:
     if value is None:
         return "none"
     if isinstance(value, float):
         return f"{value:.2f}"
     if isinstance(value, list):
-        return f"({', '.join(map(_value, value))})"
+        return (
+            f"({', '.join(map(_value, value))})" if len(value) <= _MOST_LISTED else f"({len(value)} values)"
+        )
     return str(value)

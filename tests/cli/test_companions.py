@@ -33,7 +33,9 @@ class Stage:
         )
         self.journal, self.output = Journal(), RunOutput()
         no: Any = None
-        self.run = RunSetup(no, no, self.node, self.journal, MissionRun(), no, no, {}, (), self.output, no, [])
+        self.run = RunSetup(
+            no, no, self.node, self.journal, MissionRun(), no, no, {}, (), self.output, no, []
+        )
 
     def let_join(self, stack: ExitStack, *makes: Callable[[RunSetup], Companion]) -> Companions:
         """Let companions join the run beside its journal."""
@@ -60,7 +62,7 @@ class Noting(Companion):
         self._do(entry.kind)
 
     def begin_run(self) -> None:
-        self._do("began")
+        self._stage.done.append(f"{self._name} began")
 
     def end(self, *, has_begun: bool) -> None:
         self._do("ended" if has_begun else "given up")
@@ -75,7 +77,8 @@ def test_one_whose_end_fails_keeps_no_other_from_its_end(stage: Stage) -> None:
     with ExitStack() as stack:
         makes = [lambda _, name=name: stage.make(name, fails=name != "b") for name in "abc"]
         stage.let_join(stack, *makes).begin_run()
-    assert stage.done == ["journal began", "c ended", "b ended", "a ended", "journal ended"]
+    began = ["journal began", "a began", "b began", "c began"]
+    assert stage.done == [*began, "c ended", "b ended", "a ended", "journal ended"]
     assert stage.said == ["Noting could not come to its end: ValueError('ended')."] * 2
 
 

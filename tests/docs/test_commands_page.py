@@ -58,6 +58,7 @@ MORE = {
     "sar-run --engine": ["getting_started.md#what-ticks-the-tree"],
     "sar-run --executor": ["getting_started.md#what-ticks-the-tree"],
     "sar-run --journal": ["journal.md"],
+    "sar-run --properties": ["watched_properties.md"],
     "sar-run --supervise": ["journal.md#a-supervisor"],
     "sar-run --report": ["reports.md"],
     "sar-run --fault": ["running.md#rehearsing-faults"],

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.ros
 
 
 def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameters=()):
-    """Fly the resilient tree with faults to zones; return the run, ended, and its exit status."""
+    """Fly the resilient tree with faults to zones, watched for its properties; return the run, ended, and its exit status."""
     options = [*options, *(word for fault in faults for word in ("--fault", fault))]
     run = Command(
         "sar-run",
@@ -22,6 +22,7 @@ def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameter
         "--sim",
         "--speed",
         20,
+        "--properties",
         *options,
         "--ros-args",
         "-p",
@@ -29,7 +30,10 @@ def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameter
         *parameters,
     )
     try:
-        return run, run.end()
+        status = run.end()
+        assert "Watched for 7 properties: none was broken." in run.output
+        assert "Assumption failed" not in run.output
+        return run, status
     finally:
         run.kill()
 

@@ -157,6 +157,23 @@ def test_diagnostics_say_what_is_done_and_whether_the_tree_has_failed(
     }
 
 
+def test_diagnostics_warn_of_alarms_until_they_are_over(publish, witness, ros):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    seen = witness.listen(DiagnosticArray, "/diagnostics")
+    runner, publisher = publish('<Queue answers="RRRR"/>')
+    alarms = [{"text": "the battery is low"}, {"text": "no link", "is_over": True}]
+    publisher.take(entry("changed", alarms=alarms))
+    ros.spin_until(publisher._diagnostics.get_subscription_count, "the witness")
+    runner.tick()
+    ros.spin_until(lambda: seen, "diagnostics")
+    (status,) = seen[0].status
+    assert (status.level, {each.key: each.value for each in status.values}["alarms"]) == (
+        b"\x01",
+        "the battery is low",
+    )
+
+
 def test_markers_show_landmarks_and_the_plan(publish, witness):
     from visualization_msgs.msg import Marker, MarkerArray
 

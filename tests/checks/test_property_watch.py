@@ -2,9 +2,9 @@
 
 from contextlib import suppress
 
+from sar_compiler.checks.property_watch import AlarmCause, PropertyWatch
 from sar_compiler.checks.verify import verify
 from sar_compiler.checks.verify.properties import parse_property_file
-from sar_compiler.checks.watch import AlarmCause, PropertyWatch
 from sar_compiler.runtime.events import ANSWERED
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree

@@ -1,0 +1,13 @@
+"""The page about flights that are watched for properties does what it says."""
+
+from pathlib import Path
+
+from tests.docs.test_worked_pages import follow
+
+PAGE = Path("docs/watched_properties.md").resolve()
+
+
+def test_the_page_about_watched_flights_does_what_it_says(tmp_path):
+    typed, otherwise = follow(PAGE, tmp_path)
+    assert typed == 2
+    assert otherwise == [], "\n".join(otherwise)

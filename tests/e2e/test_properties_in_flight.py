@@ -1,0 +1,90 @@
+"""`sar-run --properties`: what breaks a property in flight is an alarm wherever the run is shown, and may end the mission."""
+
+import json
+from contextlib import closing
+
+import pytest
+
+from sar_compiler.journal.database import JournalFile
+from tests.processes import Command
+
+pytestmark = pytest.mark.ros
+
+NOBODY = """properties:
+  nobody is found:
+    never: DetectSurvivor found
+    if_broken: {done}
+"""
+BROKEN = "Property broken: nobody is found (DetectSurvivor found)"
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def aborted(tmp_path_factory):
+    """A flight that was broken off by a property: what it has said, its journal and its report."""
+    folder = tmp_path_factory.mktemp("aborted")
+    properties = write(folder / "properties.yaml", NOBODY.format(done="abort"))
+    options = ("--properties", properties, "--journal", folder / "m.journal", "--report", folder / "r.json")
+    run = Command("sar-run", "search_and_rescue_guarded", "--sim", "--speed", 20, *options)
+    try:
+        status = run.end()
+        with closing(JournalFile.read(folder / "m.journal")) as file:
+            entries = [*file.stream()]
+        return status, run, entries, json.loads((folder / "r.json").read_text(encoding="utf-8"))
+    finally:
+        run.kill()
+
+
+def test_a_property_that_is_broken_is_told_at_once_and_summed_up(aborted):
+    status, run, _, _ = aborted
+    assert status == 1
+    assert BROKEN in run.log
+    assert "Watched for 1 property: 1 broken (nobody is found)." in run.output
+
+
+def test_the_journal_says_which_event_has_broken_it_and_what_led_there(aborted):
+    _, _, entries, _ = aborted
+    (watched,) = [each.data for each in entries if each.kind == "properties_watched"]
+    assert watched["properties"] == [{"name": "nobody is found", "if_broken": "abort"}]
+    (broken,) = [each for each in entries if each.kind == "property_broken"]
+    assert (broken.data["event"], broken.data["owed"]) == ("DetectSurvivor found", False)
+    time_sec, tick, node, deed = broken.data["run"][-1]
+    assert (tick, node, deed) == (broken.data["tick"], broken.data["node"], "found")
+    # The run's first ticks are some time after the journal has begun.
+    assert time_sec == pytest.approx(broken.time, abs=1.0)
+    assert [each[3] for each in broken.data["run"]].count("searching") == 1
+
+
+def test_the_report_has_the_alarm(aborted):
+    *_, report = aborted
+    assert BROKEN in [each["text"] for each in report["alarms"]]
+
+
+def test_what_is_done_then_is_ordered_of_the_mission_in_the_property_s_name(aborted):
+    _, _, entries, _ = aborted
+    (order,) = [each.data for each in entries if each.kind == "operator_ordered"]
+    assert order["order"] == "abort"
+    assert {each.data["by"] for each in entries if "by" in each.data} == {"the property 'nobody is found'"}
+
+
+def test_a_tree_whose_leaves_heed_no_such_order_is_refused_before_anything_moves(start, tmp_path):
+    properties = write(tmp_path / "properties.yaml", NOBODY.format(done="hold"))
+    run = start("sar-run", "search_and_rescue", "--sim", "--properties", properties, "--journal", "none")
+    assert run.end() == 1
+    assert (
+        "if 'nobody is found' is broken, 'pause' is to be ordered, and no node of this tree heeds that"
+        in run.output
+    )
+    assert "Navigating" not in run.output
+
+
+def test_a_slip_in_the_file_is_a_finding_before_anything_starts(start, tmp_path):
+    properties = write(tmp_path / "properties.yaml", "properties: {p: {never: DetectSurvivor fuond}}\n")
+    run = start("sar-run", "search_and_rescue", "--sim", "--properties", properties)
+    assert run.end() == 2
+    assert f"{properties}:1:40: error[unknown-answer]: 'DetectSurvivor' never does 'fuond'" in run.output
+    assert "did you mean 'found'?" in run.output
