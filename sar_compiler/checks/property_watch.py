@@ -109,7 +109,7 @@ class _OwnKeys(FactVariables):
         return super().assign(name, value) if self.is_fact(name) else value
 
 
-class _Look:
+class _HeldCondition:
     """A condition as it was before what a leaf does has changed anything."""
 
     def __init__(self, holds: Callable[[], bool], tell: Callable[[str], None]) -> None:
@@ -169,7 +169,7 @@ class PropertyWatch:
         self._alphabet = prepared.alphabet
         self._numbers = _numbers(prepared.alphabet)
         rules = self.properties.rules
-        self._looks: dict[int, list[_Look]] = {}
+        self._looks: dict[int, list[_HeldCondition]] = {}
         guarded = {
             event: [self._looked(event, each) for each in some] for event, some in rules.guarded.items()
         }
@@ -198,7 +198,7 @@ class PropertyWatch:
 
     def _looked(self, event: int, guard: Guarded) -> Guarded:
         leaf, _ = self._alphabet.answers[event]
-        look = _Look(guard.holds, self._cannot_judge)
+        look = _HeldCondition(guard.holds, self._cannot_judge)
         self._looks.setdefault(leaf.number, []).append(look)
         return replace(guard, holds=lambda: look.held)
 
