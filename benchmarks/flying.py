@@ -7,6 +7,7 @@ needs to know whether the robot is localised and stands. Neither counts before i
 
 import importlib.util
 import itertools
+import os
 import signal
 import statistics
 import subprocess
@@ -82,6 +83,7 @@ executor.add_node(node)
 while rclpy.ok():
     executor.spin_once(timeout_sec=1.0)
 """
+_DOMAIN = "86"
 _WARM_SEC, _SEC, _LEAST = 2.0, 6.0, 0.0005
 
 
@@ -100,6 +102,7 @@ def measure(effort: Effort) -> Iterator[Result]:
     if not (importlib.util.find_spec("rclpy") and importlib.util.find_spec("nav2_msgs")):
         yield Missing("", BARE, "there is no ROS 2")
         return
+    os.environ["ROS_DOMAIN_ID"] = _DOMAIN  # nobody else's robot is to answer
     seconds = max(1.0, _SEC * effort.share)
     with tempfile.TemporaryDirectory() as folder:
         _furnish(Path(folder))

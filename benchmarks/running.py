@@ -23,6 +23,7 @@ from benchmarks import (
     sweeping,
     ticking,
     verifying,
+    watched_properties,
     watching,
 )
 from benchmarks.figures import Effort, Figure, Missing, Result, alone
@@ -41,6 +42,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "verify": verifying.measure,
     "sweep": sweeping.measure,
     "predict": predicting.measure,
+    "properties": watched_properties.measure,
     "large-files": large_files.measure,
 }
 

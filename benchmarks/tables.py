@@ -29,6 +29,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "s": _seconds,
     "s/state": lambda value: f"{1 / value:,.0f} states/s",
     "s/run": lambda value: f"{1 / value:,.0f} runs/s",
+    "s/event": lambda value: f"{1e6 * value:.2f} µs an event and property",
     "s/step": lambda value: f"{1 / value:,.0f} steps/s",
     "bytes": lambda value: f"{value / 2**20:,.0f} MiB",
     "bytes/state": lambda value: f"{value:,.0f} bytes a state",
