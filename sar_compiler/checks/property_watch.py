@@ -297,7 +297,7 @@ class PropertyWatch:
             return numbers[0]
         whens = dict.fromkeys(answer.when for _, answer in numbers if answer is not None)
         said = f"'{leaf.name}' answers '{numbers[0][1].name if numbers[0][1] else ''}' only when {' or '.join(whens)}"
-        self._tell_assumption(number, f"{said}; {self._values(leaf, whens)}")
+        self._tell_assumption(number, said, f"; {self._values(leaf, whens)}")
         return numbers[0]
 
     def _values(self, leaf: StubLeaf, whens: Mapping[str, None]) -> str:
@@ -351,11 +351,11 @@ class PropertyWatch:
                 cause = AlarmCause.OWED if owed >> place & 1 else AlarmCause.BROKEN
                 self._raise(cause, name, event, number)
 
-    def _tell_assumption(self, number: int, about: str) -> None:
+    def _tell_assumption(self, number: int, about: str, now: str = "") -> None:
         if about not in self._told:
             self._told.add(about)
             leaf = self._leaves[number]
-            self._raise(AlarmCause.ASSUMPTION, about, f"{leaf.name} {self._last[number][0]}", number)
+            self._raise(AlarmCause.ASSUMPTION, about + now, f"{leaf.name} {self._last[number][0]}", number)
 
     def _cannot_judge(self, about: str) -> None:
         if about not in self._told:

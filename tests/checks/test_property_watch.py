@@ -1,7 +1,12 @@
 """A run that is watched raises its alarms where the proof says that a property breaks, and nowhere else."""
 
+import random
 from contextlib import suppress
 
+import pytest
+from py_trees.common import Status
+
+from sar_compiler import load
 from sar_compiler.checks.property_watch import AlarmCause, PropertyWatch
 from sar_compiler.checks.verify import verify
 from sar_compiler.checks.verify.properties import parse_property_file
@@ -38,17 +43,21 @@ class Scripted:
         return next(each for each in options if (each.status, each.label) == (status, label))
 
 
-class Ear(PropertyWatch):
-    """Watches a tree of stub leaves, which say themselves which answers they give."""
+class Told:
+    """Has a watch told of stub leaves, which say themselves which answers they give."""
 
-    def __init__(self, simulated, file, robot):
-        self._robot = {leaf.number: leaf for leaf in robot.leaves}
-        super().__init__(simulated, file, TAGS, robot.compiled)
-        for number, leaf in self._robot.items():
-            hear(leaf, number, self)
+    def __init__(self, watch, leaves):
+        self._watch, self._leaves = watch, leaves
+        self.looks, self.starts, self.halts = watch.looks, watch.starts, watch.halts
 
-    def answers(self, number, status, label=""):
-        super().answers(number, status, self._robot[number].answer_label or label)
+    def answers(self, number, status):
+        self._watch.answers(number, status, self._leaves[number].answer_label)
+
+
+def watch_robot(watch, robot):
+    leaves = {leaf.number: leaf for leaf in robot.leaves}
+    for number, leaf in leaves.items():
+        hear(leaf, number, Told(watch, leaves))
 
 
 class Case:
@@ -74,7 +83,8 @@ class Case:
     def flown(self, run):
         """Return the watch of a tree that was ticked, in which leaves answered as in a run."""
         robot = self.simulated()
-        watch = Ear(self.simulated(), self.file, robot)
+        watch = PropertyWatch(self.simulated(), self.file, TAGS, robot.compiled)
+        watch_robot(watch, robot)
         policy = Scripted(run)
         for leaf in robot.leaves:
             leaf.policy = policy
@@ -82,16 +92,6 @@ class Case:
         for _ in run.ticks:
             watch.end_tick(WORDS[tree.tick()])
         return watch
-
-
-def heard(watch, run):
-    """Have a watch take the events of a run; return the places of those by which each property broke, counted in the run."""
-    places: dict[str, int] = {}
-    for place, event in enumerate(run.events):
-        watch.take(event)
-        for name in watch.broken - places.keys():
-            places[name] = place
-    return places
 
 
 def broken_runs(case):
@@ -109,43 +109,138 @@ OF_KEYS = "p5"
 """Its condition reads a key, of which events alone say nothing."""
 
 
-def cases(count):
+@pytest.fixture(scope="module")
+def broken():
+    """Trees at random without timers, and runs that break their properties."""
     found = []
-    for seed in range(rounds(count)):
+    for seed in range(rounds(30)):
         branches = random_branches(seed)
         bodies = {"": (random_tree(seed), f"properties:{PROPERTIES}")}
         if "Timeout" not in branches and "Delay" not in branches:
             bodies[" of branches"] = branches, random_properties(branches, seed)
         for kind, (body, properties) in bodies.items():
             with suppress(TreeError):  # what py_trees takes for an interruption may be skipped
-                found.append((f"seed {seed}{kind}", Case(body, properties)))
+                case = Case(body, properties)
+                runs = broken_runs(case).items()
+                found += [(f"seed {seed}{kind}: {name}", case, name, run) for name, run in runs]
     return found
 
 
-def test_a_tree_that_is_ticked_as_in_a_run_of_the_proof_raises_the_alarm_in_the_tick_that_breaks_the_property():
+def test_a_tree_that_is_ticked_as_in_a_run_of_the_proof_raises_the_alarm_in_the_tick_that_breaks_the_property(
+    broken,
+):
+    for which, case, name, run in broken:
+        alarms = {each.about: each.tick for each in case.flown(run).alarms}
+        assert alarms.get(name) == len(run.ticks), which
+    assert len(broken) > 60
+
+
+def test_the_events_of_a_run_raise_the_same_alarms_at_the_same_events_as_the_tree_that_is_ticked(broken):
     count = 0
-    for seed, case in cases(40):
-        for name, run in broken_runs(case).items():
-            alarms = {each.about: each.tick for each in case.flown(run).alarms}
-            assert alarms.get(name) == len(run.ticks), f"{seed}: {name}"
-            count += 1
+    for which, case, _, run in broken:
+        watch, flown = case.watch(), case.flown(run)
+        for event in run.events:
+            watch.take(event)
+        told = [
+            [each for each in one.alarms if each.about != OF_KEYS and each.cause is not AlarmCause.UNJUDGED]
+            for one in (watch, flown)
+        ]
+        assert told[0] == told[1], which
+        count += len(told[0])
     assert count > 60
 
 
-def test_the_events_of_a_run_raise_the_same_alarms_at_the_same_events_as_the_tree_that_is_ticked():
-    count = 0
-    for seed, case in cases(40):
-        for name, run in broken_runs(case).items():
-            watch, flown = case.watch(), case.flown(run)
-            heard(watch, run)
-            alarms = [
-                [
-                    each
-                    for each in one.alarms
-                    if each.about != OF_KEYS and each.cause is not AlarmCause.UNJUDGED
-                ]
-                for one in (watch, flown)
-            ]
-            assert alarms[0] == alarms[1], f"{seed}: {name}"
-            count += len(alarms[0])
-    assert count > 60
+class ByChance:
+    """Answers anything that is possible; what goes on running is rarer."""
+
+    def __init__(self, seed):
+        self._chance = random.Random(seed)  # noqa: S311 - the same in every run
+
+    def choose(self, _leaf, options):
+        weights = [0.3 if each.status == "RUNNING" else 1.0 for each in options]
+        return self._chance.choices(options, weights)[0]
+
+
+def test_runs_by_chance_of_a_tree_whose_properties_are_proved_raise_no_alarm():
+    tree, ended = load("search_and_rescue_resilient"), 0
+    for seed in range(rounds(100)):
+        robot = tree.stage().play().simulated
+        watch = tree.watch(robot.compiled)
+        watch_robot(watch, robot)
+        for leaf in robot.leaves:
+            leaf.policy = ByChance(seed + leaf.number)
+        ticked = LiveTree(robot.root)
+        for _ in range(60):
+            watch.end_tick(WORDS[ticked.tick()])
+        watch.conclude(is_over=robot.fact_values()["zones_left"] == 0 and robot.root.status is Status.SUCCESS)
+        assert watch.alarms == [], f"seed {seed}"
+        ended += robot.fact_values()["zones_left"] == 0
+    assert ended > 0
+
+
+def taken(watch, *events):
+    """Have a watch take answers, each as the leaf's number with a status and perhaps a label; return its alarms in words."""
+    for number, status, *label in events:
+        watch.looks(number)
+        watch.answers(number, status, *label)
+    return [each.text for each in watch.alarms]
+
+
+def watch_of(body, properties):
+    return Case(body, properties).watch()
+
+
+def test_an_answer_that_the_facts_exclude_is_an_assumption_that_failed_told_once():
+    properties = (
+        "facts: {left: 1}\nanswers: {A: [{status: SUCCESS, when: left > 0, then: left -= 1}, FAILURE]}"
+    )
+    watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
+    assert taken(watch, (1, "SUCCESS")) == []
+    told = "Assumption failed: 'A' answers 'SUCCESS' only when left > 0; left is 0"
+    assert taken(watch, (1, "SUCCESS"), (1, "FAILURE"), (1, "SUCCESS")) == [told]
+
+
+def test_an_answer_that_a_leaf_has_not_declared_is_an_assumption_that_failed():
+    watch = watch_of("<A/>", "answers: {A: [{status: SUCCESS, label: yes}, {status: SUCCESS, label: no}]}")
+    assert taken(watch, (0, "SUCCESS", "yes")) == []
+    assert taken(watch, (0, "FAILURE"), (0, "SUCCESS", "perhaps"), (0, "SUCCESS")) == [
+        "Assumption failed: 'A' answers yes, no, and this was FAILURE",
+        "Assumption failed: 'A' answers yes, no, and this was perhaps",
+        "Assumption failed: 'A' says which of its answers it gives: yes, no",
+    ]
+
+
+def test_what_is_owed_is_broken_by_an_end_and_open_where_the_run_is_stopped():
+    properties = "properties: {p: {after: A SUCCESS, eventually: B SUCCESS}}\nend: root == 'SUCCESS' && idle"
+    for is_over, alarms in ((True, ["Property broken: p (owed at the end)"]), (False, [])):
+        watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
+        assert taken(watch, (1, "SUCCESS")) == []
+        watch.end_tick("SUCCESS")
+        assert (watch.owed, watch.alarms) == (["p"], [])
+        watch.conclude(is_over=is_over)
+        assert [each.text for each in watch.alarms] == alarms
+
+
+def test_what_a_condition_reads_and_nobody_has_written_is_told_once_and_counts_as_false():
+    watch = watch_of(
+        "<Sequence><A/><Script code='n := 1'/></Sequence>",
+        "properties: {p: {never: A SUCCESS, while: n == 1}}",
+    )
+    (told,) = taken(watch, (1, "SUCCESS"), (1, "SUCCESS"))
+    assert told.startswith("Not watched: p: 'n == 1' cannot be evaluated")
+    assert watch.broken == set()
+
+
+def test_the_run_that_led_to_an_alarm_leaves_out_what_came_in_the_tick_before_as_well():
+    watch = watch_of("<Sequence><A/><B/></Sequence>", "properties: {p: {never: B SUCCESS}}")
+    for _ in range(3):
+        taken(watch, (1, "RUNNING"))
+        watch.end_tick("RUNNING")
+    taken(watch, (1, "SUCCESS"), (2, "SUCCESS"))
+    (alarm,) = watch.alarms
+    assert [(each.tick, each.number, each.deed) for each in alarm.run] == [
+        (1, 1, "RUNNING"),
+        (4, 1, "SUCCESS"),
+        (4, 2, "SUCCESS"),
+    ]
+    assert (alarm.event, alarm.tick, alarm.number) == ("B SUCCESS", 4, 2)

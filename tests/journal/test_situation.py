@@ -30,6 +30,7 @@ from sar_compiler.journal.situation import (
     fact_words,
     told_with_giver,
 )
+from sar_compiler.missions.mission import MissionRun
 
 WORDS = st.sampled_from(["", "a", "b", "c"])
 NUMBERS = st.floats(-1e6, 1e6)
@@ -221,3 +222,33 @@ def test_a_fact_that_cannot_be_is_not_written(tmp_path: Path) -> None:
 )
 def test_who_gave_an_order_stands_in_the_place_of_the_operator(text, by, told):
     assert told_with_giver(text, by) == told
+
+
+def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission():
+    journal, entries = Journal(), list[JournalEntry]()
+    journal.listen(entries.append)
+
+    class Mission(MissionRun):
+        def display(self):
+            return Display(alarms=[Alarm("the battery is low")])
+
+    journal.attach(Mission())
+    journal.begin({}, {})
+    journal.raise_alarm("Property broken: p", "property_broken", property="p")
+    journal.note("photo_taken")
+    fact, changed = entries[2:4]
+    assert (fact.kind, dict(fact.data)) == ("property_broken", {"property": "p"})
+    assert changed.data == {"said": "Property broken: p", "alarms": [{"text": "Property broken: p"}]}
+    situation = Situation()
+    for entry in entries:
+        if entry.kind == CHANGED:
+            situation.take(**entry.data)
+    assert [each.is_over for each in situation.alarms.values()] == [False, False]
+
+
+def test_an_alarm_of_a_tree_that_belongs_to_no_mission_is_shown_as_well():
+    journal, entries = Journal(), list[JournalEntry]()
+    journal.listen(entries.append)
+    journal.begin({}, {})
+    journal.raise_alarm("Property broken: p", "property_broken", property="p")
+    assert entries[-1].data["alarms"] == [{"text": "Property broken: p"}]
