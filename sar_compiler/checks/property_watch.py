@@ -10,7 +10,6 @@ from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
-from sar_compiler.checks.verify.counterfactual import OtherTreeError
 from sar_compiler.checks.verify.properties import (
     ConditionError,
     Properties,
@@ -18,6 +17,7 @@ from sar_compiler.checks.verify.properties import (
     properties_of,
     without_properties,
 )
+from sar_compiler.checks.verify.recorded_runs import OtherTreeError
 from sar_compiler.checks.verify.state import Alphabet, Prepared
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import SimulatedTree
@@ -295,15 +295,10 @@ class PropertyWatch:
         except StubLeafError as error:
             self._cannot_judge(str(error))
             return numbers[0]
-        whens = dict.fromkeys(answer.when for _, answer in numbers if answer is not None)
-        said = f"'{leaf.name}' answers '{numbers[0][1].name if numbers[0][1] else ''}' only when {' or '.join(whens)}"
-        self._tell_assumption(number, said, f"; {self._values(leaf, whens)}")
+        self._tell_assumption(
+            number, *only_when(leaf, [answer for _, answer in numbers if answer is not None])
+        )
         return numbers[0]
-
-    def _values(self, leaf: StubLeaf, whens: Mapping[str, None]) -> str:
-        names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
-        values = ((name, leaf.variables.read(name)) for name in names)
-        return ", ".join(f"{name} is {value!r}" for name, value in values)
 
     def _answers_unknown(self, number: int, status: str, label: str) -> None:
         """Take an answer that a leaf has not declared, or of which it has not said which it is."""
@@ -313,12 +308,9 @@ class PropertyWatch:
             return
         known = [each for each in leaf.answers if each.status == status]
         if label == OVERRIDDEN:
-            self._tell_assumption(
-                number, f"'{leaf.name}' answers for itself, and {status} was put in its place"
-            )
+            self._tell_assumption(number, overridden(leaf, status))
         elif label or not known:
-            listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
-            self._tell_assumption(number, f"'{leaf.name}' answers {listed}, and this was {label or status}")
+            self._tell_assumption(number, undeclared(leaf, status, label))
         else:
             listed = ", ".join(dict.fromkeys(answer.name for answer in known))
             self._tell_assumption(number, f"'{leaf.name}' says which of its answers it gives: {listed}")
@@ -365,6 +357,25 @@ class PropertyWatch:
     def _raise(self, cause: AlarmCause, about: str, event: str, number: int | None) -> None:
         run = tuple(event for _, event in sorted((*self._others, *self._heard)))
         self.alarms.append(WatchAlarm(cause, about, event, self._tick, number, run))
+
+
+def only_when(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
+    """Return when a leaf gives some answers, none of which is possible now, and what is so now, in words."""
+    whens = dict.fromkeys(answer.when for answer in answers)
+    names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
+    values = ", ".join(f"{name} is {leaf.variables.read(name)!r}" for name in names)
+    return f"'{leaf.name}' answers '{answers[0].name}' only when {' or '.join(whens)}", f"; {values}"
+
+
+def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
+    """Return what a leaf answers that has given an answer which is none of these, in words."""
+    listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
+    return f"'{leaf.name}' answers {listed}, and this was {label or status}"
+
+
+def overridden(leaf: StubLeaf, status: str) -> str:
+    """Return that a status was put in the place of a leaf's answer, in words."""
+    return f"'{leaf.name}' answers for itself, and {status} was put in its place"
 
 
 def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:

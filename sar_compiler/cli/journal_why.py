@@ -178,7 +178,8 @@ def what_would_have_succeeded(
         projects: Loads the tree.
         tree_file: Its file; by default the one that the run had.
     """
-    from sar_compiler.checks.verify.counterfactual import OtherTreeError, counterfactual
+    from sar_compiler.checks.verify.counterfactual import counterfactual
+    from sar_compiler.checks.verify.recorded_runs import OtherTreeError
     from sar_compiler.tree.diagnostic import TreeError
 
     try:
@@ -231,7 +232,7 @@ def first_that_fits(trees: Iterable[T], ask: Callable[[T], R]) -> R:
     Raises:
         NotReplayedError: If none has.
     """
-    from sar_compiler.checks.verify.counterfactual import NotReplayedError
+    from sar_compiler.checks.verify.recorded_runs import NotReplayedError
 
     first, *others = trees
     try:

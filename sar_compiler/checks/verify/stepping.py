@@ -21,6 +21,7 @@ from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.chances import ChanceLeafNodes, Chances, WeighedSteps
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.forking import ForkingTicker
+from sar_compiler.runtime.kernel.searching import Judgement
 from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
@@ -113,6 +114,7 @@ class TreeStepper:
             first.cells, first.values, first.times, entries, choices, trail, meets=meets
         )
         self.wrong, self._rule = "", rules.count
+        self._rules, self._watched = rules, 0
         self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]
         self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
         judged_by = [entries.place_of(entry.name) for entry in rules.entries]
@@ -155,8 +157,9 @@ class TreeStepper:
         }
 
     def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
-        """Play the ticks of a state one after the other, or the one with some choices; `played` and `unusual` tell of the last one."""
-        self._before = self.states.facts_and_keys(state)
+        """Play the ticks of a state one after the other, or the one with some choices; `played`, `unusual` and `broken` tell of the last one."""
+        self._watched = self.steps.restore(state)[1]
+        self._before = self.states.facts_and_keys()
         self._trail.keeps = True
         try:
             self.steps.enter(state, alone=True, path=path)
@@ -198,6 +201,38 @@ class TreeStepper:
                 unusual.append(nominal(leaf.options()) is not answer)
         entries.restore(after)
         return tuple(unusual)
+
+    def judgement(self, state: bytes, *, idle: bool | None = None) -> Judgement:
+        """Judge a state by itself; see `Rules.judge`."""
+        outcome, watched = self.steps.restore(state)
+        return self._rules.judge(outcome, watched, idle)
+
+    def broken(self) -> tuple[tuple[int, Event], ...]:
+        """Return the properties over events that the last tick has broken, by their numbers, each with the event that does it."""
+        if not self.steps.broken:
+            return ()
+        watched, found = self._watched, []
+        monitors, numbers = self._rules.monitors, self._trail.numbers
+        for place, number in enumerate(numbers):
+            watched, wrong = monitors.after(watched, number)
+            event = self._alphabet.events[self._own_number(place)]
+            found += [(rule, event) for rule in range(monitors.count) if wrong >> rule & 1]
+        return tuple(found)
+
+    def _own_number(self, place: int) -> int:
+        """Return the number of the event of the last tick at a place; of one that only goes with another, that of this one."""
+        count, numbers = len(self._alphabet.events), self._trail.numbers
+        if numbers[place] < count:
+            return numbers[place]
+        beside = (each for some in self._rules.guarded.values() for each in some)
+        comes_first = next(each.comes_first for each in beside if each.number == numbers[place])
+        others = numbers[place:] if comes_first else numbers[place::-1]
+        return next(number for number in others if number < count)
+
+    def before_answer(self, place: int) -> None:
+        """Have the entries hold what they held before an answer of the last tick, by its place among its answers."""
+        answers = [past for event, past in self._happened() if self._alphabet.answers[event][1] is not None]
+        self.ticker.entries.restore(vec[i32](answers[place]))
 
     def answered(self) -> tuple[Event, ...]:
         """Return what leaves have answered in the last tick."""
