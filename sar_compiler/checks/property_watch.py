@@ -240,10 +240,12 @@ class PropertyWatch:
         if numbers is None:
             self._answers_unknown(number, status, label)
             return
-        event, answer = numbers[0]
+        (event, answer), excluded = numbers[0], None
         if len(numbers) > 1 or (answer is not None and answer.when):
-            event, answer = self._possible(number, numbers)
+            (event, answer), excluded = self._possible(number, numbers)
         self._note(number, label or status, is_heard=event in self._hears)
+        if excluded is not None:
+            self._tell_assumption(number, *excluded)
         self._trail.take(event)
         if self._trail.broken:
             self._tell_broken(number, label or status)
@@ -285,20 +287,17 @@ class PropertyWatch:
 
     def _possible(
         self, number: int, numbers: Sequence[tuple[int, Answer | None]]
-    ) -> tuple[int, Answer | None]:
-        """Return the answer that can be meant; the first one, if none is possible now."""
+    ) -> tuple[tuple[int, Answer | None], tuple[str, str] | None]:
+        """Return the answer that can be meant; if none is possible now the first one, and why it is not (`only_when`)."""
         leaf = self._leaves[number]
         try:
             for event, answer in numbers:
                 if answer is None or leaf.is_possible(answer):
-                    return event, answer
+                    return (event, answer), None
         except StubLeafError as error:
             self._cannot_judge(str(error))
-            return numbers[0]
-        self._tell_assumption(
-            number, *only_when(leaf, [answer for _, answer in numbers if answer is not None])
-        )
-        return numbers[0]
+            return numbers[0], None
+        return numbers[0], only_when(leaf, [answer for _, answer in numbers if answer is not None])
 
     def _answers_unknown(self, number: int, status: str, label: str) -> None:
         """Take an answer that a leaf has not declared, or of which it has not said which it is."""

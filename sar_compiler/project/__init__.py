@@ -9,7 +9,7 @@ import functools
 import os
 import shlex
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -33,16 +33,20 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.checks.assumptions import StartValues
+    from sar_compiler.checks.conformance import Conformance
     from sar_compiler.checks.predict import Prediction
     from sar_compiler.checks.property_watch import PropertyWatch
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.trying import TrialBudget
+    from sar_compiler.checks.verify.properties import PropertyFile
     from sar_compiler.checks.verify.verdicts import Verification
     from sar_compiler.compiler import CompiledTree
+    from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.documents.located import Document
     from sar_compiler.missions.mission import Mission
     from sar_compiler.project.simulated import Simulated
     from sar_compiler.runtime.answers import Fact
+    from sar_compiler.runtime.events import Event
     from sar_compiler.runtime.kernel.searching import Report
 
 
@@ -691,6 +695,52 @@ class LoadedTree:
         return watch_tree(
             self, self.binding(tree_id), properties, watched, facts or {}, parameters or {}, clock
         )
+
+    def conform(
+        self,
+        record: "Iterable[Event]",
+        names: Sequence[str],
+        properties: str | Path | None = None,
+        *,
+        is_over: bool,
+        start: "StartValues",
+        facts: "Mapping[str, object] | Document | None" = None,
+        params: str | Path | None = None,
+        tree_id: str | None = None,
+    ) -> "Conformance":
+        """Compare a recorded run with all possible runs of the tree.
+
+        Args:
+            record: What its leaves did.
+            names: The names of the nodes that ran, in pre-order.
+            properties: As for `verify`.
+            is_over: Whether it is over by its own condition.
+            start: The parameters and facts with which it began; *facts* override them, and they override what files say of facts.
+            facts: As for `verify`.
+            params: As for `verify`.
+            tree_id: As for `verify`.
+
+        Raises:
+            TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
+            OtherTreeError: If the tree has nodes other than those that ran.
+        """
+        from sar_compiler.checks.assumptions import StartValues
+        from sar_compiler.checks.conformance import conform
+        from sar_compiler.documents.located import Document
+        from sar_compiler.project.proof import begin_with, verify_tree
+
+        binding = self.binding(tree_id)
+        said = self._start_values(params, binding)
+        begun = StartValues({**said.parameters, **start.parameters}, {**said.facts, **start.facts})
+        given = facts.root.mapping if isinstance(facts, Document) else facts or {}
+
+        def search(
+            simulated: "SimulatedTree", file: "PropertyFile | None", tags: Collection[str]
+        ) -> "Conformance":
+            begin_with(simulated, {name: value for name, value in start.facts.items() if name not in given})
+            return conform(simulated, file, tags, record, names, is_over=is_over)
+
+        return verify_tree(self, binding, properties, facts, begun, search)
 
     def predict(
         self,

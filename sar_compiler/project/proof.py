@@ -72,6 +72,12 @@ def verify_tree(
         return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})
 
 
+def begin_with(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
+    """Have facts be at the start what they are in one run; a file of properties says how those of proofs begin."""
+    for name in facts.keys() & simulated.fact_values().keys():
+        simulated.facts.resolve(name).write(facts[name])
+
+
 def watch_tree(
     tree: "LoadedTree",
     binding: Binding,
@@ -84,9 +90,7 @@ def watch_tree(
     """Return what watches a run of a bound tree for properties; see `LoadedTree.watch`."""
 
     def watch(simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str]) -> PropertyWatch:
-        # The file says how proofs begin; this run is watched from what is so.
-        for name in facts.keys() & simulated.fact_values().keys():
-            simulated.facts.resolve(name).write(facts[name])
+        begin_with(simulated, facts)
         return PropertyWatch(simulated, file, tags, watched, clock)
 
     return verify_tree(tree, binding, properties, None, StartValues(parameters, facts), watch)

@@ -28,7 +28,7 @@ def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool =
         data = {
             "file": str(file.path),
             "version": VERSION,
-            "state": _state(state),
+            "state": journal_word(state),
             "condition": condition(state)._asdict(),
             **file.about(),
             "runs": [run._asdict() for run in file.runs()],
@@ -79,7 +79,7 @@ def journal_lines(
         yield f"head of the chain: {runs[-1].head}"
 
 
-def _state(state: MissionState) -> str:
+def journal_word(state: MissionState) -> str:
     """Return what the journal itself is, for scripts: `running`, `broken off`, `empty`, or how its last run has ended."""
     if ending := state.runs[-1].ending if state.runs else "":
         return ending

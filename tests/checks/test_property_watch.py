@@ -109,21 +109,26 @@ OF_KEYS = "p5"
 """Its condition reads a key, of which events alone say nothing."""
 
 
-@pytest.fixture(scope="module")
-def broken():
-    """Trees at random without timers, and runs that break their properties."""
-    found = []
-    for seed in range(rounds(30)):
+def cases(count):
+    """Yield trees at random without timers, each with a name for messages."""
+    for seed in range(rounds(count)):
         branches = random_branches(seed)
         bodies = {"": (random_tree(seed), f"properties:{PROPERTIES}")}
         if "Timeout" not in branches and "Delay" not in branches:
             bodies[" of branches"] = branches, random_properties(branches, seed)
         for kind, (body, properties) in bodies.items():
             with suppress(TreeError):  # what py_trees takes for an interruption may be skipped
-                case = Case(body, properties)
-                runs = broken_runs(case).items()
-                found += [(f"seed {seed}{kind}: {name}", case, name, run) for name, run in runs]
-    return found
+                yield f"seed {seed}{kind}", Case(body, properties)
+
+
+@pytest.fixture(scope="module")
+def broken():
+    """Trees at random without timers, and runs that break their properties."""
+    return [
+        (f"{which}: {name}", case, name, run)
+        for which, case in cases(30)
+        for name, run in broken_runs(case).items()
+    ]
 
 
 def test_a_tree_that_is_ticked_as_in_a_run_of_the_proof_raises_the_alarm_in_the_tick_that_breaks_the_property(
@@ -244,3 +249,14 @@ def test_the_run_that_led_to_an_alarm_leaves_out_what_came_in_the_tick_before_as
         (4, 2, "SUCCESS"),
     ]
     assert (alarm.event, alarm.tick, alarm.number) == ("B SUCCESS", 4, 2)
+
+
+def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
+    case = Case('<Y name="y"/>', "properties: {p: {never: y FAILURE}}")
+    watch = case.watch()
+    watch.starts(0)
+    watch.answers(0, "SUCCESS", "counted")
+    (alarm,) = watch.alarms
+    assert (alarm.cause, alarm.event) == (AlarmCause.ASSUMPTION, "y counted")
+    assert alarm.about == "'y' answers 'counted' only when f > 0; f is 0"
+    assert [each.deed for each in alarm.run] == ["counted"]

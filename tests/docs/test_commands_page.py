@@ -40,6 +40,7 @@ MORE = {
     "sar-compile sweep": ["sweep.md"],
     "sar-compile verify": ["verify.md"],
     "sar-compile predict": ["predict.md"],
+    "sar-compile conform": ["conform.md"],
     "sar-compile explain": ["findings/README.md"],
     "sar-compile nodes --from-use": [
         "getting_started.md#the-first-five-minutes-with-somebody-elses-workspace"

@@ -15,6 +15,8 @@ from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 
 # Ticks that are tried, times the nodes of the tree: some seconds.
 _MOST_TICKED = 2_000_000
+# The state after a tick that was broken off.
+_NOWHERE = b""
 
 
 class NotReplayedError(UndecidableError):
@@ -191,6 +193,7 @@ class TreeRuns:
             raise OtherTreeError("the tree has nodes other than those that ran")
         self.leaves = {leaf.number for leaf in simulated.leaves}
         self._known: dict[bytes, list[Way]] = {}
+        self._raising: dict[bytes, list[Way]] = {}
         self.renew()
 
     def renew(self) -> None:
@@ -214,13 +217,17 @@ class TreeRuns:
             return known or []
         found: dict[Way, None] = {}
         for step in self.stepper.ticks(state):
-            if step.state is not None:
-                found[self._way(step.state)] = None
+            found[self._way(step.state or _NOWHERE)] = None
             self._left -= 1
             if not self._left:
                 break
-        known = self._known[state] = list(found)
+        known = self._known[state] = [way for way in found if way.state is not _NOWHERE]
+        self._raising[state] = [way for way in found if way.state is _NOWHERE]
         return known
+
+    def beginnings(self, state: bytes) -> list[Way]:
+        """Return the ticks of a state, with those that a node breaks off because it raises."""
+        return [*self.ways(state), *self._raising.get(state, ())]
 
     def _way(self, state: bytes) -> Way:
         """Return the last tick, after which there is a state."""

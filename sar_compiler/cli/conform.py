@@ -1,0 +1,129 @@
+"""`sar-compile conform`: were flights runs of their tree, and did they keep its properties."""
+
+import argparse
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, add_tree_id
+from sar_compiler.cli.loading import (
+    FORMAT_HELP,
+    INPUT_HELP,
+    add_mission,
+    add_params,
+    add_project_options,
+    workspace,
+)
+from sar_compiler.cli.verify import add_facts, facts_given
+from sar_compiler.commands import FINDINGS, OK, print_text
+from sar_compiler.journal.journal_entries import OF_ROBOT
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.conformance import Conformance
+    from sar_compiler.journal.journal_entries import JournalEntry
+    from sar_compiler.journal.mission_state import MissionState
+    from sar_compiler.project import LoadedTree
+    from sar_compiler.views.compared_flights import Flight
+
+
+def add_conform(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `conform`."""
+    add = parser.add_argument
+    add("file", type=TREE_INPUT, metavar="TREE", help=INPUT_HELP)
+    add(
+        "journals",
+        type=FILE,
+        nargs="+",
+        metavar="JOURNAL",
+        help="journals of flights; of each its last run counts",
+    )
+    text = "a file of properties, for which flights are judged (default: what the mission brings)"
+    add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
+    add_tree_id(parser, "compare with")
+    add_facts(parser)
+    add_params(parser)
+    add_project_options(parser)
+    add_mission(parser)
+    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    parser.set_defaults(run=conform_flights)
+
+
+def conform_flights(arguments: argparse.Namespace) -> int:
+    """Compare flights with all possible runs of a tree, and print what was otherwise.
+
+    Returns:
+        0 if all were runs of the tree and have broken nothing, else 1.
+
+    Raises:
+        TreeError: If a file has mistakes.
+        JournalError: If a journal cannot be read.
+    """
+    from sar_compiler.views import compared_flights as views
+
+    tree = workspace(arguments).load(arguments.file)
+    flights = [_flight(place, tree, arguments) for place in arguments.journals]
+    if arguments.format == "json":
+        print(views.flights_as_json(flights))
+    else:
+        print_text(views.flights_as_text(flights))
+    return OK if all(each.is_fine for each in flights) else FINDINGS
+
+
+def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "Flight":
+    """Return what was found out about the last run of a journal."""
+    from sar_compiler.checks.verify.recorded_runs import OtherTreeError
+    from sar_compiler.errors import UndecidableError
+    from sar_compiler.journal.database import JournalFile, is_locked
+    from sar_compiler.journal.mission_state import MissionState
+    from sar_compiler.views.compared_flights import Flight
+    from sar_compiler.views.journals import journal_word
+
+    is_gone = not is_locked(place)
+    with closing(JournalFile.read(place)) as file:
+        entries = [*file.last_run(without=OF_ROBOT)]
+    state = MissionState.of(entries)
+    state.look_at_process(is_gone=is_gone)
+    number, word = (state.runs[-1].number if state.runs else 0), journal_word(state)
+    if not state.nodes:
+        return Flight(place, number, word, None, "there is no run of a tree in it")
+    try:
+        return Flight(place, number, word, _compared(tree, entries, state, arguments))
+    except OtherTreeError as error:
+        return Flight(
+            place, number, word, None, f"{error}; it is of {_tree_of(state)}, and not of {tree.path}"
+        )
+    except UndecidableError as error:
+        return Flight(place, number, word, None, f"nothing can be decided: {error}")
+
+
+def _compared(
+    tree: "LoadedTree", entries: "list[JournalEntry]", state: "MissionState", arguments: argparse.Namespace
+) -> "Conformance":
+    from sar_compiler.checks.assumptions import StartValues
+    from sar_compiler.checks.verify.recorded_runs import OtherTreeError
+    from sar_compiler.journal.journal_entries import Ending
+    from sar_compiler.journal.recorded_events import recorded_events
+    from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
+
+    run = state.runs[-1]
+    try:
+        return tree.conform(
+            recorded_events(entries),
+            [each.name for each in state.nodes],
+            arguments.properties,
+            is_over=run.ending == Ending.OVER.value,
+            start=StartValues(state.parameters, run.about.get("facts") or {}),
+            facts=facts_given(arguments.set),
+            params=arguments.params,
+            tree_id=arguments.tree or run.about.get("tree_id"),
+        )
+    except UnknownTreeError as error:
+        if arguments.tree is not None:
+            raise
+        raise OtherTreeError("the tree has nodes other than those that ran") from error
+
+
+def _tree_of(state: "MissionState") -> str:
+    about = state.runs[-1].about
+    file, tree_id = about.get("tree_file"), about.get("tree_id")
+    return f"'{tree_id or state.nodes[0].name}'{f' of {file}' if file else ''}"

@@ -1,0 +1,150 @@
+"""`sar-compile conform`, as it is typed, by journals of runs of stub leaves."""
+
+import json
+from contextlib import closing
+
+import pytest
+
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.opening import open_journal
+from tests.cli.running import run
+from tests.trees import document
+from tests.views.flown import Said, flown, simulated
+
+BODY = '<Sequence><A name="Drive"/><X name="Look"/><Y name="Tell"/></Sequence>'
+NODES = ("--nodes", "tests.checks.verify.leaves")
+PROPERTIES = "properties: {nothing is told: {never: Tell counted}, something is: {after: Drive SUCCESS, eventually: Tell counted}}"
+
+
+@pytest.fixture
+def place(tmp_path):
+    (tmp_path / "tree.xml").write_text(document(BODY), encoding="utf-8")
+    (tmp_path / "p.yaml").write_text(PROPERTIES, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def flight(place):
+    """Fly the tree; return the journal."""
+
+    def fly(name="m.journal", answers=None, **about):
+        path = place / name
+        about = {"tree_file": str(place / "tree.xml"), "tree_id": "Main", **about}
+        tree = simulated(place / "tree.xml")
+        with closing(open_journal(path)) as journal:
+            flown(tree, Said(**(answers or {"Tell": ["counted"]})), journal, **about)
+        return path
+
+    return fly
+
+
+@pytest.fixture
+def conform(place, capsys):
+    def conform(*journals, options=("--properties", "p.yaml")):
+        words = [place / word if str(word).endswith(".yaml") else word for word in options]
+        return run(capsys, "conform", place / "tree.xml", *journals, *NODES, *words)
+
+    return conform
+
+
+def test_a_flight_that_conforms_and_keeps_its_properties_is_fine(conform, flight):
+    status, out, err = conform(flight(), options=())
+    assert (status, err) == (0, "")
+    assert out.endswith(
+        "m.journal: run 1, over, 1 tick\nconforms: it is one of the possible runs of the tree\n"
+    )
+
+
+def test_a_broken_property_is_told_with_its_event_and_place(conform, flight, place):
+    status, out, _ = conform(flight())
+    assert status == 1
+    assert "2 properties: 1 kept, 1 broken" in out
+    assert f"nothing is told: broken by Tell counted in tick 1, 0:00  ({place}/tree.xml:" in out
+    assert "0:00  tick    1  Look SUCCESS\n" in out
+
+
+def test_as_json_there_is_the_same(conform, flight):
+    status, out, _ = conform(flight(), options=("--properties", "p.yaml", "--format", "json"))
+    told = json.loads(out)
+    assert (status, told["fine"]) == (1, False)
+    (one,) = told["flights"]
+    assert (one["run"], one["end"], one["conforms"], one["misfit"]) == (1, "over", True, None)
+    broken, kept = one["properties"]
+    assert (broken["fate"], broken["event"], broken["tick"]) == ("broken", "Tell counted", 1)
+    assert [each[1:] for each in broken["run"]] == [[1, 1, "SUCCESS"], [1, 2, "SUCCESS"], [1, 3, "SUCCESS"]]
+    assert (kept["fate"], kept["run"]) == ("kept", [])
+
+
+def test_facts_begin_as_the_run_did_unless_something_else_is_said(conform, flight):
+    # With f at 2 the count begins anew, and Tell has nothing to tell.
+    journal = flight(facts={"f": 2})
+    status, out, _ = conform(journal, options=())
+    assert status == 1
+    assert "does not conform from tick 1 on, 0:00: Tell SUCCESS" in out
+    assert "  it is assumed that 'Tell' answers 'counted' only when f > 0; f is 0\n" in out
+    assert "  possible there: Tell " in out
+    assert conform(journal, options=("--set", "f=1"))[0] == 0
+
+
+def test_several_flights_are_a_table_with_what_was_wrong_below(conform, flight, place):
+    fine = flight("fine.journal", {"Tell": ["FAILURE"], "Drive": ["FAILURE"]})
+    status, out, _ = conform(fine, flight("loud.journal"), flight("odd.journal", facts={"f": 2}))
+    assert status == 1
+    table, *others = out.split("\n\n")
+    rows = [line.removeprefix(f"{place}/").split(maxsplit=2) for line in table.splitlines()]
+    assert rows[0] == ["journal", "end", "conforms         broken"]
+    assert [(row[0], row[1]) for row in rows[1:]] == [
+        ("fine.journal", "over"),
+        ("loud.journal", "over"),
+        ("odd.journal", "over"),
+    ]
+    assert [row[2].split() for row in rows[1:3]] == [["yes", "none"], ["yes", "nothing", "is", "told"]]
+    assert rows[3][2].startswith("no, from tick 1  nothing is told")
+    assert [each.split(":")[0] for each in others if each.startswith("/")] == [
+        str(place / "loud.journal"),
+        str(place / "odd.journal"),
+    ]
+
+
+def test_flights_that_are_fine_have_the_table_alone(conform, flight):
+    status, out, _ = conform(flight("a.journal"), flight("b.journal"), options=())
+    assert (status, len(out.splitlines())) == (0, 3)
+
+
+def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
+    journal = flight()
+    (place / "tree.xml").write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
+    status, out, _ = conform(journal, options=())
+    assert status == 1
+    assert "not judged: the tree has nodes other than those that ran; it is of 'Main' of " in out
+
+
+def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):
+    status, out, _ = conform(flight(tree_id="Elsewhere"))
+    assert status == 1
+    assert "not judged: the tree has nodes other than those that ran; it is of 'Elsewhere' of " in out
+
+
+def test_a_journal_without_a_tree_is_told_so(conform, place):
+    with closing(open_journal(place / "bare.journal")) as journal:
+        journal.begin({}, {})
+        journal.end(Ending.STOPPED, 0)
+    status, out, _ = conform(place / "bare.journal")
+    assert status == 1
+    assert out.endswith("bare.journal: not judged: there is no run of a tree in it\n")
+
+
+def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkeypatch):
+    live = place / "live.journal"
+    with closing(open_journal(live)) as journal:
+        monkeypatch.setattr(journal, "end", lambda *_: None)
+        flown(simulated(place / "tree.xml"), Said(Drive=["RUNNING"] * 9), journal, tree_id="Main")
+        status, out, _ = conform(live)
+    assert status == 0
+    assert "live.journal: run 1, running, judged so far, " in out
+
+
+def test_a_file_that_is_no_journal_is_wrong_usage(conform, place):
+    status, out, err = conform(place / "p.yaml")
+    assert (status, out) == (2, "")
+    assert "p.yaml" in err
