@@ -200,12 +200,16 @@ class _ReplayedFlight:
         return [event for event in lost.events if event.answer and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
-        """Return whether a tick can be one that was not finished, or not written to its end."""
+        """Return whether a tick can be one that was not finished, or not written to its end; nothing is known of one in which nothing was noted."""
         noted = self._noted(lost)
-        return lost.is_last and any(
-            way.common(noted, lost.told)[0] == len(noted)
-            for state in lost.states
-            for way in self.runs.beginnings(state)
+        return (
+            lost.is_last
+            and any(lost.events[:-1])
+            and any(
+                way.common(noted, lost.told)[0] == len(noted)
+                for state in lost.states
+                for way in self.runs.beginnings(state)
+            )
         )
 
     def misfit(self, lost: LostTick) -> Misfit:
@@ -254,10 +258,15 @@ class _ReplayedFlight:
         """Return the same where the record lacks something."""
         going_on = [each for each in best if not each.is_whole]
         if going_on:
-            missing = going_on[0].way.answers[going_on[0].place]
-            number, was = missing.number, lost.told.statuses.get(missing.number, "")
-            said = f"{missing.leaf} still {was}" if was else f"no answer of {missing.leaf}"
-            return number, said, [each.next for each in going_on], ""
+            state, way, _, place = going_on[0]
+            missing, told = way.answers[place], lost.told
+            number, was = missing.number, told.statuses.get(missing.number, "")
+            possible = [each.next for each in going_on]
+            if not was:
+                return number, f"no answer of {missing.leaf}", possible, ""
+            again = missing._replace(status=was, label=told.labels.get(number) or "")
+            self.runs.put_before(state, way, place)
+            return number, f"{missing.leaf} still {again.answer}", possible, _why(self._leaves[number], again)
         end, root = lost.events[-1], self.runs.names[0]
         if all(each.way.root != end.status for each in best):
             return 0, f"{root} {end.status or 'did not end its tick'}", [each.next for each in best], ""

@@ -87,7 +87,8 @@ def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "
     if not state.nodes:
         return Flight(place, number, word, None, "there is no run of a tree in it")
     try:
-        return Flight(place, number, word, _compared(tree, entries, state, arguments))
+        found = _compared(tree, entries, state, arguments)
+        return Flight(place, number, word, found, changed=_changed(tree, state, arguments))
     except OtherTreeError as error:
         return Flight(
             place, number, word, None, f"{error}; it is of {_tree_of(state)}, and not of {tree.path}"
@@ -121,6 +122,21 @@ def _compared(
         if arguments.tree is not None:
             raise
         raise OtherTreeError("the tree has nodes other than those that ran") from error
+
+
+def _changed(tree: "LoadedTree", state: "MissionState", arguments: argparse.Namespace) -> str:
+    """Return what is otherwise in the tree now than when it was flown, in words; empty for nothing."""
+    from sar_compiler.cli.journal_stats import nodes_difference, nodes_told
+    from sar_compiler.views.outline import outline
+
+    tree_id = arguments.tree or state.runs[-1].about.get("tree_id")
+    now = nodes_told(outline(tree.preview(tree_id)))
+    # What a parameter has decided then stands in braces here.
+    then = [
+        (name, depth, kind, {**had, **{key: each for key, each in has.items() if "{" in str(each)}})
+        for (name, depth, kind, had), (*_, has) in zip(nodes_told(state.about.get("tree")), now, strict=True)
+    ]
+    return nodes_difference(then, now) if then != now else ""
 
 
 def _tree_of(state: "MissionState") -> str:

@@ -52,26 +52,26 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
     found, first = RunStatistics(), None
     for place in journals:
         with closing(JournalFile.read(place)) as file, file.snapshot():
-            nodes = _nodes(file.about().get("tree"))
+            nodes = nodes_told(file.about().get("tree"))
             first = nodes if first is None else first
             if nodes != first:
                 raise JournalError(
-                    f"{place} is of another tree than {journals[0]}: {_difference(first, nodes)}; what leaves have answered is "
+                    f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}; what leaves have answered is "
                     "counted for one tree"
                 )
             found.add(file.stream(without=OF_ROBOT))
     return found
 
 
-def _nodes(tree: Any) -> list[tuple[str, int, str, Any]]:
+def nodes_told(tree: Any) -> list[tuple[str, int, str, Any]]:
     """Return what is the same of two journals of one tree, wherever its file is: of each node."""
     from sar_compiler.journal.mission_state import tree_nodes
 
     return [(node.name, node.depth, node.kind, node.attributes) for node in tree_nodes(tree)]
 
 
-def _difference(there: Sequence[tuple[Any, ...]], here: Sequence[tuple[Any, ...]]) -> str:
-    """Return the first difference in words."""
+def nodes_difference(there: Sequence[tuple[Any, ...]], here: Sequence[tuple[Any, ...]]) -> str:
+    """Return the first difference of two trees' nodes in words (`nodes_told`)."""
     for was, now in zip(there, here, strict=False):
         if was[:3] != now[:3]:
             return f"'{now[0]}' ({now[2]}) stands where '{was[0]}' ({was[2]}) does"

@@ -1,13 +1,17 @@
 """What the leaves of a recorded run did: the entries of its journal as events.
 
 A journal has an entry where a node comes to something else than in the tick before. So a leaf that gives the same answer in tick after tick
-has one event for them, and a tick in which nothing was written has none.
+has one event for them, and a tick in which nothing was written has none; those at the end of a run are not known.
 """
 
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import (
+    ASSUMPTION_FAILED,
+    RUN_BEGAN,
+    JournalEntry,
+)
 from sar_compiler.journal.mission_state import RUNNING, tree_nodes
 from sar_compiler.journal.situation import CHANGED
 from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, STARTED, TICKED, Event
@@ -74,6 +78,9 @@ class _RecordedRun:
         elif entry.kind == CHANGED and self._before is not None and {"leaf", "tick"} <= entry.data.keys():
             yield from self._begin_tick(entry)
             self._facts.setdefault(entry.data["leaf"], []).append((self._before.kind, self._before.data))
+        elif entry.kind == ASSUMPTION_FAILED and isinstance(entry.data.get("tick"), int):
+            # All may have been as before in it, and that is what is wrong.
+            yield from self._begin_tick(entry)
         self._before = entry
 
     def _begin_tick(self, entry: JournalEntry) -> Iterator[Event]:

@@ -32,6 +32,7 @@ class Flight(NamedTuple):
         end: How it has ended, in a word: `over`, `stopped`, `failed`, `broken off`, `running`.
         found: What was found out; None if that could not be.
         problem: Why it could not, in words.
+        changed: What is otherwise in the tree now than when it was flown, in words; empty for nothing.
     """
 
     journal: Path
@@ -39,6 +40,7 @@ class Flight(NamedTuple):
     end: str
     found: Conformance | None
     problem: str = ""
+    changed: str = ""
 
     @property
     def is_fine(self) -> bool:
@@ -87,6 +89,8 @@ def _flight_lines(flight: Flight) -> Iterator[str]:
         return
     end = _GOING_ON.get(flight.end, flight.end)
     yield f"{flight.journal}: run {flight.run}, {end}, {count_text(found.ticks, 'tick')}"
+    if flight.changed:
+        yield f"the tree has changed since: {flight.changed}"
     if found.misfit is None:
         yield "conforms: it is one of the possible runs of the tree"
     else:
@@ -155,6 +159,7 @@ def _flight_data(flight: Flight) -> dict[str, object]:
         **data,
         "conforms": found.misfit is None,
         "ticks": found.ticks,
+        "tree_changed": flight.changed,
         "misfit": found.misfit and _with_run(found.misfit._asdict()),
         "properties": [_property_data(each) for each in found.properties],
         "left_out": [{"property": each.name, "missing": list(each.missing)} for each in found.left_out],

@@ -68,6 +68,7 @@ FINE = ("SUCCESS", "one SUCCESS", "two SUCCESS")
 def test_a_run_of_the_tree_conforms():
     found = Flights(TWO).compared(RUNS, ("RUNNING",), FINE)
     assert (found.misfit, found.ticks, found.is_fine) == (None, 3, True)
+    assert Flights(TWO).compared(RUNS, ("RUNNING",), is_over=False).ticks == 2
 
 
 def test_a_flight_of_no_tick_has_broken_nothing():
@@ -210,6 +211,16 @@ def test_what_a_tick_lacks_is_told(tick, event, possible):
     assert possible <= set(misfit.possible)
 
 
+def test_an_answer_that_went_on_longer_than_is_assumed_is_told_with_the_limit():
+    limit = "facts: {left: 2}\nanswers: {one: [{status: FAILURE, label: held, when: left > 0, then: left -= 1}, SUCCESS]}"
+    flights = Flights('<Inverter name="all"><A name="one"/></Inverter>', limit)
+    held = ("SUCCESS", "one FAILURE held")
+    assert flights.misfit(held, ("SUCCESS",)) is None
+    misfit = flights.misfit(held, ("SUCCESS",), ("SUCCESS",))
+    assert (misfit.tick, misfit.event, misfit.possible) == (3, "one still held", ("one SUCCESS",))
+    assert misfit.why == "it is assumed that 'one' answers 'held' only when left > 0; left is 0"
+
+
 def test_a_leaf_that_was_not_stopped_although_it_had_to_be_is_told():
     flights = Flights('<ReactiveSequence name="all"><P name="one"/><A name="two"/></ReactiveSequence>')
     goes = ("RUNNING", "one SUCCESS", "two RUNNING")
@@ -224,6 +235,8 @@ def test_a_tick_that_was_broken_off_is_none_that_is_wrong_where_the_run_was_not_
     assert Flights(TWO).misfit(RUNS, half) is not None
     assert Flights(TWO).misfit(half, FINE, is_over=False) is not None
     assert Flights(TWO).misfit(RUNS, ("", "two SUCCESS"), is_over=False) is not None
+    # That there was this one is known because something was told of it.
+    assert Flights(TWO).misfit(RUNS, ("SUCCESS",), is_over=False) is not None
 
 
 def test_from_where_a_flight_leaves_the_tree_properties_are_judged_by_its_events_alone():

@@ -7,9 +7,11 @@ import pytest
 
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.project import load
+from sar_compiler.views.outline import outline
 from tests.cli.running import run
 from tests.trees import document
-from tests.views.flown import Said, flown, simulated
+from tests.views.flown import REGISTRY, Said, flown, simulated
 
 BODY = '<Sequence><A name="Drive"/><X name="Look"/><Y name="Tell"/></Sequence>'
 NODES = ("--nodes", "tests.checks.verify.leaves")
@@ -24,15 +26,16 @@ def place(tmp_path):
 
 
 @pytest.fixture
-def flight(place):
-    """Fly the tree; return the journal."""
+def flight(place, monkeypatch):
+    """Fly the tree; return the journal, in which leaves are what they are on a robot."""
 
     def fly(name="m.journal", answers=None, **about):
         path = place / name
+        tree = load(place / "tree.xml", registry=REGISTRY).preview()
+        monkeypatch.setattr("tests.views.flown.outline", lambda _: outline(tree))
         about = {"tree_file": str(place / "tree.xml"), "tree_id": "Main", **about}
-        tree = simulated(place / "tree.xml")
         with closing(open_journal(path)) as journal:
-            flown(tree, Said(**(answers or {"Tell": ["counted"]})), journal, **about)
+            flown(simulated(place / "tree.xml"), Said(**(answers or {"Tell": ["counted"]})), journal, **about)
         return path
 
     return fly
@@ -123,6 +126,17 @@ def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, fli
     status, out, _ = conform(flight(tree_id="Elsewhere"))
     assert status == 1
     assert "not judged: the tree has nodes other than those that ran; it is of 'Elsewhere' of " in out
+
+
+def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
+    tries = '<RetryUntilSuccessful num_attempts="{}"><A name="Drive"/></RetryUntilSuccessful>'
+    (place / "tree.xml").write_text(document(tries.format(3)), encoding="utf-8")
+    journal = flight(answers={"Drive": ["FAILURE"]})
+    assert "has changed" not in conform(journal, options=())[1]
+    (place / "tree.xml").write_text(document(tries.format(1)), encoding="utf-8")
+    status, out, _ = conform(journal, options=())
+    assert status == 1
+    assert "the tree has changed since: 'RetryUntilSuccessful' has other attributes\ndoes not conform" in out
 
 
 def test_a_journal_without_a_tree_is_told_so(conform, place):

@@ -252,3 +252,15 @@ def test_with_each_run_ticks_and_times_begin_anew():
     second = [each._replace(run=2, time=each.time + 100.0) for each in entries(status(1, "RUNNING"))]
     read = [(event.deed, event.tick, event.time_sec) for event in recorded_events([*first, *second])]
     assert read == [(STARTED, 1, 2.0), ("RUNNING", 1, 2.0), (TICKED, 1, 2.0)] * 2
+
+
+def test_a_tick_in_which_an_assumption_failed_is_told_although_all_was_as_before():
+    flight = Flight(StatusQueue("one", [R, R, R], None))
+    flight.tick()
+    flight.journal.note("assumption_failed", tick=3)
+    assert [(each.tick, each.what, each.status) for each in recorded_events(flight.stream)] == [
+        (1, STARTED, ""),
+        (1, "answered", "RUNNING"),
+        (1, TICKED, "RUNNING"),
+        (3, TICKED, "RUNNING"),
+    ]
