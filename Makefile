@@ -54,8 +54,12 @@ help:
 
 env: $(VENV)/.interfaces $(VENV)/.kernel
 
+# A flight that is watched for the mission's properties, and then compared with all runs that the tree can have.
+demo: DEMO := build/demo.journal
 demo: env
-	$(BIN)/sar-run --sim --speed $(SPEED)
+	@rm -f $(DEMO)
+	$(BIN)/sar-run --sim --speed $(SPEED) --properties --journal $(DEMO)
+	$(BIN)/sar-compile conform search_and_rescue $(DEMO)
 
 # Several hundred processes of the project are started: a third of their time goes into compiling it each time anew
 # where bytecode is not kept. Coverage is reported where all has passed, so that what failed stands last.
