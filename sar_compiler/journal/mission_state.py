@@ -13,9 +13,13 @@ from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
+    ASSUMPTION_FAILED,
     GOAL_ENDED,
     GOAL_SENT,
     ORDERED,
+    PROPERTIES_OWED,
+    PROPERTIES_WATCHED,
+    PROPERTY_BROKEN,
     RUN_BEGAN,
     RUN_ENDED,
     JournalEntry,
@@ -118,6 +122,24 @@ class KnownFact(NamedTuple):
     kind: str
     data: Mapping[str, Any]
     text: str
+
+
+class WatchedProperty(NamedTuple):
+    """A property for which a run is watched.
+
+    Attributes:
+        name: Its name.
+        if_broken: What is done where it is broken: `tell`, `hold` or `abort`.
+        is_owed: Whether something still has to come by it.
+        broken: When it was broken; None if it is not.
+        event: What has broken it: `Drive aborted`; empty for the end of the run.
+    """
+
+    name: str
+    if_broken: str = "tell"
+    is_owed: bool = False
+    broken: Instant | None = None
+    event: str = ""
 
 
 def answer_words(status: str, label: str | None) -> str:
@@ -236,6 +258,8 @@ class MissionState:
         since_phase: When the present phase began.
         finished: When each landmark was done or given up in the last run, by kind and name.
         process: The process that runs it; by default, that it is there and tells what happens.
+        properties: The properties for which the last run is watched, by name; empty if it is not.
+        doubted: Since when the last run contradicts what proofs assume; None if it does not.
         place: Where the map lies on the earth, if somebody says so afterwards; else the parameters may.
     """
 
@@ -261,6 +285,8 @@ class MissionState:
         self.tick = 0
         self.now = self.since_phase = Instant(1, 0.0, 0.0)
         self.finished: dict[tuple[str, str], Instant] = {}
+        self.properties: dict[str, WatchedProperty] = {}
+        self.doubted: Instant | None = None
         self._starts: dict[int, float] = {}
         self._phase, self._told_drive = "", 0.0
         # Why the phase is so, as the mission says it, and by whom that was ordered.
@@ -289,7 +315,10 @@ class MissionState:
                 if entry.kind in _OF_PHASE:
                     self._look_at_phase(anew=entry.kind == RUN_BEGAN)
                 return
-        self.facts.append(KnownFact(self.now, entry.kind, entry.data, fact_words(entry.kind, entry.data)))
+        self._know(entry.kind, entry.data)
+
+    def _know(self, kind: str, data: Mapping[str, Any]) -> None:
+        self.facts.append(KnownFact(self.now, kind, data, fact_words(kind, data)))
 
     def _look_at_phase(self, *, anew: bool) -> None:
         name = self.phase.name
@@ -341,6 +370,14 @@ class MissionState:
         own = [self.battery] if self.battery is not None and self.battery.name not in told else []
         return [*own, *told.values()]
 
+    def word_of(self, watched: WatchedProperty) -> str:
+        """Return what is known of a property, in a word: `broken`, `owed`, or else `watched`, `kept` where the run has ended."""
+        if watched.broken is not None:
+            return "broken"
+        if watched.is_owed:
+            return "owed"
+        return "kept" if self.runs and self.runs[-1].ended else "watched"
+
     @property
     def likely_end(self) -> float | None:
         """About when the mission is complete, by what is left of this drive and the mean of what was done; None without a mean.
@@ -378,7 +415,7 @@ class MissionState:
     def _run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
-        self.finished = {}
+        self.finished, self.properties, self.doubted = {}, {}, None
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
 
@@ -439,6 +476,26 @@ class MissionState:
             words = f"{by or 'somebody'}: {label or verb}{f': refused, {refusal}' if refusal else ''}"
             self.facts.append(KnownFact(self.now, ORDERED, data, words))
 
+    def _properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
+        watched = [WatchedProperty(str(each["name"]), str(each["if_broken"])) for each in properties]
+        self.properties = {each.name: each for each in watched}
+
+    def _properties_owed(self, owed: Iterable[str]) -> None:
+        names = {*owed}
+        self.properties = {
+            name: each._replace(is_owed=name in names) for name, each in self.properties.items()
+        }
+
+    def _property_broken(self, **data: Any) -> None:
+        name, event = str(data["property"]), str(data["event"])
+        known = self.properties.get(name, WatchedProperty(name))
+        self.properties[name] = known._replace(broken=known.broken or self.now, event=known.event or event)
+        self._know(PROPERTY_BROKEN, data)
+
+    def _assumption_failed(self, **data: Any) -> None:
+        self.doubted = self.doubted or self.now
+        self._know(ASSUMPTION_FAILED, data)
+
     def _log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
             self.warnings.append(Told(self.now, str(text), str(node), int(level)))
@@ -486,6 +543,10 @@ class MissionState:
         "map": _map,
         "log": _log,
         ORDERED: _ordered,
+        PROPERTIES_WATCHED: _properties_watched,
+        PROPERTIES_OWED: _properties_owed,
+        PROPERTY_BROKEN: _property_broken,
+        ASSUMPTION_FAILED: _assumption_failed,
     }
 
 

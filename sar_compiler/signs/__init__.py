@@ -62,12 +62,12 @@ COLOURS: Mapping[str, Colour] = {
 
 
 class Look(NamedTuple):
-    """The look of how far a landmark is.
+    """The look of how far a landmark is, or of what is known of a property.
 
     Attributes:
-        word: What its drawings are marked with, in CSS.
+        word: What is drawn of it is marked with, in CSS.
         colour: Its colour, of `COLOURS`.
-        sign: What stands in its mark.
+        sign: What stands in its mark, or before its word.
     """
 
     word: str
@@ -105,6 +105,19 @@ _STATUSES = {
 }
 CONDITIONS = {"good": "●", "quiet": "○", "warning": "▲", "error": "■"}
 """The signs of conditions and alarms, by how serious they are."""
+PROPERTIES = {
+    "watched": Look("watched", "quiet", "○"),
+    "owed": Look("owed", "running", "…"),
+    "kept": Look("kept", "success", "✓"),
+    "broken": Look("broken", "failure", "✗"),
+}
+"""The looks of watched properties, by what is known of them."""
+PROOFS = {
+    "proved": Look("proved", "success", "✓"),
+    "does not hold": Look("refuted", "failure", "✗"),
+    "not decided": Look("undecided", "quiet", "?"),
+}
+"""The looks of what is known of all runs."""
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
 """What the signs of decorators mean, which all have one shape."""
 IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}
@@ -162,7 +175,8 @@ def style() -> str:
     light, dark = (
         ";".join(f"--{name}:{each.on(dark=dark)}" for name, each in COLOURS.items()) for dark in (False, True)
     )
-    levels = "".join(f".{each.word}{{--level:var(--{each.colour})}}" for each in (*LEVELS, FOUND))
+    looks = (*LEVELS, FOUND, *PROPERTIES.values(), *PROOFS.values())
+    levels = "".join(f".{each.word}{{--level:var(--{each.colour})}}" for each in looks)
     # Paper is light.
     return (
         f":root{{color-scheme:light dark;{light};--map:none}}\n"
@@ -190,6 +204,8 @@ def script() -> str:
         "MARKS": MARKS,
         "STATUSES": _STATUSES,
         "CONDITIONS": CONDITIONS,
+        "PROPERTIES": {name: each._asdict() for name, each in PROPERTIES.items()},
+        "PROOFS": {name: each._asdict() for name, each in PROOFS.items()},
         "DECORATORS": DECORATORS,
     }
     return "".join(

@@ -80,6 +80,15 @@ def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
         "figures": [each._asdict() for each in situation.figures.values()],
         "gauges": [each._asdict() for each in state.gauges],
         "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
+        "properties": [
+            {
+                "name": each.name,
+                "verdict": state.word_of(each),
+                "broken": each.broken and _at(each.broken),
+                "event": each.event or None,
+            }
+            for each in state.properties.values()
+        ],
         "why": why and why_data(why),
         "facts": [
             {**_at(each.at), "kind": each.kind, "data": dict(each.data), "text": each.text}

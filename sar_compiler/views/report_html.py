@@ -41,7 +41,16 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
     """
     title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
     found, others = (_landmarks(state, is_found=each) for each in (True, False))
-    parts = (_head(state), found, _map(state), others, _alarms(state), _next_steps(state), _annex(state, why))
+    parts = (
+        _head(state),
+        found,
+        _map(state),
+        others,
+        _alarms(state),
+        _properties(state),
+        _next_steps(state),
+        _annex(state, why),
+    )
     body = "".join(itertools.chain(*parts))
     css = style() + files(__package__).joinpath("report.css").read_text("utf-8")
     return (
@@ -145,6 +154,19 @@ def _alarms(state: MissionState) -> Iterator[str]:
             for text, each in state.situation.alarms.items()
         )
         yield _table(("since", "what", "now"), rows, "")
+
+
+def _properties(state: MissionState) -> Iterator[str]:
+    if state.properties:
+        yield "<h2>Properties</h2>"
+        rows = (
+            (
+                "alarm" if each.broken else "",
+                [each.name, state.word_of(each), _when(state, each.broken), each.event],
+            )
+            for each in state.properties.values()
+        )
+        yield _table(("property", "verdict", "broken", "by"), rows, "")
 
 
 def _next_steps(state: MissionState) -> Iterator[str]:

@@ -130,6 +130,10 @@ class LiveFeed:
         """Queue why a robot's mission has failed, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].tell_why(why))
 
+    def tell_proofs(self, proofs: Mapping[str, Any], robot: int = 0) -> None:
+        """Queue what is proved of a robot's properties, as JSON values; from any thread, without blocking."""
+        self._news.append(lambda: self._states[robot].tell_proofs(proofs))
+
     def know(self, process: RunProcess, robot: int = 0) -> None:
         """Queue what is known of a robot's process; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].know(process))

@@ -6,7 +6,17 @@ from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import (
+    ASSUMPTION_FAILED,
+    GOAL_ENDED,
+    GOAL_SENT,
+    PROPERTIES_OWED,
+    PROPERTIES_WATCHED,
+    PROPERTY_BROKEN,
+    RUN_BEGAN,
+    RUN_ENDED,
+    JournalEntry,
+)
 from sar_compiler.journal.mission_state import FAILURE, HALTED, RUNNING, SUCCESS, MissionState, RunProcess
 from sar_compiler.journal.situation import CHANGED, FactTime, Landmark, told_with_giver
 
@@ -91,8 +101,8 @@ class PageState:
     """What a page shows of a robot after some entries.
 
     Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `map`, `times` of these,
-    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `figures`, `gauges`, `alarms`, `why`, `log` and `trail`, from a
-    place on. With `begin` nothing of what was known before holds.
+    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `figures`, `gauges`, `alarms`, `properties`, `proofs`, `why`, `log` and
+    `trail`, from a place on. With `begin` nothing of what was known before holds.
 
     Args:
         robot: Whose state it is: its place among the robots of a page.
@@ -110,6 +120,7 @@ class PageState:
         # The nodes that were reset since their last status.
         self._reset: set[int] = set()
         self._why: Mapping[str, Any] | None = None
+        self._proofs: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
         # When the last lines of the log were said, in seconds since 1970.
@@ -137,10 +148,10 @@ class PageState:
             self.__init__(self.robot)  # type: ignore[misc] # another mission has begun in the same journal
             mission = self._mission
         mission.take(entry)
+        self._touched.update(self._PARTS.get(entry.kind, ()))
         if mission.facts:
             self._fact = self._tell("fact", mission.facts.pop().text)
         else:
-            self._touched.update(self._PARTS.get(entry.kind, ()))
             happen = self._KINDS.get(entry.kind)
             if happen is not None:
                 happen(self, entry)
@@ -159,6 +170,11 @@ class PageState:
         """Add why the mission has failed, as JSON values."""
         self._why = why
         self._touched.add("why")
+
+    def tell_proofs(self, proofs: Mapping[str, Any]) -> None:
+        """Add what is proved of the properties, as JSON values."""
+        self._proofs = proofs
+        self._touched.add("proofs")
 
     def know(self, process: RunProcess) -> None:
         """Take what is known of the process that runs the mission."""
@@ -200,7 +216,7 @@ class PageState:
         return ("log", self._log), ("trail", self._trail)
 
     def _run_began(self, entry: JournalEntry) -> None:
-        self._began, self._why, self._times = entry.time, None, {}
+        self._began, self._why, self._proofs, self._times = entry.time, None, None, {}
         self._statuses, self._nodes, self._reset = {}, set(), set()
         node = self._mission.runs[-1].about.get("node")
         self._tell("fact", f"The run began{f' on {node}' if node else ''}.")
@@ -346,6 +362,20 @@ class PageState:
             for text, alarm in mission.situation.alarms.items()
         ]
 
+    def _properties(self) -> PageChange:
+        mission = self._mission
+        watched = [
+            {
+                "name": each.name,
+                "word": mission.word_of(each),
+                "since": each.broken and each.broken.time,
+                "event": each.event,
+                "if_broken": each.if_broken,
+            }
+            for each in mission.properties.values()
+        ]
+        return {"watched": watched, "doubted": mission.doubted and mission.doubted.time}
+
     def _pose_values(self) -> PageChange | None:
         pose = self._mission.pose
         return None if pose is None else {"x": pose.x, "y": pose.y, "yaw": pose.yaw}
@@ -363,8 +393,10 @@ class PageState:
             "estimate",
             "times",
             "north",
+            "properties",
+            "proofs",
         ),
-        RUN_ENDED: ("run", "drive", "condition", "place", "estimate"),
+        RUN_ENDED: ("run", "drive", "condition", "place", "estimate", "properties"),
         GOAL_SENT: ("condition",),
         GOAL_ENDED: ("drive", "plan", "condition", "estimate"),
         CHANGED: ("condition", "place", "estimate"),
@@ -375,6 +407,10 @@ class PageState:
         "breakpoint": ("condition",),
         "battery": ("gauges",),
         "map": ("map",),
+        PROPERTIES_WATCHED: ("properties",),
+        PROPERTIES_OWED: ("properties",),
+        PROPERTY_BROKEN: ("properties",),
+        ASSUMPTION_FAILED: ("properties",),
     }
     _TIMED = ("pose", "plan", "map")
     _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms"))
@@ -406,6 +442,8 @@ class PageState:
         ],
         "gauges": lambda self: [each._asdict() for each in self._mission.gauges],
         "alarms": _alarms,
+        "properties": _properties,
+        "proofs": lambda self: self._proofs,
         "why": lambda self: self._why,
     }
 

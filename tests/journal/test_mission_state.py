@@ -226,3 +226,72 @@ def test_what_a_mission_has_written_of_its_own_is_kept_in_its_order():
 def test_a_journal_without_a_mission_has_a_tree():
     state = after(began=("run_began", {"mission": None, "identity": {}, "tree": TREE, "run": {}}))
     assert (len(state.nodes), state.title, state.is_told) == (3, "Main", False)
+
+
+WATCHED = (
+    "properties_watched",
+    {"properties": [{"name": "a", "if_broken": "tell"}, {"name": "b", "if_broken": "hold"}]},
+)
+BROKEN = ("property_broken", {"property": "a", "event": "Drive aborted", "tick": 3, "owed": False})
+
+
+def words(state):
+    return {name: state.word_of(each) for name, each in state.properties.items()}
+
+
+def test_a_run_that_is_not_watched_has_no_properties():
+    assert after().properties == {}
+
+
+def test_a_property_is_watched_until_it_is_broken_and_kept_at_the_end_of_the_run():
+    end = ("run_ended", {"ending": "over", "status": 0, "reason": ""})
+    assert words(after(WATCHED)) == {"a": "watched", "b": "watched"}
+    assert words(after(WATCHED, BROKEN)) == {"a": "broken", "b": "watched"}
+    assert words(after(WATCHED, BROKEN, end)) == {"a": "broken", "b": "kept"}
+
+
+def test_something_is_owed_until_it_comes_or_the_property_is_broken():
+    owed = ("properties_owed", {"owed": ["a", "b"]})
+    assert words(after(WATCHED, owed)) == {"a": "owed", "b": "owed"}
+    assert words(after(WATCHED, owed, BROKEN)) == {"a": "broken", "b": "owed"}
+    assert words(after(WATCHED, owed, ("properties_owed", {"owed": []}))) == {"a": "watched", "b": "watched"}
+
+
+def test_a_property_is_broken_since_its_first_breach_and_by_that():
+    later = ("property_broken", {**BROKEN[1], "event": "Look failed"})
+    broken = after(WATCHED, BROKEN, later).properties["a"]
+    assert broken.broken is not None
+    assert (broken.broken.time, broken.event, broken.if_broken) == (2.0, "Drive aborted", "tell")
+
+
+def test_a_breach_and_a_failed_assumption_are_facts():
+    state = after(
+        WATCHED, BROKEN, ("assumption_failed", {"assumption": "no loss"}), ("assumption_failed", {})
+    )
+    assert [each.kind for each in state.facts] == [
+        "property_broken",
+        "assumption_failed",
+        "assumption_failed",
+    ]
+    assert state.facts[0].text == "property broken: property: a, event: Drive aborted, tick: 3, owed: false"
+    assert state.doubted is not None
+    assert state.doubted.time == 3.0
+
+
+def test_a_breach_of_what_nobody_has_said_is_watched_is_known_all_the_same():
+    assert words(after(BROKEN)) == {"a": "broken"}
+
+
+def test_the_next_run_is_watched_anew():
+    state = after(WATCHED, BROKEN, ("assumption_failed", {}), BEGAN)
+    assert (state.properties, state.doubted) == ({}, None)
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [("properties_watched", {"properties": [3]}), ("properties_owed", {"owed": 3}), ("property_broken", {})],
+)
+def test_an_entry_of_the_same_name_from_somebody_else_is_a_fact(entry):
+    state = after(WATCHED, entry)
+    assert words(state) == {"a": "watched", "b": "watched"}
+    assert [each.kind for each in state.facts] == [entry[0]]

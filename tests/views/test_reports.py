@@ -90,6 +90,12 @@ def shown(kind="survivor", name="survivor_2", state="candidate", **more):
     }
 
 
+WATCHED = (
+    ("properties_watched", {"properties": [{"name": name, "if_broken": "tell"} for name in "ab"]}),
+    ("property_broken", {"property": "a", "event": "Drive aborted"}),
+)
+
+
 def alarm(text, **more):
     return "changed", {"alarms": [{"text": text, **more}]}
 
@@ -189,6 +195,13 @@ class TestJson:
     def test_an_alarm_says_since_when_it_is_there(self):
         (told,) = report_data(mission(alarm("low"), alarm("low", is_over=True)))["alarms"]
         assert (told["text"], told["time"], told["is_over"]) == ("low", 11.0, True)
+
+    def test_each_watched_property_has_its_verdict_and_a_broken_one_since_when_and_by_what(self):
+        assert report_data(mission())["properties"] == []
+        broken, kept = report_data(mission(*WATCHED))["properties"]
+        assert (broken["name"], broken["verdict"], broken["event"]) == ("a", "broken", "Drive aborted")
+        assert broken["broken"]["time"] == 12.0
+        assert (kept["name"], kept["verdict"], kept["broken"]) == ("b", "kept", None)
 
     def test_without_a_place_on_the_earth_positions_are_those_of_the_map(self):
         (survivor,) = report_data(mission(parameters={}))["landmarks"]["survivors"]
@@ -500,6 +513,16 @@ class TestThePage:
 
     def test_of_a_mission_that_is_not_over_a_later_report_is_asked_for(self):
         assert self.steps(ended=False)[-1].startswith("Ask for a later report: this one is of 2023-11-1")
+
+    def test_the_properties_of_a_watched_run_stand_behind_the_alarms(self):
+        page = html_report(mission(*WATCHED))
+        _, _, table = page.partition("<h2>Properties</h2>")
+        rows = re.findall(r"<tr.*?</tr>", table.partition("</table>")[0])
+        assert [re.findall(r">([^<>]+)</td>", row)[:2] for row in rows[1:]] == [
+            ["a", "broken"],
+            ["b", "kept"],
+        ]
+        assert "<h2>Properties</h2>" not in html_report(mission())
 
     def test_a_mission_that_has_left_nothing_says_so(self):
         assert "The mission has left nothing to do." in html_report(MissionState())

@@ -47,6 +47,12 @@ def happen(journal, chance, name):
         "lacks": {"text": chance.choice(["", "no link"])},
         "battery": {"share": chance.choice([0.5, 0.2])},
         "goal_ended": {"goal": name, "status": 4},
+        "properties_watched": {
+            "file": "p.yaml",
+            "properties": [{"name": each, "if_broken": "tell"} for each in "pq"],
+            "left_out": [],
+        },
+        "properties_owed": {"owed": chance.choice([[], ["p"], ["p", "q"]])},
         "log": {"node": "patrol", "level": chance.choice([20, 30, 40]), "text": name},
         "whatever": {"name": name},
     }
@@ -60,6 +66,8 @@ def happen(journal, chance, name):
         "found": {"name": f"find_{chance.randrange(4)}", "x": x, "y": 0.0},
         "lost": {"name": f"find_{chance.randrange(4)}"},
         "held": {"is_held": chance.random() < 0.5},
+        "property_broken": {"property": chance.choice("pq"), "event": name},
+        "assumption_failed": {"assumption": name},
         "alarmed": {"text": chance.choice("pq"), "is_over": chance.random() < 0.5},
     }
     kind = chance.choice([*watched, *facts, "status", "pose"])

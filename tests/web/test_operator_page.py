@@ -266,3 +266,34 @@ def test_that_a_tree_takes_no_orders_is_said_once_that_is_known(team, browser):
     assert browser.text("#answer") == ""
     team.heeded = [[], []]
     browser.wait_for("#answer", "This tree takes no orders.")
+
+
+def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
+    assert not browser.driver.find_element("id", "properties").is_displayed()
+    patrol.journal.watch(
+        "properties_watched", properties=[{"name": each, "if_broken": "hold"} for each in "abc"]
+    )
+    browser.wait_for("#properties summary", "Properties: 3 watched")
+    patrol.journal.watch("properties_owed", owed=["b"])
+    patrol.journal.clock.advance(42.0)
+    patrol.journal.raise_alarm("Property broken: c", "property_broken", property="c", event="Drive aborted")
+    browser.wait_for("#properties summary", "1 broken, 1 owed, 1 watched")
+    cards = browser.js(
+        "return [...document.querySelectorAll('#properties li')].map((each) => [...each.children].map((part) => part.textContent))"
+    )
+    assert cards == [
+        ["c", "✗ broken since 0:42 (Drive aborted)"],
+        ["a", "○ watched", "if broken, the mission is held"],
+        ["b", "… owed: something still has to come", "if broken, the mission is held"],
+    ]
+    browser.wait_for("#alarms", "Property broken: c")
+
+
+def test_a_run_that_contradicts_what_proofs_assume_says_since_when_on_the_cards(patrol, browser):
+    patrol.journal.watch("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
+    patrol.feed.tell_proofs({"verdicts": {"a": "proved"}})
+    browser.wait_for("#properties li", "✓ in all runs: proved")
+    assert not browser.text("#properties p")
+    patrol.journal.clock.advance(5.0)
+    patrol.journal.raise_alarm("Assumption failed: b", "assumption_failed", assumption="b")
+    browser.wait_for("#properties p", "From 0:05 on the run contradicts what proofs assume")

@@ -72,6 +72,13 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     assert {each["text"]: (each["run"], each["time"]) for each in shown["alarms"]} == {
         text: (since.run, since.time) for text, since in mission.since.items()
     }
+    assert shown["properties"]["doubted"] == (mission.doubted and mission.doubted.time)
+    assert {
+        each["name"]: (each["word"], each["since"], each["event"]) for each in shown["properties"]["watched"]
+    } == {
+        name: (mission.word_of(each), each.broken and each.broken.time, each.event)
+        for name, each in mission.properties.items()
+    }
     assert shown["condition"] == condition(mission)._asdict()
     assert (shown["place"], shown["plan"], shown["map"]) == (
         mission.phase.place,
@@ -235,3 +242,41 @@ def test_a_node_that_was_reset_has_its_status_anew():
         journal.watch("status", node=1, tick=number, status=status, message="")
         clock.advance(2.0)
     assert state.whole()["states"]["1"][1] == 4.0
+
+
+WATCHED = {"properties": [{"name": name, "if_broken": "tell"} for name in "ab"]}
+
+
+def test_what_is_known_of_a_property_is_told_when_that_changes_and_nothing_else_of_it():
+    state = run_of(("properties_watched", WATCHED))
+    state.change()
+    state.take(JournalEntry(3, 1, 0.0, 5.0, "properties_owed", {"owed": ["b"]}))
+    change = state.change()
+    assert change is not None
+    assert {each["name"]: each["word"] for each in change["properties"]["watched"]} == {
+        "a": "watched",
+        "b": "owed",
+    }
+    assert change.keys() == {"robot", "time", "properties"}
+
+
+def test_a_broken_property_is_an_event_of_the_log_as_well():
+    state = run_of(("properties_watched", WATCHED))
+    state.change()
+    state.take(JournalEntry(3, 1, 0.0, 5.0, "property_broken", {"property": "a", "event": "Drive aborted"}))
+    state.take(JournalEntry(4, 1, 0.0, 5.0, "changed", {"said": "Property broken: a"}))
+    change = state.change()
+    assert change is not None
+    assert change["log"]["values"] == [[1, 4.0, "fact", "Property broken: a"]]
+    assert [(each["word"], each["since"], each["event"]) for each in change["properties"]["watched"]] == [
+        ("broken", 4.0, "Drive aborted"),
+        ("watched", None, ""),
+    ]
+
+
+def test_what_is_proved_holds_for_its_run_alone():
+    state = run_of(("properties_watched", WATCHED))
+    state.tell_proofs({"verdicts": {"a": "proved"}})
+    assert folded({}, state.whole())["proofs"] == {"verdicts": {"a": "proved"}}
+    state.take(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
+    assert folded({}, state.whole())["proofs"] is None

@@ -1,0 +1,42 @@
+// The properties for which a run is watched: a card for each, with what is known of it in this run, and of all runs.
+
+import { clock, html } from "./shapes.js";
+import { PROOFS, PROPERTIES } from "./signs.js";
+
+const WORDS = { watched: "watched", owed: "owed: something still has to come", kept: "kept" };
+const DONE = { hold: "if broken, the mission is held", abort: "if broken, the mission is broken off" };
+
+export class PropertiesView {
+  /**
+   * @param {HTMLDetailsElement} place where they are.
+   */
+  constructor(place) {
+    this.place = place;
+  }
+
+  show({ properties: { watched, doubted }, proofs }) {
+    const key = JSON.stringify([watched, doubted, proofs?.verdicts]);
+    if (key === this.key) return;
+    this.key = key;
+    this.place.hidden = !watched.length;
+    const counts = Object.keys(PROPERTIES).reverse().map((word) => [watched.filter((each) => each.word === word).length, word]);
+    const [summary, note, list] = this.place.children;
+    const said = counts.filter(([count]) => count).map(([count, word]) => `${count} ${word}`).join(", ");
+    summary.replaceChildren(html("span", {}, html("b", {}, "Properties"), `: ${said}`));
+    summary.classList.toggle("broken", counts[0][0] > 0);
+    note.hidden = doubted === null;
+    note.textContent = doubted === null ? "" : `From ${clock(doubted)} on the run contradicts what proofs assume; they do not speak of it any more.`;
+    const order = [...watched].sort((one, other) => (other.word === "broken") - (one.word === "broken"));
+    list.replaceChildren(...order.map((each) => card(each, proofs?.verdicts[each.name])));
+  }
+}
+
+function card({ name, word, since, event, if_broken: done }, proof) {
+  const said = word === "broken" ? `broken since ${clock(since)} (${event || "at the end"})` : WORDS[word];
+  const more = word === "broken" || !DONE[done] ? [] : [html("small", {}, DONE[done])];
+  return html("li", { class: PROPERTIES[word].word }, html("strong", {}, name), html("div", {}, state(PROPERTIES[word], said), ...(proof ? [state(PROOFS[proof], `in all runs: ${proof}`)] : [])), ...more);
+}
+
+function state({ word, sign }, said) {
+  return html("span", { class: word }, html("b", { "aria-hidden": "true" }, sign), ` ${said}`);
+}
