@@ -204,7 +204,7 @@ class _ReplayedFlight:
         noted = self._noted(lost)
         return (
             lost.is_last
-            and any(lost.events[:-1])
+            and len(lost.events) > 1
             and any(
                 way.common(noted, lost.told)[0] == len(noted)
                 for state in lost.states
@@ -382,7 +382,7 @@ class _Judged:
         Args:
             is_over: Whether it is over by its own condition, so that every tick from now on would leave all as it is.
         """
-        if is_over and self._last.number:
+        if is_over:
             stepper, states = self._flight.runs.stepper, [*self._some]
             ends = {state: stepper.judgement(state, idle=True) for state in states}
             self._has_ended |= any(each.ends for each in ends.values())

@@ -143,6 +143,15 @@ def test_where_the_record_fits_runs_that_break_a_property_and_others_it_may_be_b
     assert flights.fates(near, ("FAILURE", "two FAILURE")) == {"p": KEPT, "q": KEPT}
 
 
+def test_an_answer_that_goes_on_unnoted_is_the_one_that_it_was():
+    answers = (
+        "answers: {one: [{status: RUNNING, label: driving}, {status: RUNNING, label: turning}, SUCCESS]}\n"
+    )
+    flights = Flights(TWO, f"{answers}properties: {{p: {{never: one turning}}}}")
+    assert flights.fates(("RUNNING", "one RUNNING driving"), ("RUNNING",)) == {"p": KEPT}
+    assert flights.fates(("RUNNING", "one RUNNING"), ("RUNNING",)) == {"p": IN_DOUBT}
+
+
 def test_a_property_that_every_way_has_broken_by_some_tick_is_broken_for_sure_from_there_on():
     answers = "answers: {one: [RUNNING, {status: SUCCESS, label: far}, {status: SUCCESS, label: near}]}\n"
     flights = Flights(TWO, f"{answers}properties: {{p: {{never: [one far, two SUCCESS]}}}}")
@@ -170,6 +179,16 @@ def test_an_answer_that_facts_exclude_is_told_with_what_would_have_had_to_be_so(
     assert (misfit.tick, misfit.event) == (1, "b counted")
     assert misfit.why == "it is assumed that 'b' answers 'counted' only when f > 0; f is 0"
     assert set(misfit.possible) == {"b FAILURE", "b RUNNING"}
+
+
+def test_of_a_leaf_that_answers_twice_in_a_tick_it_is_the_answer_that_cannot_be():
+    flights = Flights(
+        '<RetryUntilSuccessful name="all" num_attempts="3"><A name="one"/></RetryUntilSuccessful>'
+    )
+    misfit = flights.misfit(RUNS, ("SUCCESS", "one FAILURE", "one SUCCESS odd"))
+    assert misfit.event == "one odd"
+    assert "one SUCCESS" in misfit.possible
+    assert misfit.why.endswith("and this was odd")
 
 
 def test_a_status_that_was_put_in_the_place_of_an_answer_is_told():
@@ -221,6 +240,12 @@ def test_an_answer_that_went_on_longer_than_is_assumed_is_told_with_the_limit():
     assert misfit.why == "it is assumed that 'one' answers 'held' only when left > 0; left is 0"
 
 
+def test_what_the_root_came_to_is_told_with_the_place_of_the_root():
+    ticks = ("RUNNING", "one FAILURE"), ("FAILURE", "one FAILURE odd")
+    root, leaf = (int(Flights(TWO).misfit(tick).place.rpartition(":")[2]) for tick in ticks)
+    assert root < leaf
+
+
 def test_a_leaf_that_was_not_stopped_although_it_had_to_be_is_told():
     flights = Flights('<ReactiveSequence name="all"><P name="one"/><A name="two"/></ReactiveSequence>')
     goes = ("RUNNING", "one SUCCESS", "two RUNNING")
@@ -249,22 +274,22 @@ def test_from_where_a_flight_leaves_the_tree_properties_are_judged_by_its_events
     flights = Flights(TWO, properties)
     strange = [
         ("RUNNING", "one SUCCESS", "two RUNNING"),
-        ("RUNNING", "two odd odd"),
+        ("RUNNING", "two RUNNING odd"),
+        ("RUNNING",),
         ("RUNNING", "two SUCCESS"),
     ]
-    strange[1] = ("RUNNING", "two RUNNING odd")
     found = flights.compared(*strange, is_over=False)
     assert found.misfit.event == "two odd"
     fates = {each.name: (each.fate, each.tick, each.by_events) for each in found.properties}
     assert fates == {
         "before it": (BROKEN, 1, False),
-        "behind it": (BROKEN, 3, True),
+        "behind it": (BROKEN, 4, True),
         "owed": (OPEN, 0, False),
         "kept": (KEPT, 0, False),
         "at the end": (OPEN, 0, False),
     }
     (behind,) = [each for each in found.properties if each.name == "behind it"]
-    assert (behind.event, behind.time_sec) == ("two SUCCESS", 1.5)
+    assert (behind.event, behind.time_sec) == ("two SUCCESS", 2.0)
 
 
 def test_facts_begin_anew_where_events_alone_are_judged():

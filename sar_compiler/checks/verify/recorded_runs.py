@@ -240,7 +240,7 @@ class TreeRuns:
     def put_before(self, state: bytes, way: Way, place: int) -> None:
         """Have facts and keys hold what they held before an answer of a tick, by its place among the tick's answers."""
         for step in self.stepper.ticks(state):
-            if step.state == way.state and self._way(step.state) == way:
+            if self._way(step.state or _NOWHERE) == way:
                 self.stepper.before_answer(place)
                 return
 
