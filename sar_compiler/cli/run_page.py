@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.cli.page_tools import LiveTools, ToolError, journal_tools
+from sar_compiler.cli.run_proof import RunProof
 from sar_compiler.cli.run_report import report_page
 from sar_compiler.cli.team_orders import TeamOrders, ordering
 from sar_compiler.cli.terminal import draws_in_place
@@ -72,13 +73,19 @@ class RunPage(Companion):
             except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
                 return {}
 
+        self._proof = RunProof(run)
         robots, forms = [node.get_fully_qualified_name()], [[_form(verb) for verb in verbs]]
-        tools = {**self._tools.tools, **({"report": Tool(self._report)} if journal.is_kept else {})}
-        feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
+        tools = {
+            **self._tools.tools,
+            **({"report": Tool(self._report)} if journal.is_kept else {}),
+            # It takes the processor that others leave, and memory.
+            **({"prove": Tool(self._proof.ask, is_free=False)} if run.options.properties else {}),
+        }
+        feed = self._proof.feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
         for entry in journal.earlier():
             feed.take(entry)
         # Apart: a page on which nobody says why goes on.
-        for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
+        for listener in (feed.take, _TellsWhy(feed).take, self._tools.take, self._proof.take):
             journal.listen(listener)
         self._orders = _OwnOrders(calls)
         self._server = PageServer(feed, run.options.web_port, self._orders, tools)
@@ -95,6 +102,7 @@ class RunPage(Companion):
         """Serve it no more; on a terminal that is Ctrl-C's to say, unless that is how the run has ended."""
         self._has_ended = self._orders.has_ended = True
         self._tools.end()
+        self._proof.end()
         if has_begun and self._is_looked_at and not self._run.signals.came:
             self._run.staying.append(self._stay)
         else:

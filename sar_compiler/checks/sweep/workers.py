@@ -71,11 +71,11 @@ def in_processes(count: int) -> Workers:
         return Workers(Here, 1)
     # Each is started afresh, on every platform: a copy of this process would have its threads' locks.
     context = multiprocessing.get_context("spawn")
-    return Workers(lambda: ProcessPoolExecutor(count, context, _begin), count)
+    return Workers(lambda: ProcessPoolExecutor(count, context, live_with_parent), count)
 
 
-def _begin() -> None:
-    """Leave Ctrl-C to the parent process, and end with it however it ends."""
+def live_with_parent() -> None:
+    """Leave Ctrl-C to the process that has begun this one, and end with it however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None  # noqa: S101 - this is a worker
