@@ -48,6 +48,19 @@ def test_its_tree_has_no_findings(start, installed):
     assert check.end() == 0, check.output
 
 
+def test_what_holds_in_every_patrol_is_proved_watched_in_flight_and_kept(start, installed, tmp_path):
+    proof = start("sar-compile", "verify", PATROL, env=installed)
+    assert proof.end() == 0, proof.output
+    assert "5 answers: 5 proved" in proof.output
+    flown = ("--properties", "--journal", tmp_path / "m.journal", "--fault", "take_photo:refuse=2")
+    run = start("sar-run", PATROL, "--sim", "--speed", 20, *flown, env=installed)
+    assert run.end() == 1, run.output
+    assert "Watched for 3 properties: none was broken." in run.output
+    compared = start("sar-compile", "conform", PATROL, tmp_path / "m.journal", env=installed)
+    assert compared.end() == 0, compared.output
+    assert "3 properties: 3 kept" in compared.output
+
+
 def test_one_bad_photo_is_tried_again(start, installed):
     faults = ("--fault", "take_photo:refuse=1", "--fault", "take_photo:delay=1")
     run = start("sar-run", "--mission", "photo_patrol", "--sim", "--speed", 20, *faults, env=installed)

@@ -1,6 +1,6 @@
 """The patrol as a mission for `sar-run`."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,10 @@ class PhotoPatrol(Mission):
     def default_parameters(self) -> Path:
         """Return the file in the package."""
         return _HERE / "points.yaml"
+
+    def default_properties(self, leaves: Collection[type]) -> Path:  # noqa: ARG002
+        """Return the file in the package."""
+        return _HERE / "properties.yaml"
 
     def begin(self, reader: ParameterReader) -> "PatrolRun":
         """Begin a patrol of the points in the parameters."""
