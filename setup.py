@@ -38,6 +38,7 @@ def description() -> str:
 
 KERNEL = Path("sar_compiler/runtime/kernel")
 RECORD = KERNEL / "compiled.json"
+_OF_METADATA = {"dist_info", "egg_info"}
 OPTIONS = ("--config-file=", "--ignore-missing-imports", "--follow-imports=silent")
 
 
@@ -61,6 +62,8 @@ def kernel() -> "list[Extension]":
         return []
     for module in modules:
         module.optional = True
+        # What there is to be warned of in C that a program wrote: looking for it takes a third of the time.
+        module.extra_compile_args.append("-w")
     RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
     return modules
 
@@ -75,11 +78,14 @@ class Building(build_ext):
 
 
 class WithKernel(Distribution):
-    """Has something to compile wherever mypyc is, unless that is not wanted."""
+    """Has something to compile wherever mypyc is, unless that is not wanted, or only the metadata are."""
 
     def has_ext_modules(self) -> bool:
         """Return whether there is something to compile."""
-        return os.environ.get("SAR_KERNEL") != "python" and importlib.util.find_spec("mypyc") is not None
+        # pip asks for the metadata first, where setuptools would have mypyc tell the names of all sources.
+        asked = getattr(self, "commands", [])
+        is_wanted = os.environ.get("SAR_KERNEL") != "python" and (not asked or {*asked} - _OF_METADATA)
+        return bool(is_wanted) and importlib.util.find_spec("mypyc") is not None
 
 
 distribution = setup(

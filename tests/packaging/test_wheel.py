@@ -29,7 +29,7 @@ def install(folder):
     done(
         folder / "environment" / "bin" / "python", "-m",
         "pip", "install", "--no-deps", "--disable-pip-version-check", folder / "repository",
-        env={**os.environ, "MYPYC_OPT_LEVEL": "0"},
+        env={**os.environ, "MYPYC_OPT_LEVEL": "0", "PIP_NO_COMPILE": "1"},
     )  # fmt: skip
 
 
