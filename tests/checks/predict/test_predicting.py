@@ -177,6 +177,7 @@ def test_a_derivative_is_what_a_little_more_of_a_chance_brings():
 
 
 @pytest.mark.random
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(5)))
 def test_what_is_computed_is_what_is_played(seed):
     body, runs = random_timed_tree(seed), rounds(10_000)

@@ -95,6 +95,7 @@ def answers(verification):
     ]
 
 
+@pytest.mark.unmeasured
 def test_random_trees_have_the_same_answers_apart_and_every_run_is_one_of_theirs():
     apart = 0
     for seed in [*range(rounds(40)), *_TELLING]:
@@ -121,6 +122,7 @@ def guarded(count, branch="<Sequence><A name='a{0}'/><B name='b{0}'/></Sequence>
 OF_A_BRANCH = "properties: {p: {never: b1 FAILURE}, q: {before: b1 starts, comes: a1 SUCCESS}}"
 
 
+@pytest.mark.unmeasured
 def test_many_branches_take_no_product_of_their_states():
     found = Case(guarded(8), OF_A_BRANCH).verified(100, 100_000)
     assert (found.searches, found.branches, found.complete) == (9, 8, True)
