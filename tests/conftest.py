@@ -1,10 +1,12 @@
 """What every test shares: a ROS domain of its own for each test process, signals as a terminal has them, and what coverage is measured of."""
 
 import fcntl
+import itertools
 import os
 import signal
 import subprocess
 import tempfile
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import pytest
@@ -55,19 +57,56 @@ settings.load_profile("untimed")
 # Folders whose tests are about other things than the rooms that coverage is measured of.
 _ELSEWHERE = ("cli", "docs", "e2e", "examples", "fuzz", "launch", "packaging", "sim", "views")
 
+# Folders whose tests build, fly, or wait for others; what takes longest stands first.
+_LONG = ("packaging", "e2e", "examples", "faults", "web", "project", "launch")
+
 
 # Under nohup, or in the background of a script, they are ignored, and what the tests start would inherit that.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@pytest.hookimpl(tryfirst=True)
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session):
+    """Look for the tests without measuring coverage: every worker does, and it takes twice the time.
+
+    What is run where a module of the package is imported is measured: all of them are imported before.
+    """
+    if not hasattr(session.config, "workerinput") or session.config.getoption("cov_context", None):
+        return (yield)
+    if Coverage.current() is not None:
+        warm.import_all()
+    with _unmeasured():
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark the tests whose inputs are random, of which `make soak` tries more."""
+    """Mark the tests whose inputs are random, of which `make soak` tries more; have the long ones begin first."""
     for item in items:
         names = dir(getattr(item, "module", None))
         if is_hypothesis_test(getattr(item, "obj", None)) or "rounds" in names or "TIMES" in names:
             item.add_marker("random")
+    yield
+    if workers := int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "0")):
+        items[:] = _dealt(items, workers)
+
+
+def _dealt(items, workers):
+    """Return tests in an order in which workers that are given equal stretches of it begin with as many long ones each.
+
+    What is left for the end, when one worker takes over what another has not begun, are short ones; and long ones stay
+    together with those of their module, with which they may share a run.
+    """
+    long = [[item for item in items if _folder(item) == folder] for folder in _LONG]
+    modules = [list(same) for each in long for _, same in itertools.groupby(each, key=lambda item: item.path)]
+    short = (item for item in items if _folder(item) not in _LONG)
+    dealt: list[pytest.Item] = []
+    for number in range(workers):
+        stretch = (len(items) - len(dealt)) // (workers - number)
+        own = list(itertools.chain(*modules[number::workers]))
+        dealt += [*own, *itertools.islice(short, max(0, stretch - len(own)))]
+    return [*dealt, *short]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -76,24 +115,34 @@ def pytest_runtest_protocol(item):
 
     Whoever asks which test reaches which line (`--cov-context`) is told of all.
     """
+    with _unmeasured() if _is_unmeasured(item) else nullcontext():
+        return (yield)
+
+
+@contextmanager
+def _unmeasured():
     running = []
     # In a worker of xdist pytest-cov has two, and where one is stopped the other goes on.
-    while _is_unmeasured(item) and (coverage := Coverage.current()) is not None:
+    while (coverage := Coverage.current()) is not None:
         coverage.stop()
         running.append(coverage)
     try:
-        return (yield)
+        yield
     finally:
         for coverage in reversed(running):
             coverage.start()
 
 
+def _folder(item):
+    """Return the folder of the tests' that a test is in."""
+    return item.path.relative_to(Path(__file__).parent).parts[0]
+
+
 def _is_unmeasured(item):
     if item.config.getoption("cov_context", None):
         return False
-    folder = item.path.relative_to(Path(__file__).parent).parts[0]
     return (
-        folder in _ELSEWHERE
+        _folder(item) in _ELSEWHERE
         or is_hypothesis_test(getattr(item, "obj", None))
         or item.get_closest_marker("unmeasured") is not None
     )

@@ -98,13 +98,18 @@ def _server():
     return here
 
 
-def _serve(asking):
-    """Import what there is, and fork as often as it is asked for; return in each fork, with what was asked."""
+def import_all():
+    """Import all modules of the package."""
     import sar_compiler
 
     for module in pkgutil.walk_packages(sar_compiler.__path__, "sar_compiler."):
         with suppress(ImportError):  # of what is optional
             importlib.import_module(module.name)
+
+
+def _serve(asking):
+    """Import what there is, and fork as often as it is asked for; return in each fork, with what was asked."""
+    import_all()
     gc.freeze()
     while True:
         asked, descriptors, _, _ = socket.recv_fds(asking, _MOST_BYTES, 4)
