@@ -592,6 +592,24 @@ def go(browser, seconds):
     )
 
 
+def test_the_end_is_reached_also_where_hundredths_of_a_second_are_a_little_before_it(tmp_path, browser):
+    place, clock = tmp_path / "mission.journal", ManualClock(100.0)
+    journal = open_journal(place)
+    journal.clock = clock
+    journal.begin(ABOUT, {})
+    clock.advance(5.14)
+    journal.watch("pose", x=0.0, y=0.0, yaw=0.0)
+    journal.end(Ending.STOPPED, 130, "Stopped.")
+    journal.close()
+    replay = Replay([place])
+    assert replay.end > 5.14
+    with closing(PageServer(ReplayFeed(replay, {}), free_port())) as server:
+        server.start()
+        browser.open(tree_of(server))
+        go(browser, 99)
+        browser.wait_for("#condition", "stopped")
+
+
 def test_a_replay_goes_back_and_forth_through_time(replay, browser):
     browser.open(tree_of(replay))
     assert browser.text("#at").endswith("of 0:20")

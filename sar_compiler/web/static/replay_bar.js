@@ -19,7 +19,9 @@ export class ReplayBar {
     this.button.addEventListener("click", () => this.play(!this.playing));
     this.slider.addEventListener("input", () => {
       this.play(false);
-      stream.go(Number(this.slider.value));
+      const { value, max } = this.slider;
+      // Of the end, hundredths may lack the last digit.
+      stream.go(value === max ? stream.end : Number(value));
     });
   }
 
