@@ -6,7 +6,9 @@ from contextlib import closing
 import pytest
 
 from sar_compiler.journal.database import JournalFile
+from tests.e2e.test_page_of_a_mission import address
 from tests.processes import Command
+from tests.web.browsers import open_browser
 
 pytestmark = pytest.mark.ros
 
@@ -89,3 +91,30 @@ def test_a_slip_in_the_file_is_a_finding_before_anything_starts(start, tmp_path)
     assert run.end() == 2
     assert f"{properties}:1:40: error[unknown-answer]: 'DetectSurvivor' never does 'fuond'" in run.output
     assert "did you mean 'found'?" in run.output
+
+
+WATCHED = """properties:
+  nobody is found: {never: DetectSurvivor found}
+  no report without a find: {before: NotifyBase starts, comes: DetectSurvivor found}
+"""
+
+
+def test_the_page_has_a_card_for_each_property_proves_them_and_shows_in_a_replay_what_was_so(start, tmp_path):
+    properties, journal = write(tmp_path / "properties.yaml", WATCHED), tmp_path / "m.journal"
+    options = ("--properties", properties, "--journal", journal, "--view", "web", "--web-port", 0)
+    run = start("sar-run", "search_and_rescue", "--sim", "--speed", 2, *options)
+    with open_browser() as page:
+        page.size(1400, 900)
+        page.open(address(run)[0]).wait_for("#properties summary", "Properties: 2 watched")
+        page.click("#properties summary")
+        page.click("#properties button")
+        page.wait_for("#properties li:last-child", "○ watched✓ in all runs: proved")
+        page.wait_for("#properties li.broken", "(DetectSurvivor found)✗ in all runs: does not hold")
+        run.end()
+        page.wait_for("#properties summary", "1 broken, 1 kept")
+        replay = start("sar-journal", "replay", journal, "--web-port", 0)
+        page.open(address(replay)[0]).wait_for("#properties summary", "2 watched")
+        page.js(
+            "const time = document.getElementById('time'); time.value = time.max; time.dispatchEvent(new Event('input'))"
+        )
+        page.wait_for("#properties summary", "1 broken, 1 kept")
