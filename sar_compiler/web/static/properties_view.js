@@ -20,7 +20,7 @@ export class PropertiesView {
     this.key = key;
     this.place.hidden = !watched.length;
     const counts = Object.keys(PROPERTIES).reverse().map((word) => [watched.filter((each) => each.word === word).length, word]);
-    const [summary, note, list] = this.place.children;
+    const [summary, note, list] = ["summary", "p", "ul"].map((each) => this.place.querySelector(each));
     const said = counts.filter(([count]) => count).map(([count, word]) => `${count} ${word}`).join(", ");
     summary.replaceChildren(html("span", {}, html("b", {}, "Properties"), `: ${said}`));
     summary.classList.toggle("broken", counts[0][0] > 0);

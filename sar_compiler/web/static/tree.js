@@ -32,7 +32,7 @@ const why = new WhyView(at("why"), (id) => {
   look("tree");
   tree.select(id);
 });
-const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise"), proof: at("properties").lastElementChild }, stream, tree);
+const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise"), proof: at("properties").querySelector(".bar") }, stream, tree);
 const orders = new Orders(at("orders"), stream, (answer) => {
   look("map");
   map.pick(answer);
