@@ -21,6 +21,7 @@ from sar_compiler.checks.verify.recorded_runs import OtherTreeError
 from sar_compiler.checks.verify.state import Alphabet, Prepared
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.answers import OVERRIDDEN, Answer
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
 from sar_compiler.runtime.expressions import name_uses
@@ -134,6 +135,8 @@ class PropertyWatch:
         tags: The tags of leaves that a tree can have.
         watched: The tree that is watched, whose keys are read; by default these are those of the simulated one, in which only its leaves' scripts write.
         clock: Returns the time, seconds since the run began.
+        limits: The facts that only say how often something happens at most. What a condition finds in one tick after the other (a mission that is
+            held) has happened once.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -152,6 +155,7 @@ class PropertyWatch:
         tags: Collection[str] = (),
         watched: CompiledTree | None = None,
         clock: Callable[[], float] = lambda: 0.0,
+        limits: Collection[str] = (),
     ) -> None:
         prepared = Prepared(simulated, Alphabet(simulated))
         keys = None if watched is None else watched.instance.scope
@@ -184,6 +188,15 @@ class PropertyWatch:
         self._hears = monitors.heard.union(rules.guarded)
         # Of each leaf: what it has done last, and in which tick.
         self._last: dict[int, tuple[str, int]] = {}
+        origins = simulated.compiled.origins
+        self._limits = [simulated.facts.resolve(name) for name in limits]
+        self._spends = {
+            leaf.number
+            for leaf in (simulated.leaves if limits else ())
+            if origins[leaf.id].bound.spec.kind is Kind.CONDITION and any(each.then for each in leaf.answers)
+        }
+        # Of those that do: what they have answered last, in which tick, and what was left before.
+        self._spent: dict[int, tuple[str, int, list[object]]] = {}
 
     @property
     def remembered(self) -> int:
@@ -240,6 +253,8 @@ class PropertyWatch:
         if numbers is None:
             self._answers_unknown(number, status, label)
             return
+        if number in self._spends:
+            self._go_on(number, label or status)
         (event, answer), excluded = numbers[0], None
         if len(numbers) > 1 or (answer is not None and answer.when):
             (event, answer), excluded = self._possible(number, numbers)
@@ -251,6 +266,14 @@ class PropertyWatch:
             self._tell_broken(number, label or status)
         if answer is not None and answer.then:
             self._change(self._leaves[number], answer)
+
+    def _go_on(self, number: int, deed: str) -> None:
+        """Let a condition that finds the same as in the tick before take nothing from the limits again."""
+        found, tick, before = self._spent.get(number, ("", 0, []))
+        if (found, tick) == (deed, self._tick - 1):
+            for entry, value in zip(self._limits, before, strict=True):
+                entry.write(value)
+        self._spent[number] = deed, self._tick, [entry.read() for entry in self._limits]
 
     def end_tick(self, root: str) -> None:
         """Take the end of a tick, and what the root came to; empty if the tick was not finished."""

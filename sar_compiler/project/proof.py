@@ -17,6 +17,7 @@ from sar_compiler.checks.assumptions import (
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.property_watch import PropertyWatch
 from sar_compiler.checks.trying import TrialBudget, can_prepare, findings_of_runs, mark
+from sar_compiler.checks.verify.counterfactual import limits_of
 from sar_compiler.checks.verify.properties import PropertyFile, read_property_file
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
@@ -107,7 +108,7 @@ def watch_tree(
     """Return what watches a run of a bound tree for properties; see `LoadedTree.watch`."""
 
     def watch(simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str]) -> PropertyWatch:
-        return PropertyWatch(simulated, file, tags, watched, clock)
+        return PropertyWatch(simulated, file, tags, watched, clock, limits_of(simulated, facts))
 
     return search_as_begun(tree, binding, properties, facts, parameters, watch)
 

@@ -260,3 +260,17 @@ def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
     assert (alarm.cause, alarm.event) == (AlarmCause.ASSUMPTION, "y counted")
     assert alarm.about == "'y' answers 'counted' only when f > 0; f is 0"
     assert [each.deed for each in alarm.run] == ["counted"]
+
+
+def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
+    held = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    case = Case("<Sequence><P/><B/></Sequence>", held)
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    for _ in range(5):
+        assert taken(watch, (1, "FAILURE", "held")) == []
+        watch.end_tick("FAILURE")
+    taken(watch, (1, "SUCCESS"))
+    watch.end_tick("RUNNING")
+    assert taken(watch, (1, "FAILURE", "held")) == [
+        "Assumption failed: 'P' answers 'held' only when left > 0; left is 0"
+    ]

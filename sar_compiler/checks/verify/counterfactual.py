@@ -138,8 +138,22 @@ class Retrospect:
 def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
     """Let a tree's leaves do as often as they like what is assumed to happen so many times at most; return whether there is such a thing.
 
-    These are the facts that answers only lower: an operator's orders, losses of a connection. Proofs need a limit for them; a
-    record shows how often it was.
+    A record shows how often it was.
+
+    Args:
+        simulated: The tree with stub leaves.
+        known: As for `limits_of`.
+    """
+    limits = limits_of(simulated, known)
+    for name in limits:
+        simulated.facts.resolve(name).write(_WITHOUT_END)
+    return bool(limits)
+
+
+def limits_of(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
+    """Return the facts that say how often something happens at most, which proofs need: an operator's orders, losses of a connection.
+
+    These are the facts that answers only lower.
 
     Args:
         simulated: The tree with stub leaves.
@@ -148,10 +162,7 @@ def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
     scripts = [parse(answer.then) for leaf in simulated.leaves for answer in leaf.answers if answer.then]
     changes = [each for script in scripts for each in script.statements if isinstance(each, Assignment)]
     others = {each.target.name for each in changes if each.operator != "-="}.union(known)
-    limits = simulated.fact_values().keys() & {each.target.name for each in changes} - others
-    for name in limits:
-        simulated.facts.resolve(name).write(_WITHOUT_END)
-    return bool(limits)
+    return simulated.fact_values().keys() & {each.target.name for each in changes} - others
 
 
 class _OtherAnswer(NamedTuple):
