@@ -1,5 +1,6 @@
 """Proving the properties of a run beside it, for the page."""
 
+import os
 from argparse import Namespace
 from queue import Queue
 from typing import Any
@@ -79,6 +80,11 @@ def test_a_process_of_its_own_proves_and_is_asked_once(tmp_path):
     assert run.told.get(timeout=SILENCE_SEC) == {"verdicts": {}, "said": "being proved…"}
     assert run.told.get(timeout=SILENCE_SEC)["verdicts"]["a drive before the search"] == "proved"
     assert run.told.empty()
+    assert proof._process is not None
+    pid = proof._process.pid
+    assert pid is not None
+    # It gives way to all others.
+    assert os.getpriority(os.PRIO_PROCESS, pid) == 19
 
 
 def test_what_cannot_be_proved_is_said_with_the_reason(tmp_path):

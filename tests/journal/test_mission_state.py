@@ -243,6 +243,10 @@ def test_a_run_that_is_not_watched_has_no_properties():
     assert after().properties == {}
 
 
+def test_a_watched_property_says_what_is_done_where_it_is_broken():
+    assert [each.if_broken for each in after(WATCHED).properties.values()] == ["tell", "hold"]
+
+
 def test_a_property_is_watched_until_it_is_broken_and_kept_at_the_end_of_the_run():
     end = ("run_ended", {"ending": "over", "status": 0, "reason": ""})
     assert words(after(WATCHED)) == {"a": "watched", "b": "watched"}
