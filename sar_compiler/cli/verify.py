@@ -19,7 +19,7 @@ from sar_compiler.cli.loading import (
     workspace,
 )
 from sar_compiler.cli.terminal import ProgressLine, painter
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_error
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ _COLOURS = {"proved": "advice", "does not hold": "error", "not decided": "warnin
 _ANSWER = re.compile(f"(?<= )({'|'.join(_COLOURS)})(?=$|[:;])", re.MULTILINE)
 
 
-def add_verify(parser: argparse.ArgumentParser) -> None:
+def add_verify(parser: CommandParser) -> None:
     """Add the arguments of `verify`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
@@ -53,7 +53,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     add_params(parser)
     text = f"explore at most N states, and leave open what would take more (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
-    add("--jobs", type=count, help=argparse.SUPPRESS)
+    parser.hide(add("--jobs", type=count, metavar="N", help="has no effect any more; older scripts say it"))
     add_project_options(parser)
     add_mission(parser)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
