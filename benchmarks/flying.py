@@ -35,6 +35,7 @@ _OPTIONS: Mapping[str, Sequence[str]] = {
     "--publish": ("--publish",),
     "--groot2 PORT": ("--groot2", "1767"),
     "--record FILE": ("--record", "{0}/{1}.mcap"),
+    "--properties": ("--properties",),
 }
 _LENGTH_M = 1200
 _MAP = "image: map.pgm\nresolution: 0.5\norigin: [0.0, -3.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
