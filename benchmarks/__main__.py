@@ -38,7 +38,9 @@ def main(arguments: list[str] | None = None) -> int:
     for line in worse:
         print(f"worse than recorded: {line}", file=sys.stderr)
     if options.save:
-        record.save(record.merged(run, recorded), record.RECORD)
+        merged = record.merged(run, recorded)
+        record.save(merged, record.RECORD)
+        tables.rewrite(merged, tables.README)
     return 1 if failed or (worse and not options.save) else 0
 
 
