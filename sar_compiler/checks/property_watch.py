@@ -5,7 +5,7 @@ are those of the search, and are told of the same events in the same order. So a
 """
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
@@ -23,6 +23,7 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.answers import OVERRIDDEN, Answer
+from sar_compiler.runtime.blackboard import Entry
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
@@ -30,7 +31,7 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.trail import Guarded, Trail
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf, StubLeafError
-from sar_compiler.runtime.variables import ScriptValue
+from sar_compiler.runtime.variables import ScriptValue, VariableError
 from sar_compiler.runtime.walking import pre_order
 
 _MOST_TOLD = 20
@@ -188,14 +189,8 @@ class PropertyWatch:
         self._hears = monitors.heard.union(rules.guarded)
         # Of each leaf: what it has done last, and in which tick.
         self._last: dict[int, tuple[str, int]] = {}
-        origins = simulated.compiled.origins
-        self._limits = [simulated.facts.resolve(name) for name in limits]
-        self._spends = {
-            leaf.number
-            for leaf in (simulated.leaves if limits else ())
-            if origins[leaf.id].bound.spec.kind is Kind.CONDITION and any(each.then for each in leaf.answers)
-        }
-        # Of those that do: what they have answered last, in which tick, and what was left before.
+        # Of each condition that takes from limits: these, what it has found last, in which tick, and what was left before.
+        self._limits = _limits_of_conditions(simulated, limits)
         self._spent: dict[int, tuple[str, int, list[object]]] = {}
 
     @property
@@ -253,27 +248,40 @@ class PropertyWatch:
         if numbers is None:
             self._answers_unknown(number, status, label)
             return
-        if number in self._spends:
-            self._go_on(number, label or status)
+        if number in self._limits:
+            self._answer_within_limits(number, numbers, label or status)
+        else:
+            self._answer(number, numbers, label or status)
+
+    def _answer_within_limits(
+        self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str
+    ) -> None:
+        """Take an answer of a condition; one that goes on is possible as it was at first, and takes nothing again."""
+        limits = self._limits[number]
+        now = [entry.read() for entry in limits]
+        found, tick, before = self._spent.get(number, ("", 0, now))
+        if (found, tick) == (deed, self._tick - 1):
+            _write(limits, before)
+            self._answer(number, numbers, deed)
+            _write(limits, now)
+        else:
+            before = now
+            self._answer(number, numbers, deed)
+        self._spent[number] = deed, self._tick, before
+
+    def _answer(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
+        """Take a declared answer, which can be one of some."""
         (event, answer), excluded = numbers[0], None
         if len(numbers) > 1 or (answer is not None and answer.when):
             (event, answer), excluded = self._possible(number, numbers)
-        self._note(number, label or status, is_heard=event in self._hears)
+        self._note(number, deed, is_heard=event in self._hears)
         if excluded is not None:
             self._tell_assumption(number, *excluded)
         self._trail.take(event)
         if self._trail.broken:
-            self._tell_broken(number, label or status)
+            self._tell_broken(number, deed)
         if answer is not None and answer.then:
             self._change(self._leaves[number], answer)
-
-    def _go_on(self, number: int, deed: str) -> None:
-        """Let a condition that finds the same as in the tick before take nothing from the limits again."""
-        found, tick, before = self._spent.get(number, ("", 0, []))
-        if (found, tick) == (deed, self._tick - 1):
-            for entry, value in zip(self._limits, before, strict=True):
-                entry.write(value)
-        self._spent[number] = deed, self._tick, [entry.read() for entry in self._limits]
 
     def end_tick(self, root: str) -> None:
         """Take the end of a tick, and what the root came to; empty if the tick was not finished."""
@@ -385,8 +393,15 @@ def only_when(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
     """Return when a leaf gives some answers, none of which is possible now, and what is so now, in words."""
     whens = dict.fromkeys(answer.when for answer in answers)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
-    values = ", ".join(f"{name} is {leaf.variables.read(name)!r}" for name in names)
+    values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)
     return f"'{leaf.name}' answers '{answers[0].name}' only when {' or '.join(whens)}", f"; {values}"
+
+
+def _value(leaf: StubLeaf, name: str) -> str:
+    try:
+        return repr(leaf.variables.read(name))
+    except VariableError:
+        return "not known"
 
 
 def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
@@ -398,6 +413,22 @@ def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
 def overridden(leaf: StubLeaf, status: str) -> str:
     """Return that a status was put in the place of a leaf's answer, in words."""
     return f"'{leaf.name}' answers for itself, and {status} was put in its place"
+
+
+def _limits_of_conditions(simulated: SimulatedTree, limits: Collection[str]) -> dict[int, list[Entry]]:
+    """Return the limits that each condition of a tree takes from, by the leaf's number."""
+    origins, found = simulated.compiled.origins, {}
+    for leaf in simulated.leaves if limits else ():
+        used = {use.name for answer in leaf.answers if answer.then for use in name_uses(parse(answer.then))}
+        own = [simulated.facts.resolve(name) for name in sorted(used & {*limits})]
+        if own and origins[leaf.id].bound.spec.kind is Kind.CONDITION:
+            found[leaf.number] = own
+    return found
+
+
+def _write(entries: Iterable[Entry], values: Iterable[object]) -> None:
+    for entry, value in zip(entries, values, strict=True):
+        entry.write(value)
 
 
 def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:

@@ -218,7 +218,7 @@ class Companions:
             companion.take_setup()
 
     def conclude(self, *, is_over: bool) -> None:
-        """Have each of them write what the journal is to have before the run's end."""
+        """Tell each of them that nothing is ticked any more, before the tree is stopped."""
         for companion in self._companions:
             companion.conclude(is_over=is_over)
 

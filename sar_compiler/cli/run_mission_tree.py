@@ -324,6 +324,8 @@ class TreeRun:
             self._started = self._clock.now()
             self._tick_until_over()
             elapsed = self._clock.now() - self._started
+            is_over = engine.failure is None and (self._result is not None or self.end.complete)
+            self.companions.conclude(is_over=is_over)
             self._come_to_rest()
         except SetupFailedError as error:
             tell(self._node, str(error), error.__cause__)
@@ -344,16 +346,14 @@ class TreeRun:
             status = self._conclude(elapsed, texts)
         except MissionError as error:
             status = self._fail(str(error))
-        is_over = engine.failure is None and (self._result is not None or self.end.complete)
-        self._conclude_watch(texts, is_over=is_over)
+        self._tell_verdicts(texts)
         ending = Ending.OVER if is_over else Ending.STOPPED if self._signals.came else Ending.FAILED
         reason = self._result.reason if self._result is not None else self._reason
         self._end_journal(ending, status, reason)
         return status
 
-    def _conclude_watch(self, texts: list[str], *, is_over: bool) -> None:
-        """Have the end of the run judged by the properties for which it is watched, and add what became of them to texts."""
-        self.companions.conclude(is_over=is_over)
+    def _tell_verdicts(self, texts: list[str]) -> None:
+        """Add what became of the properties for which the run was watched to texts."""
         watch = self.companions.watch()
         if watch is not None and self._options.format == "json":
             self._said["properties"] = watch.verdicts()

@@ -18,6 +18,7 @@ from sar_compiler.journal.journal_entries import (
 from sar_compiler.missions.mission import Verb, VerbError
 from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.companion import Companion, UnfitLeavesError
+from sar_compiler.ros.engine import error_text, tell
 from sar_compiler.runtime.answers import DeclaredAnswers
 from sar_compiler.runtime.leaf_ear import hear
 from sar_compiler.runtime.skipping import was_skipped
@@ -25,6 +26,7 @@ from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from concurrent.futures import Future
 
     from py_trees.behaviour import Behaviour
@@ -146,6 +148,8 @@ class RunWatch(Companion):
         self._answers: dict[int, DeclaredAnswers] = {}
         self._remembered = 0
         self._began = 0.0
+        # Whether nothing is heard any more, and why, if that is a failure.
+        self._is_over, self._failure = False, ""
 
     def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
         """Hear the leaves of the tree from now on.
@@ -197,33 +201,45 @@ class RunWatch(Companion):
 
     def looks(self, number: int) -> None:
         """Be told that a leaf is about to do something."""
-        self._watch.looks(number)
+        self._hear(self._watch.looks, number)
 
     def starts(self, number: int) -> None:
         """Be told that a leaf starts."""
-        self._watch.starts(number)
-        self._tell()
+        self._hear(self._watch.starts, number)
 
     def answers(self, number: int, status: str) -> None:
         """Be told what a leaf has answered."""
+        self._hear(self._take_answer, number, status)
+
+    def _take_answer(self, number: int, status: str) -> None:
         said = getattr(self._leaves[number], "answer_label", "")
         self._watch.answers(number, status, self._answers[number].label(status, said))
-        self._tell()
 
     def halts(self, number: int) -> None:
         """Be told that a leaf was halted."""
-        self._watch.halts(number)
-        self._tell()
+        self._hear(self._watch.halts, number)
 
     def conclude(self, *, is_over: bool) -> None:
-        """Judge the end of the run."""
-        self._watch.conclude(is_over=is_over)
-        self._tell()
-        self._leaves.clear()
+        """Judge the end of the run; that the tree is stopped then is none of its events."""
+        self._hear(partial(self._watch.conclude, is_over=is_over))
+        self._is_over = True
+
+    def _hear(self, take: "Callable[..., object]", *what: object) -> None:
+        """Have something taken, and tell what is wrong; who only watches ends no mission."""
+        if self._is_over:
+            return
+        try:
+            take(*what)
+            self._tell()
+        except Exception as error:  # noqa: BLE001
+            self._is_over, self._failure = True, error_text(error)
+            tell(self._run.node, f"The run is watched for properties no more: {self._failure}", error)
 
     def verdicts(self) -> dict[str, str]:
-        """Return what became of each property: `kept`, `owed` (nobody can say yet) or `broken`."""
+        """Return what became of each property: `kept`, `owed` (nobody can say yet) or `broken`; `unknown` where the watch has failed."""
         watch = self._watch
+        if self._failure:
+            return {name: "broken" if name in watch.broken else "unknown" for name in watch.properties.names}
         owed = dict.fromkeys(watch.owed, "owed")
         broken = dict.fromkeys(watch.broken, "broken")
         return {**dict.fromkeys(watch.properties.names, "kept"), **owed, **broken}
@@ -232,7 +248,7 @@ class RunWatch(Companion):
         """Return what became of the properties, as a line of a summary."""
         verdicts = self.verdicts()
         parts = []
-        for word, text in (("broken", "broken"), ("owed", "still owed")):
+        for word, text in (("broken", "broken"), ("owed", "still owed"), ("unknown", "unknown")):
             names = [name for name, verdict in verdicts.items() if verdict == word]
             if names:
                 parts.append(f"{len(names)} {text} ({'; '.join(names)})")
@@ -240,8 +256,10 @@ class RunWatch(Companion):
         return f"Watched for {count}: {', '.join(parts) or 'none was broken'}."
 
     def _end_tick(self, tree: "BehaviourTree") -> None:
-        self._watch.end_tick("SKIPPED" if was_skipped(tree.root) else tree.root.status.value)
-        self._tell()
+        self._hear(self._take_end, "SKIPPED" if was_skipped(tree.root) else tree.root.status.value)
+
+    def _take_end(self, root: str) -> None:
+        self._watch.end_tick(root)
         if self._watch.remembered != self._remembered:
             self._remembered = self._watch.remembered
             self._run.journal.watch(PROPERTIES_OWED, owed=self._watch.owed)

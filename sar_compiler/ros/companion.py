@@ -42,7 +42,7 @@ class Companion:
         """
 
     def conclude(self, *, is_over: bool) -> None:
-        """Write what the journal is to have before the run's end. *is_over* says whether the run is over by its own condition."""
+        """Take that nothing is ticked any more, before the tree is stopped. *is_over* says whether the run is over by its own condition."""
 
     def take(self, entry: "JournalEntry") -> None:
         """Take an entry of the run's journal, from `run_began` to `run_ended`; return at once."""

@@ -274,3 +274,45 @@ def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
     assert taken(watch, (1, "FAILURE", "held")) == [
         "Assumption failed: 'P' answers 'held' only when left > 0; left is 0"
     ]
+
+
+def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_script_that_counts_once():
+    lost = "{status: FAILURE, label: lost, when: away || left > 0, then: 'left -= away ? 0 : 1; away = true'}"
+    answers = (
+        f"answers: {{P: [{{status: SUCCESS, then: away = false}}, {lost}]}}\nfacts: {{left: 1, away: false}}"
+    )
+    case = Case("<Sequence><P/><B/></Sequence>", answers)
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    for _ in range(3):
+        assert taken(watch, (1, "FAILURE", "lost")) == []
+        watch.end_tick("FAILURE")
+    taken(watch, (1, "SUCCESS"))
+    watch.end_tick("RUNNING")
+    (told,) = taken(watch, (1, "FAILURE", "lost"))
+    assert told.endswith("away is 0, left is 0")
+
+
+def test_one_condition_that_goes_on_gives_others_nothing_back():
+    answers = "[SUCCESS, {status: FAILURE, label: no, when: %s > 0, then: %s -= 1}]"
+    case = Case(
+        "<Fallback><P name='one'/><P name='other'/></Fallback>",
+        f"answers: {{one: {answers % ('a', 'a')}, other: {answers % ('b', 'b')}}}\nfacts: {{a: 1, b: 1}}",
+    )
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["a", "b"])
+    assert taken(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == []
+    watch.end_tick("FAILURE")
+    assert taken(watch, (1, "FAILURE", "no"), (2, "SUCCESS")) == []
+    watch.end_tick("SUCCESS")
+    assert taken(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == [
+        "Assumption failed: 'other' answers 'no' only when b > 0; b is 0"
+    ]
+
+
+def test_what_nobody_has_written_is_said_to_be_unknown_where_an_answer_is_excluded():
+    answers = (
+        "answers: {A: [{status: SUCCESS, when: 'left > 0 ? n == 1 : false'}, FAILURE]}\nfacts: {left: 0}"
+    )
+    watch = watch_of("<Sequence><A/><Script code='n := 1'/></Sequence>", answers)
+    assert taken(watch, (1, "SUCCESS")) == [
+        "Assumption failed: 'A' answers 'SUCCESS' only when left > 0 ? n == 1 : false; left is 0, n is not known"
+    ]

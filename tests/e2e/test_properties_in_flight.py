@@ -118,3 +118,12 @@ def test_the_page_has_a_card_for_each_property_proves_them_and_shows_in_a_replay
             "const time = document.getElementById('time'); time.value = time.max; time.dispatchEvent(new Event('input'))"
         )
         page.wait_for("#properties summary", "1 broken, 1 kept")
+
+
+def test_what_is_halted_because_the_run_is_stopped_breaks_nothing(start, tmp_path):
+    text = "properties: {p: {never: [NavigateToZone halted, NavigateToZone SUCCESS]}}\n"
+    properties = write(tmp_path / "properties.yaml", text)
+    run = start("sar-run", "--sim", "--properties", properties, "--journal", "none")
+    run.wait_for("Navigating to zone_a...")
+    assert run.stop(within_sec=10.0) == 130
+    assert "Watched for 1 property: none was broken." in run.output

@@ -1,0 +1,58 @@
+"""Who watches a run for properties ends no mission, whatever goes wrong with the watch."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from sar_compiler import load
+from sar_compiler.missions.mission import MissionRun
+
+pytestmark = pytest.mark.ros
+
+
+class Broken:
+    """A watch that fails at the first answer."""
+
+    def __init__(self) -> None:
+        self.alarms: list[Any] = []
+        self.taken: list[str] = []
+        self.broken = {"one"}
+        self.file = None
+        self.properties = SimpleNamespace(names=("one", "two"), left_out=())
+
+    def looks(self, _number: int) -> None:
+        self.taken.append("looks")
+
+    def starts(self, _number: int) -> None:
+        self.taken.append("starts")
+
+    def answers(self, *_what: object) -> None:
+        self.taken.append("answers")
+        raise LookupError("no such thing")
+
+    def conclude(self, **_: object) -> None:
+        self.taken.append("conclude")
+
+
+def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any) -> None:
+    from sar_compiler.cli.run_watch import RunWatch
+
+    tree, watch = load("search_and_rescue").stage().play().simulated.compiled, Broken()
+    engine: Any = SimpleNamespace(add_post_tick_handler=lambda _: None)
+    run: Any = SimpleNamespace(
+        node=ros.node("mission"),
+        options=SimpleNamespace(properties=True, tree_id=None),
+        loaded=SimpleNamespace(watch=lambda *_, **__: watch),
+        mission=MissionRun(),
+        values={},
+    )
+    companion = RunWatch(run)
+    companion.begin(tree, engine)
+    tree.root.tick_once()
+    tree.root.tick_once()
+    assert watch.taken.count("answers") == 1
+    assert watch.taken[-1] == "answers"
+    companion.conclude(is_over=True)
+    assert companion.verdicts() == {"one": "broken", "two": "unknown"}
+    assert companion.in_words() == "Watched for 2 properties: 1 broken (one), 1 unknown (two)."
