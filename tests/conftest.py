@@ -119,6 +119,17 @@ def pytest_runtest_protocol(item):
         return (yield)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown():
+    """Hold that variables which Python reads at its start are as before: with others no command is forked any more."""
+    yield
+    left = warm.read_at_start(os.environ)
+    for name in left.keys() - warm.AT_START.keys():
+        del os.environ[name]
+    os.environ.update(warm.AT_START)
+    assert left == warm.AT_START
+
+
 @contextmanager
 def _unmeasured():
     running = []

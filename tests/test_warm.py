@@ -31,7 +31,7 @@ print(json.dumps({{
     "written at once": [sys.stdout.line_buffering, sys.stdout.write_through, sys.stderr.line_buffering],
     "encodings": [(each.encoding, each.errors) for each in (sys.stdin, sys.stdout, sys.stderr)],
     "fault handler": faulthandler.is_enabled(),
-}}))
+}}), flush=True)
 print("rclpy" in sys.modules, file=sys.stderr, flush=True)
 {end}
 """

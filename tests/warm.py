@@ -30,7 +30,7 @@ _FAULT_HANDLER = "PYTHONFAULTHANDLER"  # which a fork switches on for itself
 _begun = threading.Lock()
 
 
-def _read_at_start(variables):
+def read_at_start(variables):
     """Return the variables that Python reads when it starts, or that say how processes are measured."""
     prefixes = ("COVERAGE_", "LANG", "LC_", "LD_", "PYTHON", "_ROS_WHEELS_")
     return {
@@ -40,7 +40,7 @@ def _read_at_start(variables):
     }
 
 
-AT_START = _read_at_start(os.environ)
+AT_START = read_at_start(os.environ)
 """Of these variables, those that forks have."""
 
 
@@ -55,7 +55,7 @@ class Popen(_Started):
         words = [args] if isinstance(args, (str, bytes, os.PathLike)) else list(args)
         variables = dict(os.environ if env is None else env)
         differs = executable or preexec_fn or pass_fds or shell or group not in (None, -1)
-        if differs or os.fspath(words[0]) not in COMMANDS or _read_at_start(variables) != AT_START:
+        if differs or os.fspath(words[0]) not in COMMANDS or read_at_start(variables) != AT_START:
             super()._execute_child(args, executable, preexec_fn, close_fds, pass_fds, cwd, env, *others)
             return
         reading, _, _, writing, _, complaining = streams

@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
@@ -64,7 +66,9 @@ def test_one_process_several_and_a_cluster_give_the_same(capsys):
     wanted = [*MISSION, "--scenario", "day.yaml", "--runs", 50, "--half-width", 0.12]
     one = run(capsys, *wanted, "--jobs", 1)
     assert run(capsys, *wanted, "--jobs", 2) == one
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=2, dashboard_address=None) as cluster:
+    local = partial(distributed.LocalCluster, n_workers=2, threads_per_worker=2, dashboard_address=None)
+    # It leaves what its processes begin with among the variables of whoever starts it.
+    with mock.patch.dict(os.environ), local() as cluster:
         assert run(capsys, *wanted, "--dask", cluster.scheduler_address) == one
 
 
