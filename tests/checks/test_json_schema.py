@@ -1,7 +1,9 @@
 """The schema for YAML: committed as it is generated, and never stricter than the rules."""
 
 import json
+import re
 from pathlib import Path
+from urllib.parse import unquote
 
 import jsonschema
 import pytest
@@ -11,8 +13,9 @@ from hypothesis import given
 from sar_compiler.checks import RULES, check
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
-from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.schemas.json_schema import json_schema
+from sar_compiler.nodes.spec import Kind, NodeSpec, Signature
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, Severity
 from sar_compiler.tree.forest import Forest
@@ -48,6 +51,36 @@ def test_the_committed_schema_is_the_one_that_the_registry_generates():
 
 def test_it_is_a_schema():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+FRAGMENT = re.compile(r"#(?:[A-Za-z0-9\-._~!$&'()*+,;=:@/?]|%[0-9A-F]{2})*")
+"""A reference to a place of the same document (RFC 3986)."""
+OF_ANOTHER_SCRIPT = NodeSpec("Überflug", None, Kind.ACTION, signature=Signature({}))
+
+
+def references_in(part):
+    """Yield every `$ref` in a schema."""
+    parts = part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()
+    if isinstance(part, dict) and isinstance(part.get("$ref"), str):
+        yield part["$ref"]
+    for each in parts:
+        yield from references_in(each)
+
+
+def target_of(reference, schema):
+    """Return what a reference leads to."""
+    for name in unquote(reference).removeprefix("#/").split("/"):
+        schema = schema[name]
+    return schema
+
+
+def test_every_reference_is_a_uri_that_leads_to_a_definition():
+    schema = json_schema(Registry([*default_registry().specs(), OF_ANOTHER_SCRIPT]))
+    references = set(references_in(schema))
+    assert "#/$defs/tag.%C3%9Cberflug" in references
+    assert len(references) > 100
+    assert [each for each in references if not FRAGMENT.fullmatch(each)] == []
+    assert [each for each in references if not isinstance(target_of(each, schema), dict)] == []
 
 
 @pytest.mark.parametrize("path", sorted(Path("trees").glob("*.yaml")), ids=str)
@@ -147,7 +180,7 @@ def test_the_schema_refuses_nothing_that_the_rules_let_pass(element):
 def test_an_editor_shows_what_a_bare_tag_means_and_what_any_node_may_have():
     bare = SCHEMA["$defs"]["node"]["then"]
     assert dict(zip(bare["enum"], bare["enumDescriptions"], strict=True))["Sleep"] == "Waits, then succeeds."
-    common = SCHEMA["$defs"]["<Sleep>"]["properties"]
+    common = SCHEMA["$defs"]["tag.Sleep"]["properties"]
     for name in (ONESHOT, *CONDITIONS):
         assert common[name] == {"$ref": f"#/$defs/{name}"}
         assert SCHEMA["$defs"][name]["description"]

@@ -131,7 +131,9 @@ def test_an_editor_completes_by_the_json_schema_what_several_palettes_describe(c
     schema = json.loads(out)
     assert status == 0
     assert {"Fly", "FollowPath", "RateController"} <= {*schema["$defs"]["node"]["else"]["properties"]}
-    assert schema["$defs"]["<FollowPath>"]["properties"]["path"]["description"] == "Input. The way to follow."
+    assert (
+        schema["$defs"]["tag.FollowPath"]["properties"]["path"]["description"] == "Input. The way to follow."
+    )
 
 
 def test_what_a_palette_describes_is_among_what_can_be_written(capsys, palette):

@@ -7,6 +7,7 @@ message "is not valid under any of the given schemas".
 
 from collections.abc import Iterable, Mapping
 from typing import Any
+from urllib.parse import quote
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
@@ -18,6 +19,12 @@ from sar_compiler.tree.model import CHILDREN_KEY, INCLUDE_TAG, MODEL_TAG, ROOT_T
 
 Schema = dict[str, Any]
 
+
+def _ref(definition: str) -> Schema:
+    """Refer to a definition; a reference is a URI, and a tag may have letters that no URI has."""
+    return {"$ref": f"#/$defs/{quote(definition)}"}
+
+
 _KINDS = sorted(kind.value for kind in Kind)
 """The tags of explicit forms."""
 
@@ -28,10 +35,7 @@ _NOTES: Schema = {"patternProperties": {"^_": _SCALAR}}
 """What editors keep in attributes that begin with `_`."""
 _COMMON: dict[str, Schema] = {
     ONESHOT: {"enum": list(ONESHOT_TYPE.choices), "description": ONESHOT_HELP},
-    **{
-        name: {"$ref": f"#/$defs/{CONDITION.name} value", "description": text}
-        for name, text in CONDITIONS.items()
-    },
+    **{name: {**_ref(f"value.{CONDITION.name}"), "description": text} for name, text in CONDITIONS.items()},
 }
 """The attributes that any node may have."""
 
@@ -43,22 +47,22 @@ def json_schema(registry: Registry) -> Schema:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$comment": "Made from the node registry by `make schemas`; do not edit.",
         "title": "A file with behaviour trees",
-        **_mapping({ROOT_TAG: {"$ref": "#/$defs/root"}}, required=[ROOT_TAG]),
+        **_mapping({ROOT_TAG: _ref("root")}, required=[ROOT_TAG]),
         "$defs": {
             "root": _root(),
             "section": _section(),
             "tree": _with_children({"ID": _NAME}, _nodes(1, 1)),
-            **{f"{value_type.name} value": _value(value_type) for value_type in value_types(tags)},
+            **{f"value.{value_type.name}": _value(value_type) for value_type in value_types(tags)},
             **_COMMON,
             "node": _node(tags),
             "model": {"type": ["object", "null"]},
             SUBTREE_TAG: _explicit_form(0, 0),
             # py_trees' Condition is the explicit form of others as well; its ID decides which.
             **{
-                f"explicit {kind.value}": _explicit_form(*((0, None) if kind.value in tags else count))
+                f"explicit.{kind.value}": _explicit_form(*((0, None) if kind.value in tags else count))
                 for kind, count in CHILD_COUNTS.items()
             },
-            **{f"<{tag}>": _tag(specs) for tag, specs in tags.items() if tag not in _KINDS},
+            **{f"tag.{tag}": _tag(specs) for tag, specs in tags.items() if tag not in _KINDS},
         },
     }
 
@@ -69,16 +73,14 @@ def _root() -> Schema:
         "main_tree_to_execute": _NAME,
         "project_name": {"type": "string"},
     }
-    return _with_children(attributes, {"type": "array", "items": {"$ref": "#/$defs/section"}, "minItems": 1})
+    return _with_children(attributes, {"type": "array", "items": _ref("section"), "minItems": 1})
 
 
 def _section() -> Schema:
     written = {"path": _NAME, "ros_pkg": _NAME, CHILDREN_KEY: _nodes(0, 0)}
     include = {**_mapping(written, required=["path"]), **_NOTES}
     return {
-        **_mapping(
-            {TREE_TAG: {"$ref": "#/$defs/tree"}, INCLUDE_TAG: include, MODEL_TAG: {"$ref": "#/$defs/model"}}
-        ),
+        **_mapping({TREE_TAG: _ref("tree"), INCLUDE_TAG: include, MODEL_TAG: _ref("model")}),
         "minProperties": 1,
         "maxProperties": 1,
     }
@@ -87,7 +89,7 @@ def _section() -> Schema:
 def _node(specs: Mapping[str, list[NodeSpec]]) -> Schema:
     """A mapping with one key, the tag; or the bare tag of a node with neither attributes nor children."""
     tags = list(dict.fromkeys([*specs, SUBTREE_TAG, *_KINDS]))
-    targets = {tag: {"$ref": f"#/$defs/{_definition(tag)}"} for tag in tags}
+    targets = {tag: _ref(_definition(tag)) for tag in tags}
     # No word of JSON schemas, but editors show them for a bare tag.
     described = [specs[tag][0].doc if tag in specs else "" for tag in tags]
     return {
@@ -104,12 +106,12 @@ def _node(specs: Mapping[str, list[NodeSpec]]) -> Schema:
 
 
 def _definition(tag: str) -> str:
-    return tag if tag == SUBTREE_TAG else f"explicit {tag}" if tag in _KINDS else f"<{tag}>"
+    return tag if tag == SUBTREE_TAG else f"explicit.{tag}" if tag in _KINDS else f"tag.{tag}"
 
 
 def _nodes(least: int, most: int | None) -> Schema:
     """A list of nodes with limits of its length."""
-    schema: Schema = {"type": "array", "items": {"$ref": "#/$defs/node"}}
+    schema: Schema = {"type": "array", "items": _ref("node")}
     if least:
         schema["minItems"] = least
     return schema if most is None else {**schema, "maxItems": most}
@@ -132,7 +134,7 @@ def _tag(specs: list[NodeSpec]) -> Schema:
         if len(choices) == len(specs)
         and all(_must_be_written(spec, parameter) for spec, parameter in choices)
     ]
-    attributes |= {name: {"$ref": f"#/$defs/{name}"} for name in _COMMON}
+    attributes |= {name: _ref(name) for name in _COMMON}
     if kind.is_leaf:
         schema = {**_mapping({**attributes, CHILDREN_KEY: _nodes(0, 0)}, required), **_NOTES}
         if not required:  # a bare tag or an empty value has no attributes
@@ -158,7 +160,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
         fixed = spec.fixed[parameter.name]
         schema = {"enum": _both_ways(t for t in value_type.choices if value_type.convert(t) == fixed)}
     else:
-        schema = {"$ref": f"#/$defs/{value_type.name} value"}
+        schema = _ref(f"value.{value_type.name}")
     if parameter.help:
         schema["description"] = parameter.help
     return schema
