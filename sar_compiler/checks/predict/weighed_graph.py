@@ -117,22 +117,28 @@ class WeighedGraph:
             goal: Which states these are.
             unknown: The states of which nobody knows what follows.
         """
-        return Between(
-            self._optimum(self._wide(goal), -1)[0], self._optimum(self._wide(goal | unknown), 1)[0]
-        )
+        least, most = self.values(goal, unknown)
+        return Between(float(least[0]), float(most[0]))
+
+    def values(self, goal: Flags, unknown: Flags) -> tuple[Reals, Reals]:
+        """Return the least and the greatest chance of coming to some states, from each place; see `bounds`."""
+        return self._optimum(self._wide(goal), -1)[0], self._optimum(self._wide(goal | unknown), 1)[0]
 
     def fails(self, unknown: Flags) -> Between:
         """Return the chance that a tick raises an error; see `bounds`."""
         goal = np.zeros(self._error + 1, bool)
         goal[self._error] = True
-        return Between(self._optimum(goal, -1)[0], self._optimum(goal | self._wide(unknown), 1)[0])
+        least, most = (
+            self._optimum(each, sign)[0] for each, sign in ((goal, -1), (goal | self._wide(unknown), 1))
+        )
+        return Between(float(least[0]), float(most[0]))
 
     def _wide(self, states: Flags) -> Flags:
         """Return which places some states are."""
         return np.concatenate([states, np.zeros(self._error + 1 - self._states, bool)])
 
-    def _optimum(self, goal: Flags, sign: int) -> tuple[float, Reals]:
-        """Return the largest chance of coming to a goal, with a *sign* below 0 the least one, and the chances with which it is that."""
+    def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
+        """Return the largest chance of coming to a goal from each place, with a *sign* below 0 the least one, and the chances with which it is that."""
         chances = self._between()
         left_out = (
             self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._error + 1, bool)
@@ -144,7 +150,7 @@ class WeighedGraph:
                 break
             chances = better
             values = self._reach(goal, chances, left_out)
-        return float(values[0]), chances
+        return values, chances
 
     def _between(self) -> Reals:
         """Return chances of the answers at each place that are between their bounds, and not 0 where they need not be."""

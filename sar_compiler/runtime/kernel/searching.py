@@ -127,6 +127,7 @@ def explore(
     max_states: int,
     report: Report = keep_quiet,
     names: Sequence[str] = (),
+    starts: Sequence[bytes] = (),
 ) -> Graph:
     """Search all states that can be reached, breadth first.
 
@@ -135,8 +136,9 @@ def explore(
         max_states: How many to find at most; where there are more, the graph is not complete.
         report: Is called with the progress now and then, and when a property is broken.
         names: What the properties are called, by the number of the rule.
+        starts: The states to begin with, each once; by default the stepper's.
     """
-    return _Exploration(stepper, max_states, report, names).run()
+    return _Exploration(stepper, max_states, report, names).run(starts or [stepper.start()])
 
 
 class _Exploration:
@@ -160,10 +162,11 @@ class _Exploration:
         self._waits: Waits = (0, 0, 0)
         self._broken = 0
 
-    def run(self) -> Graph:
+    def run(self, starts: Sequence[bytes]) -> Graph:
         graph = self._graph
-        self._add(self._stepper.start())
-        level_end, index = 1, 0
+        for state in starts:
+            self._add(state)
+        level_end, index = len(starts), 0
         while index < len(graph.states) and graph.complete:
             if index == level_end:
                 graph.levels.append(index)

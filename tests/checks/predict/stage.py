@@ -32,13 +32,18 @@ def file_of(body, chances, rest=""):
     return parse_property_file(text, "props.yaml")
 
 
-def predicted(body, chances=CHANCES, rest="", *, max_states=100_000):
-    """Predict a tree."""
+def assumed(body, chances, rest):
+    """Return a simulated tree whose leaves have chances, and the file that says them."""
     file, binding = file_of(body, chances, rest), bound(body)
     with file.document.findings_first():
         plain = compile_simulated(binding, {}, all_runs=True)
         assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
-        simulated = compile_simulated(binding, {}, assumptions, all_runs=True)
+        return compile_simulated(binding, {}, assumptions, all_runs=True), file
+
+
+def predicted(body, chances=CHANCES, rest="", *, max_states=100_000):
+    """Predict a tree."""
+    simulated, file = assumed(body, chances, rest)
     return predict(simulated, file, TAGS, PERIOD_SEC, max_states)
 
 
