@@ -20,38 +20,71 @@ if TYPE_CHECKING:
 
     from sar_compiler.cli.companions import RunSetup
     from sar_compiler.project import Additions
+    from sar_compiler.project.proof import SearchResult, TreeSearch
     from sar_compiler.runtime.answers import Fact
     from sar_compiler.runtime.kernel.searching import Progress
     from sar_compiler.web.feed import LiveFeed
 
-# A search ends after so many states and so many seconds; it is as nice to other processes as can be.
-_MOST_STATES, _MOST_SEC, _NICE = 500_000, 300.0, 19
+# A search ends after so many states and so many seconds.
+_MOST_STATES, _MOST_SEC = 500_000, 300.0
+NICE = 19
+"""How nice to all others a process is that only tells something of a run."""
 
 Proofs = Mapping[str, Any]
 """What is proved, as JSON values: `verdicts` by the names of properties, and what is `said` of that."""
 
 
-class ProofQuestion(NamedTuple):
-    """What is to be proved.
+class BegunRun(NamedTuple):
+    """A run that has begun, as another process has to know it.
 
     Attributes:
         path: The tree's file.
         additions: What the user adds to its project.
         tree_id: The tree in it; None for the one that the file executes.
         properties: The file of properties.
-        names: The properties.
         parameters: The keys of the root blackboard.
         facts: The facts as they were when the run began.
-        most_sec: How long it may take, in seconds.
     """
 
     path: Path
     additions: "Additions"
     tree_id: str | None
     properties: str
-    names: tuple[str, ...]
     parameters: Mapping[str, object]
     facts: "Mapping[str, Fact]"
+
+    @classmethod
+    def of(cls, run: "RunSetup", properties: str) -> "BegunRun":
+        """Return a run that begins now, with a file of properties."""
+        tree, facts = run.loaded, dict(run.mission.facts())
+        given = run.options.tree_id, properties, dict(run.values), facts
+        return cls(tree.path, tree.project.additions, *given)
+
+    def search(self, search: "TreeSearch[SearchResult]") -> "SearchResult":
+        """Return what a search finds in the runs that begin as this one has.
+
+        Raises:
+            SarError: If nothing can be found in this tree.
+        """
+        from sar_compiler.project import Workspace
+        from sar_compiler.project.proof import search_as_begun
+
+        tree = Workspace(self.additions).load_file(self.path)
+        given = self.properties, self.facts, self.parameters
+        return search_as_begun(tree, tree.binding(self.tree_id), *given, search)
+
+
+class ProofQuestion(NamedTuple):
+    """What is to be proved.
+
+    Attributes:
+        run: The run.
+        names: The properties.
+        most_sec: How long it may take, in seconds.
+    """
+
+    run: BegunRun
+    names: tuple[str, ...]
     most_sec: float = _MOST_SEC
 
     def answer(self) -> Proofs:
@@ -61,18 +94,13 @@ class ProofQuestion(NamedTuple):
             SarError: If that cannot be said of this tree.
         """
         from sar_compiler.checks.verify import verify
-        from sar_compiler.project import Workspace
-        from sar_compiler.project.proof import search_as_begun
 
         began = time.monotonic()
 
         def is_late(_: "Progress") -> bool:
             return time.monotonic() - began > self.most_sec
 
-        tree = Workspace(self.additions).load_file(self.path)
-        search = partial(verify, max_states=_MOST_STATES, on_progress=is_late)
-        given = self.properties, self.facts, self.parameters
-        found = search_as_begun(tree, tree.binding(self.tree_id), *given, search)
+        found = self.run.search(partial(verify, max_states=_MOST_STATES, on_progress=is_late))
         verdicts = {
             each.question: each.outcome.value for each in found.verdicts if each.question in self.names
         }
@@ -101,11 +129,8 @@ class RunProof:
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run."""
         if entry.kind == PROPERTIES_WATCHED and entry.data["file"]:
-            run, names = self._run, tuple(each["name"] for each in entry.data["properties"])
-            tree, tree_id = run.loaded, run.options.tree_id
-            facts = dict(run.mission.facts())
-            given = entry.data["file"], names, dict(run.values), facts
-            self._question = ProofQuestion(tree.path, tree.project.additions, tree_id, *given)
+            names = tuple(each["name"] for each in entry.data["properties"])
+            self._question = ProofQuestion(BegunRun.of(self._run, entry.data["file"]), names)
 
     def ask(self, _: Mapping[str, Any]) -> object:
         """Begin to prove, unless somebody has asked for that before.
@@ -147,7 +172,7 @@ class RunProof:
 
 def _prove(question: ProofQuestion, sender: "Connection") -> None:
     live_with_parent()
-    os.nice(_NICE)
+    os.nice(NICE)
     try:
         sender.send(question.answer())
     except SarError as error:

@@ -134,6 +134,10 @@ class LiveFeed:
         """Queue what is proved of a robot's properties, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].tell_proofs(proofs))
 
+    def tell_chance(self, chance: Mapping[str, Any], robot: int = 0) -> None:
+        """Queue how likely a robot's mission is to succeed, as JSON values; from any thread, without blocking."""
+        self._news.append(lambda: self._states[robot].tell_chance(chance))
+
     def know(self, process: RunProcess, robot: int = 0) -> None:
         """Queue what is known of a robot's process; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].know(process))

@@ -101,8 +101,8 @@ class PageState:
     """What a page shows of a robot after some entries.
 
     Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `map`, `times` of these,
-    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `figures`, `gauges`, `alarms`, `properties`, `proofs`, `why`, `log` and
-    `trail`, from a place on. With `begin` nothing of what was known before holds.
+    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `figures`, `gauges`, `alarms`, `properties`, `proofs`, `chance`, `why`, `log`
+    and `trail`, from a place on. With `begin` nothing of what was known before holds.
 
     Args:
         robot: Whose state it is: its place among the robots of a page.
@@ -121,6 +121,7 @@ class PageState:
         self._reset: set[int] = set()
         self._why: Mapping[str, Any] | None = None
         self._proofs: Mapping[str, Any] | None = None
+        self._chance: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
         # When the last lines of the log were said, in seconds since 1970.
@@ -176,6 +177,11 @@ class PageState:
         self._proofs = proofs
         self._touched.add("proofs")
 
+    def tell_chance(self, chance: Mapping[str, Any]) -> None:
+        """Add how likely the mission is to succeed from some moment on, as JSON values."""
+        self._chance = chance
+        self._touched.add("chance")
+
     def know(self, process: RunProcess) -> None:
         """Take what is known of the process that runs the mission."""
         before = condition(self._mission)
@@ -216,7 +222,8 @@ class PageState:
         return ("log", self._log), ("trail", self._trail)
 
     def _run_began(self, entry: JournalEntry) -> None:
-        self._began, self._why, self._proofs, self._times = entry.time, None, None, {}
+        self._began, self._times = entry.time, {}
+        self._why = self._proofs = self._chance = None
         self._statuses, self._nodes, self._reset = {}, set(), set()
         node = self._mission.runs[-1].about.get("node")
         self._tell("fact", f"The run began{f' on {node}' if node else ''}.")
@@ -395,6 +402,7 @@ class PageState:
             "north",
             "properties",
             "proofs",
+            "chance",
         ),
         RUN_ENDED: ("run", "drive", "condition", "place", "estimate", "properties"),
         GOAL_SENT: ("condition",),
@@ -444,6 +452,7 @@ class PageState:
         "alarms": _alarms,
         "properties": _properties,
         "proofs": lambda self: self._proofs,
+        "chance": lambda self: self._chance,
         "why": lambda self: self._why,
     }
 

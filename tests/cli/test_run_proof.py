@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.cli.run_proof import ProofQuestion, RunProof
+from sar_compiler.cli.run_proof import BegunRun, ProofQuestion, RunProof
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import PROPERTIES_WATCHED, JournalEntry
 from sar_compiler.project import Workspace
@@ -43,10 +43,7 @@ class Run:
 
 
 def question(run, **more):
-    additions = run.loaded.project.additions
-    return ProofQuestion(run.path, additions, None, str(run.properties), NAMES, {}, run.facts())._replace(
-        **more
-    )
+    return ProofQuestion(BegunRun.of(run, str(run.properties)), NAMES, **more)
 
 
 def watched(run):

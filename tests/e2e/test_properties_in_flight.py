@@ -120,6 +120,35 @@ def test_the_page_has_a_card_for_each_property_proves_them_and_shows_in_a_replay
         page.wait_for("#properties summary", "1 broken, 1 kept")
 
 
+CHANCES = """end: zones_left == 0 && idle
+answers:
+  NavigateToZone: [{answer: arrived, p: 0.9, sec: [5, 60]}, {answer: aborted, p: 0.1, sec: [2, 60]}]
+  DetectSurvivor: [{answer: found, p: 0.5, sec: [0.5, 3]}, {answer: nothing, p: 0.5, sec: [0.5, 3]}]
+  NotifyBase: [{answer: acknowledged, p: 0.95, sec: [0.5, 2]}, {answer: refused, p: 0.05}]
+  NavigateToBase: [{answer: arrived, p: 0.8, sec: [5, 60]}, {answer: aborted, p: 0.2, sec: [2, 60]}]
+properties: {no report without a find: {before: NotifyBase starts, comes: DetectSurvivor found}}
+"""
+
+
+def test_the_page_tells_how_likely_success_is_from_where_the_mission_is(start, tmp_path):
+    properties = write(tmp_path / "properties.yaml", CHANCES)
+    options = ("--properties", properties, "--journal", "none", "--view", "web", "--web-port", 0)
+    run = start("sar-run", "search_and_rescue", "--sim", "--speed", 4, *options)
+    with open_browser() as page:
+        page.size(1400, 900)
+        page.open(address(run)[0]).wait_for("#properties summary", "Success: ")
+        page.click("#properties summary")
+        page.wait_for("#properties li.chance", " %at 0:")
+        told = page.text("#properties li.chance")
+        page.wait(
+            lambda: (
+                page.text("#properties li.chance") != told and " %at " in page.text("#properties li.chance")
+            ),
+            "another figure",
+        )
+    assert run.end() == 0
+
+
 def test_what_is_halted_because_the_run_is_stopped_breaks_nothing(start, tmp_path):
     text = "properties: {p: {never: [NavigateToZone halted, NavigateToZone SUCCESS]}}\n"
     properties = write(tmp_path / "properties.yaml", text)
