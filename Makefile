@@ -33,7 +33,7 @@ PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test nav2-test test-matrix lint format lock schemas golden pictures bench soak mutants wheels clean require
+.PHONY: help env demo test nav2-test test-matrix lint format lock schemas golden pictures site bench soak mutants wheels clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
@@ -47,6 +47,7 @@ help:
 	@echo "make schemas      renew schemas/ from the shipped nodes, and the pages made of findings and commands"
 	@echo "make golden       renew the golden files of compiled trees"
 	@echo "make pictures     draw the pictures of the documentation anew, from a mission in the simulator too"
+	@echo "make site         the documentation as a site, into build/site, with the API's pages"
 	@echo "make wheels       dist/: wheels of the package and of the interfaces, for Python $(WANTED); pip alone installs them elsewhere"
 	@echo "make lock         renew $(LOCK): the newest versions that pyproject.toml allows, for every Python, with hashes"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
@@ -144,8 +145,15 @@ pictures: env
 	$(BIN)/python docs/pictures/mission.py
 	$(BIN)/python docs/pictures/page.py
 
+# What mkdocstrings has to say is a warning of its own, which does not end the build.
+site: env
+	$(BIN)/python docs/site/pages.py build/pages
+	@$(BIN)/zensical build --strict --clean > build/site.log 2>&1 || { cat build/site.log; exit 1; }
+	@! grep -E "^(griffe|mkdocstrings)" build/site.log
+	$(SAY) "done: build/site/index.html"
+
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
+	rm -rf .cache $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
 	rm -f sar_compiler_kernel__mypyc*.so sar_compiler/runtime/kernel/*.so sar_compiler/runtime/kernel/compiled.json
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

@@ -11,9 +11,11 @@ GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
 FACTS_LOST = "facts_lost"
 """The kind of a fact that stands for others, which could not be written: their `count`, and the `numbers` given until then."""
 
-RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
-"""Kinds that a stream has beside facts and what was watched: what the mission is, with `run`, what the run has of its own;
-`ending`, `status`, `reason`, and the `head` of the journal's chain, where there is one."""
+RUN_BEGAN = "run_began"
+"""The kind of a run's first entry: what the mission is, with `run`, what the run has of its own."""
+
+RUN_ENDED = "run_ended"
+"""The kind of its last: `ending`, `status`, `reason`, and the `head` of the journal's chain, where there is one."""
 
 ORDERED = "ordered"
 """The kind of an order by a service of the mission: its `verb`, its `label`, `by` whom, as far as that is known, the `refusal`, empty if there is

@@ -238,11 +238,7 @@ class Control(Parent, Composite):
 
 
 class Decorator(Parent, StockDecorator):
-    """A node with one child (`decorated`).
-
-    Args:
-        child: The child.
-    """
+    """A node with one child (`decorated`), which its constructor takes."""
 
     def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for those derived from it
         """Begin a tick with the child."""

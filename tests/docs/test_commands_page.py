@@ -178,7 +178,7 @@ def meaning(parser, action):
 def prose(text):
     """Return a text of `--help` for Markdown, with the options in it as code."""
     text = re.sub(r"(?<![\w-])-(-[a-z]\w*)+(-\w+)*", lambda found: f"`{found[0]}`", text)
-    return text.replace("<", "\\<").replace("|", "\\|")
+    return text.replace("<", "\\<").replace("|", "\\|").replace("][", "]\\[")
 
 
 def links_of(key, before):

@@ -23,6 +23,8 @@ from tests.slowness import without_progress
 
 TREES = Path("docs/writing_a_tree.md").resolve()
 LEAVES = Path("docs/writing_a_leaf.md").resolve()
+TEN_MINUTES = Path("docs/ten_minutes.md").resolve()
+TUTORIAL = Path("docs/tutorial.md").resolve()
 WORLD = Path("docs/world.md").resolve()
 
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
@@ -88,6 +90,19 @@ def test_a_tree_is_written_as_the_page_says(tmp_path):
 def test_a_world_is_written_as_the_page_says(tmp_path):
     typed, otherwise = follow(WORLD, tmp_path)
     assert typed == 1
+    assert otherwise == [], "\n".join(otherwise)
+
+
+def test_a_tree_of_others_is_brought_along_as_the_page_says(tmp_path):
+    typed, otherwise = follow(TEN_MINUTES, tmp_path)
+    assert typed == 5
+    assert otherwise == [], "\n".join(otherwise)
+
+
+@pytest.mark.ros
+def test_the_tutorial_does_what_it_says(tmp_path):
+    typed, otherwise = follow(TUTORIAL, tmp_path)
+    assert typed == 9
     assert otherwise == [], "\n".join(otherwise)
 
 

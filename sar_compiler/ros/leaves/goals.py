@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
     from sar_compiler.runtime.clock import Clock
 
-ABORTED, CANCELED, SUCCEEDED, UNKNOWN = 6, 5, 4, 0
-"""Constants of `action_msgs/msg/GoalStatus`."""
+SUCCEEDED = 4
+"""The status of a goal that has been reached: of `action_msgs/msg/GoalStatus`, as those below."""
+ABORTED, CANCELED, UNKNOWN = 6, 5, 0
 
 FINAL = (SUCCEEDED, CANCELED, ABORTED)
 """Those of a goal that has ended."""
