@@ -6,7 +6,7 @@ tree's, so that scripts and snapshots work on them as on any entry.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from py_trees.common import Status
 
@@ -17,6 +17,7 @@ from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event, FactChanges, changes_in
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.script_code import quick_script
 from sar_compiler.runtime.scripting import ScopeVariables
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
 from sar_compiler.runtime.variables import Enums, ScriptValue
@@ -116,6 +117,25 @@ class FactVariables:
         """Return whether a name is a fact's."""
         return self._of(name) is self._facts
 
+    @property
+    def is_numbered(self) -> bool:
+        """Whether what the facts' entries hold are numbers."""
+        return self._scope.board.is_numbered
+
+    def quick(
+        self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
+    ) -> Callable[[], Any] | None:
+        """Return what runs a program on facts that are no numbers; None if it speaks of anything else, or is too long.
+
+        Args:
+            program: The program.
+            condition: If it is a condition, what makes the answer of its value.
+        """
+        if not all(self.is_fact(use.name) for use in name_uses(program.script)):
+            return None
+        usual = [partial(statement, self) for statement in program.statements]
+        return quick_script(program.script, self.entry, self.enums.numbers, usual, condition)
+
     def _of(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
         if known is None:
@@ -160,6 +180,8 @@ class StubLeaf(SkippableLeaf):
         self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
         self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.answers if a.then}
         self._memos: dict[Answer | None, Memo | None] = {}
+        self._quick: dict[Program, Callable[[], Any] | None] = {}
+        self._quick_for = variables
 
     @property
     def is_by_chance(self) -> bool:
@@ -190,7 +212,8 @@ class StubLeaf(SkippableLeaf):
         effect = self._effects.get(answer)
         if effect is not None:
             try:
-                effect.run(self.variables)
+                quick = self._quick_form(effect)
+                effect.run(self.variables) if quick is None else quick()
             except EvaluationError as error:
                 raise self._unusable(answer, "then", answer.then, error) from error
 
@@ -260,9 +283,23 @@ class StubLeaf(SkippableLeaf):
         if condition is None:
             return True
         try:
-            return condition.holds(self.variables)
+            quick = self._quick_form(condition, condition.as_condition)
+            return condition.holds(self.variables) if quick is None else bool(quick())
         except EvaluationError as error:
             raise self._unusable(answer, "when", answer.when, error) from error
+
+    def _quick_form(
+        self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
+    ) -> Callable[[], Any] | None:
+        """Return the quick form of a script of its answers; None where there is none."""
+        variables = self.variables
+        if variables.is_numbered:
+            return None
+        if self._quick_for is not variables:
+            self._quick, self._quick_for = {}, variables
+        if program not in self._quick:
+            self._quick[program] = variables.quick(program, condition)
+        return self._quick[program]
 
     def _unusable(self, answer: Answer, part: str, script: str, error: EvaluationError) -> StubLeafError:
         hint = f"; {error.hint}" if error.hint else ""

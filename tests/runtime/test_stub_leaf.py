@@ -6,6 +6,8 @@ from py_trees.common import Status
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.stub_leaf import (
     FactVariables,
     StubLeaf,
@@ -71,6 +73,41 @@ def test_an_answer_changes_facts_which_keep_their_type(made, facts):
     assert leaf.feedback_message == "arrived"
     assert (facts.resolve("left").read(), facts.resolve("at").read()) == (0, "zone")
     assert type(facts.resolve("left").read()) is int
+
+
+def test_scripts_over_facts_alone_are_run_in_their_quick_form_and_others_as_they_are(made):
+    leaf = made(ARRIVED, Answer("SUCCESS", "moved", then="goal := left"))
+    variables = leaf.variables
+    assert leaf.is_possible(ARRIVED)
+    leaf.change(ARRIVED)
+    assert not leaf.is_possible(ARRIVED)
+    for program in (leaf._conditions[ARRIVED], leaf._effects[ARRIVED]):
+        assert variables.quick(program) is not None
+    leaf.change(leaf.answers[1])
+    assert variables.quick(leaf._effects[leaf.answers[1]]) is None
+
+
+def test_a_leaf_that_is_given_other_variables_changes_those(made, facts, keys):
+    leaf = made(ARRIVED)
+    leaf.change(ARRIVED)
+    others = Scope(Board("test_other_facts"))
+    others.resolve("left").write(5)
+    others.resolve("at").write("")
+    leaf.variables = FactVariables(others, keys, Enums())
+    leaf.change(ARRIVED)
+    assert (facts.resolve("left").read(), others.resolve("left").read()) == (0, 4)
+
+
+def test_a_board_that_is_numbered_afterwards_is_written_as_such(made, facts):
+    leaf = made(ARRIVED)
+    assert leaf.is_possible(ARRIVED)
+    entries = EntryCells()
+    NumberedBoard.of(facts.board, entries)
+    before = list(entries.now)
+    leaf.change(ARRIVED)
+    entries.settle()
+    assert list(entries.now) != before
+    assert not leaf.is_possible(ARRIVED)
 
 
 def test_a_name_that_is_no_fact_is_a_key_of_the_tree(made, facts, keys):
