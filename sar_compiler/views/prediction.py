@@ -46,7 +46,10 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
         names = ", ".join("/".join(path) for path in found.unknown)
         yield f"\nOf these leaves no chance is known, so that some numbers have two bounds: {names}"
     if not found.complete:
-        yield "\nNot all states were gone through: what is behind the others may be anything."
+        yield (
+            "\nNot all states were gone through: what is behind the others may be anything. A time between two takes a state for each tick of it: "
+            "give answers a single time (sec: 30) or, where no limit waits for it, none; or let ticks be further apart (--period)."
+        )
 
 
 def _influence_lines(found: Prediction) -> Iterator[str]:

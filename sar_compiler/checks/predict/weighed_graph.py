@@ -31,6 +31,8 @@ Reals: TypeAlias = npt.NDArray[Any]
 """Arrays of bool, of int64 and of float64: one number for each place, or for each step."""
 
 _MOST_ROUNDS = 100
+# So many rounds are quicker than one pass in Python.
+_FEW_ROUNDS = 5
 _ROUNDING = 1e-9
 # What is left of a run's chance when its time is not followed any more, and how many steps are followed: a second or two.
 _REST = 1e-6
@@ -144,11 +146,11 @@ class WeighedGraph:
             self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._error + 1, bool)
         )
         values = self._reach(goal, chances, left_out)
-        for _ in range(_MOST_ROUNDS if len(self._varying) else 0):
+        for turn in range(_MOST_ROUNDS if len(self._varying) else 0):
             better = self._improved(values, chances, sign)
             if better is None:
                 break
-            chances = better
+            chances = better if turn != _FEW_ROUNDS else self._backwards(goal | left_out, values, sign)
             values = self._reach(goal, chances, left_out)
         return values, chances
 
@@ -156,6 +158,48 @@ class WeighedGraph:
         """Return chances of the answers at each place that are between their bounds, and not 0 where they need not be."""
         chances: Reals = self._middle[self._choice_at]
         return chances
+
+    def _backwards(self, given: Flags, values: Reals, sign: int) -> Reals:
+        """Return chances that are the best ones where no round is, found in one pass from the last places to the first ones.
+
+        On rounds they are only good to begin with. A choice at a time, `_improved` would take as many rounds as ways are long.
+
+        Args:
+            given: The places whose values are known.
+            values: The values that others have with the chances that are between their bounds.
+            sign: Whether the largest or the least value is the best one.
+        """
+        count, width = len(values), self._low.shape[1]
+        matrix = sparse.csr_matrix(
+            (np.ones(len(self._source), np.int8), (self._source, self._target)), (count, count)
+        )
+        _, parts = csgraph.connected_components(matrix, connection="strong")
+        chances = self._between()
+        first = np.searchsorted(self._source, np.arange(count + 1)).tolist()
+        target, answer, share = (each.tolist() for each in (self._target, self._answer, self._share))
+        known, varies = values.tolist(), np.isin(np.arange(count), self._varying).tolist()
+        # The parts are numbered from the last ones on.
+        order = np.argsort(parts, kind="stable")
+        for place in order[~given[order]].tolist():
+            worth = [0.0] * width
+            for step in range(first[place], first[place + 1]):
+                worth[answer[step]] += share[step] * known[target[step]]
+            if varies[place]:
+                chances[place] = self._best(place, worth, sign)
+            known[place] = float(chances[place] @ worth)
+        return chances
+
+    def _best(self, place: int, worth: Sequence[float], sign: int) -> list[float]:
+        """Return the chances at a place with which it is worth most, or least with a *sign* below 0."""
+        choice = self._choice_at[place]
+        high = self._high[choice].tolist()
+        likely: list[float] = self._low[choice].tolist()
+        left = 1.0 - sum(likely)
+        for answer in sorted(range(len(worth)), key=lambda each: -sign * worth[each]):
+            more = min(left, high[answer] - likely[answer])
+            likely[answer] += more
+            left -= more
+        return likely
 
     def _improved(self, values: Reals, chances: Reals, sign: int) -> Reals | None:
         """Return chances that are better where places have a choice; None if there are none."""

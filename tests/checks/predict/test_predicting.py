@@ -1,16 +1,18 @@
 """What is to be expected of runs: closed forms, bounds, times, what matters, and the same by playing."""
 
 import math
+import re
 from itertools import pairwise
 
 import pytest
 
 from sar_compiler import load
+from sar_compiler.checks.predict import weighed_graph
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import Answer, chances, middle
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
-from tests.checks.predict.stage import PERIOD_SEC, played, predicted, random_timed_tree
+from tests.checks.predict.stage import CHANCES, PERIOD_SEC, played, predicted, random_timed_tree
 
 INDEPENDENT = """
 A: [{answer: SUCCESS, p: 0.9}]
@@ -174,6 +176,21 @@ def test_a_derivative_is_what_a_little_more_of_a_chance_brings():
     influence = next(each for each in predicted(body, INDEPENDENT).influences if each.leaf[-1] == "B")
     slope = (predicted(body, more).success.low - predicted(body, INDEPENDENT).success.low) / 0.001
     assert influence.derivative == pytest.approx(slope, rel=0.01)
+
+
+@pytest.mark.random
+@pytest.mark.unmeasured
+@pytest.mark.parametrize("seed", range(rounds(20)))
+def test_bounds_are_the_same_however_the_best_chances_are_looked_for(seed, monkeypatch):
+    body = random_timed_tree(seed)
+    chances = re.sub(r"p: 0\.([2-8])", r"p: [0.1, 0.\1]", CHANCES).replace("{answer: FAILURE, p: 0.4}", "")
+    found = []
+    for few in (-1, 0, 2):
+        monkeypatch.setattr(weighed_graph, "_FEW_ROUNDS", few)
+        found.append(predicted(body, chances, max_states=300))
+    for each in found[1:]:
+        assert each.success == pytest.approx(found[0].success, abs=1e-6)
+        assert each.ends == pytest.approx(found[0].ends, abs=1e-6)
 
 
 @pytest.mark.random
