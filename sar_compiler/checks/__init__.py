@@ -92,10 +92,22 @@ def check(
             themselves, `check_palettes` says.
         btcpp: The version of BehaviorTree.CPP that the trees are for.
     """
+    return check_context(context_of(forest, registry, palettes, btcpp))
+
+
+def context_of(
+    forest: Forest, registry: Registry, palettes: Palettes = (), btcpp: Version = NEWEST
+) -> CheckContext:
+    """Return a forest with what its tags mean; arguments as for `check`."""
     palettes = tuple(palettes)
     registry = yielding(registry, read_models([*forest.files, *palettes], Collector()))
+    return CheckContext(forest, registry, palettes, btcpp)
+
+
+def check_context(context: CheckContext) -> list[Diagnostic]:
+    """Return everything that is wrong with a forest; see `check`."""
+    forest, registry, palettes = context.forest, context.registry, context.palettes
     findings = [*forest.findings, *_recoveries(forest.files)]
-    context = CheckContext(forest, registry, palettes, btcpp)
     is_all = True
     for rule in RULES:
         found = list(_guard(rule.__name__, functools.partial(rule, context), forest, findings))

@@ -110,11 +110,24 @@ def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnos
     return found
 
 
-def each_fix(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> Iterator[Fix]:
-    """Yield the safe fixes finding by finding, to be applied one by one; arguments as for `fixes`."""
+def each_fix(
+    source: Source,
+    tree_file: TreeFile | None,
+    findings: Iterable[Diagnostic],
+    is_meant: Callable[[Diagnostic], bool] | None = None,
+) -> Iterator[Fix]:
+    """Yield fixes finding by finding, to be applied one by one; arguments as for `fixes`.
+
+    Args:
+        source: As for `fixes`.
+        tree_file: As for `fixes`.
+        findings: As for `fixes`.
+        is_meant: Whether somebody takes a suggestion; by default those that are safe are taken.
+    """
+    is_taken = is_meant or is_safe
     values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
     for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
-        if finding.source is source and _is_safe(finding):
+        if finding.source is source and finding.suggestion is not None and is_taken(finding):
             fix = _fix(finding, values)
             if fix is not None:
                 yield fix
@@ -133,7 +146,8 @@ def _same_but_case(written: str, suggestion: str) -> bool:
     return written.lower() == suggestion.lower()
 
 
-def _is_safe(finding: Diagnostic) -> bool:
+def is_safe(finding: Diagnostic) -> bool:
+    """Return whether a finding has a suggestion that is mended without asking."""
     decide = SAFE.get(finding.code)
     return (
         decide is not None

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.checks import check, check_palettes, first_of_each
+from sar_compiler.checks import check_context, check_palettes, context_of, first_of_each
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
+from sar_compiler.checks.rules import CheckContext
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding
@@ -97,9 +98,14 @@ class Project:
         self.checkout = checkout
         self.additions = additions
         self.tree_set: TreeSet | None = None
-        if configuration.trees or additions.trees:
-            is_declared = bool(configuration.trees)
-            self.tree_set = TreeSet(self._set_files, read, self.include_path, is_declared=is_declared)
+        self._read = read
+        self.renew_set()
+
+    def renew_set(self) -> None:
+        """Have the files of the set read anew, by who asks for a tree next."""
+        if self.configuration.trees or self.additions.trees:
+            is_declared = bool(self.configuration.trees)
+            self.tree_set = TreeSet(self._set_files, self._read, self.include_path, is_declared=is_declared)
 
     @functools.cached_property
     def registry(self) -> Registry:
@@ -295,7 +301,7 @@ class Workspace:
         folder = (configuration.path or real_path(path)).parent
         checkout = repository_of(folder) or folder
         key = (configuration.path, checkout)
-        if key not in self._projects:
+        if key not in self._projects or self._projects[key].configuration != configuration:
             self._projects[key] = Project(configuration, checkout, self.additions, self.read)
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self._note(
@@ -303,6 +309,11 @@ class Workspace:
                     f"but is part of what is looked at; install them, or say --nodes {entry_point.value}"
                 )
         return self._projects[key]
+
+    def renew_sets(self) -> None:
+        """Have the files of all sets read anew: some have changed."""
+        for project in self._projects.values():
+            project.renew_set()
 
     def _note(self, text: str) -> None:
         if text not in self._noted:
@@ -381,13 +392,22 @@ class LoadedTree:
         """The findings about the file and those that it includes, with the project's severities."""
         if self._forest is None:
             return self._findings_before()
-        project, decide = self.project, self.project.configuration.decide
-        found = check(self._forest, project.registry, self.palettes, project.configuration.btcpp)
+        decide = self.project.configuration.decide
+        found = check_context(self.context)
         if any(each.code == "unknown-node" for each in found):
             from sar_compiler.project.palettes_beside import naming_palettes
 
             found = list(naming_palettes(found))
         return decide(first_of_each(decide(found)))
+
+    @functools.cached_property
+    def context(self) -> CheckContext:
+        """The file with all that is known of it.
+
+        Raises:
+            As `Project.registry` and `palettes`.
+        """
+        return context_of(self.forest, self.project.registry, self.palettes, self.project.configuration.btcpp)
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:

@@ -27,11 +27,11 @@ def read_tree_file(path: str | Path) -> TreeFile:
     return parse_tree(read_bytes(path), str(path))
 
 
-def parse_tree(data: bytes, path: str) -> TreeFile:
+def parse_tree(data: bytes | str, path: str) -> TreeFile:
     """Read the content of a tree file.
 
     Args:
-        data: The content.
+        data: The content; a text if somebody has decoded it, as editors do.
         path: The file's name, whose ending tells the form.
 
     Raises:
@@ -47,10 +47,11 @@ def parse_tree(data: bytes, path: str) -> TreeFile:
     return parse_yaml(data, path)
 
 
-def _form_of(path: Path, data: bytes) -> Form:
+def _form_of(path: Path, content: bytes | str) -> Form:
     by_name = FORMS.get(path.suffix.lower())
     if by_name is not None:
         return by_name
+    data = content.encode("utf-8", "replace") if isinstance(content, str) else content
     # A byte order mark, or the zero bytes of UTF-16, may stand around the first character.
     return Form.XML if data.lstrip(b"\xef\xbb\xbf\xff\xfe\0 \t\r\n").startswith(b"<") else Form.YAML
 
