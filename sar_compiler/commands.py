@@ -29,6 +29,7 @@ _SIMULATOR = ("numpy", "scipy", "PIL")
 # The extras that only an option takes: the modules of each, what takes them, and what else helps.
 _OF_OPTIONS = {
     "groot2": (("zmq", "msgpack"), "--groot2", ", apt's python3-zmq and python3-msgpack on a robot"),
+    "lsp": (("pygls", "lsprotocol", "cattrs", "attr", "attrs"), "the language server", ""),
     "record": (("mcap", "lz4", "zstandard"), "--record", ""),
     "report": (("cap_tools", "geojson", "pyproj", "xsdata"), "a report in coordinates of the world", ""),
     "sweep": (("dask", "distributed"), "--dask", ""),

@@ -47,6 +47,7 @@ _COMMANDS = {
     "explain": "Explain a finding, with an example.",
     "nodes": "List the nodes of tree files, or describe one with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",
+    "lsp": "Serve an editor: findings while one types, completion, names, and more, by the Language Server Protocol.",
     "completion": "Print the code that makes a shell complete these commands with the Tab key.",
 }
 _STATUSES = (

@@ -27,7 +27,7 @@ NEVER_RUN |= {"tomli", "tomllib"}
 NEVER_RUN |= {"librt", "mypy_extensions"}
 # Extras, which say what to install where they are missing.
 NEVER_RUN |= {"distributed", "mcap", "msgpack", "zmq", "rich", "cap_tools", "geojson", "pyproj", "xsdata"}
-NEVER_RUN |= {"starlette", "uvicorn"}
+NEVER_RUN |= {"starlette", "uvicorn", "pygls", "lsprotocol"}
 
 
 def manifest():

@@ -1,0 +1,29 @@
+"""`sar-compile lsp`: the language server, which editors start."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from sar_compiler.cli.loading import add_project_options, additions
+from sar_compiler.commands import OK
+
+
+def add_lsp(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lsp`."""
+    parser.add_argument(
+        "--stdio", action="store_true", help="talk by standard input and output, as it does anyway"
+    )
+    add_project_options(parser)
+    parser.set_defaults(run=serve)
+
+
+def serve(arguments: argparse.Namespace) -> int:
+    """Serve an editor until it ends the session."""
+    from importlib.metadata import version
+
+    from sar_compiler.lsp.features import tree_server
+
+    given = [word for word in sys.argv[1:] if word not in ("lsp", "--stdio")]
+    command = [sys.executable, str(Path(sys.argv[0]).resolve())]
+    tree_server(version("sar_compiler"), additions(arguments), command, given).start_io()
+    return OK

@@ -1,0 +1,155 @@
+"""What an editor can ask of the server, by the names of the Language Server Protocol."""
+
+from collections.abc import Sequence
+
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcInvalidParams
+
+from sar_compiler.errors import SarError
+from sar_compiler.lsp.names import renamed
+from sar_compiler.lsp.server import COMMANDS, TreeServer
+from sar_compiler.project import Additions, LoadedTree
+from sar_compiler.tree.conversion import canonical_bytes
+from sar_compiler.tree.diagnostic import TreeError
+
+_TRIGGERS = ["<", " ", '"', "{", ":"]
+
+
+def tree_server(
+    version: str, additions: Additions, command: Sequence[str], options: Sequence[str]
+) -> TreeServer:
+    """Return a server with all that it can be asked.
+
+    Args:
+        version: The version of this project.
+        additions: The user's additions to any project's configuration.
+        command: What starts `sar-compile`.
+        options: The options from which the additions come.
+    """
+    server = TreeServer(version, additions, command, options)
+    _add_texts(server)
+    _add_help(server)
+    _add_names(server)
+    _add_commands(server)
+    return server
+
+
+def _add_texts(server: TreeServer) -> None:
+    @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
+    def opened(params: lsp.DidOpenTextDocumentParams) -> None:
+        document = params.text_document
+        server.opened(document.uri, document.text, document.version)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
+    def changed(params: lsp.DidChangeTextDocumentParams) -> None:
+        document = params.text_document
+        text = server.workspace.get_text_document(document.uri).source
+        server.changed(document.uri, text, document.version)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
+    def saved(params: lsp.DidSaveTextDocumentParams) -> None:
+        server.saved(params.text_document.uri)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
+    def closed(params: lsp.DidCloseTextDocumentParams) -> None:
+        server.closed(params.text_document.uri)
+
+    @server.feature(lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES)
+    def changed_beside(_params: lsp.DidChangeWatchedFilesParams) -> None:
+        server.renew()
+
+
+def _add_help(server: TreeServer) -> None:
+    @server.feature(lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=_TRIGGERS))
+    def completion(params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
+        file = server.open_text(params.text_document.uri)
+        return server.completions(file, params.position) if file else []
+
+    @server.feature(lsp.TEXT_DOCUMENT_HOVER)
+    async def hover(params: lsp.HoverParams) -> lsp.Hover | None:
+        file = await server.settled(params.text_document.uri)
+        return server.hover(file, params.position) if file else None
+
+    kinds = [lsp.CodeActionKind.QuickFix, lsp.CodeActionKind.SourceFixAll]
+
+    @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(kinds))
+    async def actions(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
+        uri = params.text_document.uri
+        file = await server.settled(uri)
+        return server.actions(uri, file, params.range) if file else []
+
+    @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
+    async def formatting(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit] | None:
+        tree = await _tree(server, params.text_document.uri)
+        return _formatted(server, tree) if tree else None
+
+
+async def _tree(server: TreeServer, uri: str) -> LoadedTree | None:
+    """Return a file as it is; None while it cannot be understood."""
+    file = await server.settled(uri)
+    return file.current_tree if file else None
+
+
+def _formatted(server: TreeServer, tree: LoadedTree) -> list[lsp.TextEdit]:
+    """Return the edit that gives a file its canonical form.
+
+    Raises:
+        JsonRpcInvalidParams: If it has none.
+    """
+    source = tree.source
+    try:
+        text = canonical_bytes(tree.forest.main).decode(source.encoding).removeprefix(source.bom)
+    except TreeError as error:
+        raise JsonRpcInvalidParams(error.findings[0].message) from error
+    return [lsp.TextEdit(server.range_of(source, 0, len(source.text)), text)] if text != source.text else []
+
+
+def _add_names(server: TreeServer) -> None:
+    @server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
+    async def definition(params: lsp.DefinitionParams) -> list[lsp.Location]:
+        thing = await server.name_at(params.text_document.uri, params.position)
+        return [server.location(each) for each in thing.spots if each.is_origin] if thing else []
+
+    @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
+    async def references(params: lsp.ReferenceParams) -> list[lsp.Location]:
+        thing = await server.name_at(params.text_document.uri, params.position)
+        is_all = params.context.include_declaration
+        return (
+            [server.location(each) for each in thing.spots if is_all or not each.is_origin] if thing else []
+        )
+
+    @server.feature(lsp.TEXT_DOCUMENT_RENAME)
+    async def rename(params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
+        thing = await server.name_at(params.text_document.uri, params.position)
+        if thing is None:
+            return None
+        try:
+            chosen = renamed(thing, params.new_name)
+        except SarError as error:
+            raise JsonRpcInvalidParams(str(error)) from error
+        changes: dict[str, list[lsp.TextEdit]] = {}
+        for spot, text in chosen:
+            place = server.location(spot)
+            changes.setdefault(place.uri, []).append(lsp.TextEdit(place.range, text))
+        return lsp.WorkspaceEdit(changes)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+    async def symbols(params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
+        tree = await _tree(server, params.text_document.uri)
+        return server.symbols(tree) if tree else []
+
+
+def _add_commands(server: TreeServer) -> None:
+    @server.feature(lsp.TEXT_DOCUMENT_CODE_LENS)
+    async def lenses(params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
+        uri = params.text_document.uri
+        tree = await _tree(server, uri)
+        return server.lenses(uri, tree) if tree else []
+
+    def add(what: str, name: str) -> None:
+        @server.command(name)
+        async def run(uri: str, tree_id: str | None = None) -> bool:
+            return await server.run_command(what, uri, tree_id)
+
+    for what, name in COMMANDS.items():
+        add(what, name)

@@ -1,0 +1,242 @@
+"""Where a name stands: of a tree, of a key of the blackboard, of a node that others refer to."""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.checks.rules.entry_accesses import KeyAccess
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.binding.attributes import AUTOREMAP
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.semantics import AccessKind
+from sar_compiler.project import LoadedTree
+from sar_compiler.runtime.blackboard import ROOT_SIGN
+from sar_compiler.tree.content import real_path
+from sar_compiler.tree.diagnostic import Source, Span
+from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, Element, TreeFile, last_before
+
+_MAIN = "main_tree_to_execute"
+_NAME = re.compile(r"@?[A-Za-z_]\w*", re.ASCII)
+_WRITES = (AccessKind.WRITE, AccessKind.BOTH, AccessKind.CHANGE)
+
+
+class RenamingError(SarError):
+    """A name cannot be changed everywhere it stands."""
+
+
+class Spot(NamedTuple):
+    """A place where a name stands.
+
+    Attributes:
+        source: The file.
+        span: Where in it.
+        is_origin: Whether it is what the others mean: the tree itself, a writer of the key, the node.
+    """
+
+    source: Source
+    span: Span
+    is_origin: bool = False
+
+
+class NamedThing(NamedTuple):
+    """What a name in a file means.
+
+    Attributes:
+        name: The name.
+        spots: Where it stands.
+        refusal: Why it cannot be changed; empty if it can.
+    """
+
+    name: str
+    spots: tuple[Spot, ...]
+    refusal: str = ""
+
+
+class _Pointed(NamedTuple):
+    """The attribute that a place is in: its element, its name, and the character of its value."""
+
+    element: Element
+    attribute: str
+    character: int
+
+
+def name_at(tree: LoadedTree, offset: int, beside: Sequence[LoadedTree] = ()) -> NamedThing | None:
+    """Return what the name at a place of a file means; None if there is no name.
+
+    Args:
+        tree: The file.
+        offset: The place.
+        beside: Other files that may use its trees, as they include it.
+    """
+    main = tree.forest.main
+    element = last_before(list(main.root.iterate()), main.source.place(offset))
+    if element is None:
+        return None
+    pointed = _pointed(element, offset)
+    files = _files(tree, beside)
+    if pointed is None:
+        return _of_tree(files, element.attributes["ID"]) if _is_use(element, offset) else None
+    if pointed.attribute == _MAIN or (pointed.attribute == "ID" and element.tag not in _explicit(tree)):
+        return _of_tree(files, element.attributes[pointed.attribute])
+    return _in_node(tree, files, pointed)
+
+
+def _in_node(tree: LoadedTree, files: Sequence[TreeFile], pointed: _Pointed) -> NamedThing | None:
+    """Return what a name in an attribute of a node means: another node, or a key."""
+    bound, around = _bound(tree, pointed.element)
+    if bound is None or around is None:
+        return None
+    meant = bound.references.get(pointed.attribute)
+    if meant is not None:
+        return _of_node(around, meant)
+    words = _NAME.finditer(pointed.element.attributes[pointed.attribute])
+    word = next((each[0] for each in words if each.start() <= pointed.character <= each.end()), None)
+    accesses = tree.context.key_accesses.get(around)
+    return _of_key(tree, files, around, word) if word and accesses and word in accesses.keys else None
+
+
+def _explicit(tree: LoadedTree) -> set[str]:
+    """Return the tags in whose `ID` a node is named."""
+    return {spec.kind.value for spec in tree.context.registry}
+
+
+def _is_use(element: Element, offset: int) -> bool:
+    if element.tag != SUBTREE_TAG or not element.attributes.get("ID"):
+        return False
+    start, end = element.source.spans.tag(element)
+    return start <= offset <= end
+
+
+def _pointed(element: Element, offset: int) -> _Pointed | None:
+    source = element.source
+    for name, (*_, start, end) in source.spans.attributes(element):
+        first, last = source.spans.inside(source.text, start, end)
+        if first <= offset <= last:
+            return _Pointed(element, name, offset - first)
+    return None
+
+
+def _bound(tree: LoadedTree, element: Element) -> tuple[BoundNode | None, BoundTree | None]:
+    for each in tree.context.bound.trees:
+        if each.element.source is element.source:
+            for node in each.nodes:
+                if node.element is element:
+                    return node, each
+    return None, None
+
+
+def _files(tree: LoadedTree, beside: Iterable[LoadedTree]) -> list[TreeFile]:
+    """Return the file, what it includes, all files of its set, and those that include it."""
+    own, tree_set = real_path(tree.path), tree.project.tree_set
+    users = (each.forest for each in beside if own in map(_place, each.forest.files))
+    forests = (*users, *(tree_set.forests.values() if tree_set else ()), tree.forest)
+    files = [each for forest in forests for each in (*forest.others, *forest.files)]
+    return list({_place(each): each for each in files}.values())
+
+
+def _place(tree_file: TreeFile) -> Path:
+    return real_path(Path(tree_file.source.path))
+
+
+def _of_tree(files: Sequence[TreeFile], name: str) -> NamedThing:
+    return NamedThing(name, tuple(_spots_of_tree(files, name)))
+
+
+def _spots_of_tree(files: Iterable[TreeFile], name: str) -> Iterator[Spot]:
+    for file in files:
+        if file.main_tree_name == name:
+            yield Spot(file.source, file.root.value_span(_MAIN))
+        for each in file.trees:
+            if each.attributes.get("ID") == name:
+                yield Spot(file.source, each.value_span("ID"), is_origin=True)
+        for each in file.root.iterate():
+            if each.tag == SUBTREE_TAG and each.attributes.get("ID") == name:
+                yield Spot(file.source, each.value_span("ID"))
+
+
+def _of_node(around: BoundTree, meant: BoundNode) -> NamedThing:
+    element = meant.element
+    own = element.value_span("name") if "name" in element.attributes else element.tag_span()
+    spots = [Spot(element.source, own, is_origin=True)]
+    for each in around.referring:
+        for attribute, target in each.references.items():
+            if target is meant and attribute in each.element.attributes:
+                spots.append(Spot(each.element.source, each.element.value_span(attribute)))
+    return NamedThing(meant.name, tuple(spots), "the names of nodes are in scenarios and properties as well")
+
+
+def _of_key(tree: LoadedTree, files: Sequence[TreeFile], around: BoundTree, key: str) -> NamedThing:
+    accesses = tree.context.key_accesses[around]
+    spots = [spot for each in accesses.accesses if each.key == key for spot in _spots_of_access(each)]
+    # A port that is remapped, and a key that is only removed, are no accesses.
+    for node in around.nodes:
+        spots += _in_braces(node, key)
+    users = [*_users(files, around.name)]
+    spots += [Spot(each.source, each.name_span(key)) for each in users if key in each.attributes]
+    spots += _in_models(files, around.name, key)
+    inner = (use.element for use in around.uses)
+    refusal = ""
+    if key.startswith(ROOT_SIGN):
+        refusal = "a key of the root is everybody's, and may be a parameter of the mission"
+    elif any(each.attributes.get(AUTOREMAP) == "true" for each in (*users, *inner)):
+        refusal = f"with {AUTOREMAP}, keys of the same name in other trees are the same entry"
+    elif accesses.is_open:
+        refusal = "a node of this tree accesses keys in ways that the file does not show"
+    told = {
+        (each.source.path, each.span): each for each in reversed(spots)
+    }  # the first of a place, which says most
+    return NamedThing(key, tuple(told.values()), refusal)
+
+
+def _spots_of_access(access: KeyAccess) -> Iterator[Spot]:
+    element, is_origin = access.bound.element, access.kind in _WRITES
+    if access.place is not None:
+        yield Spot(element.source, access.span(), is_origin)
+        return
+    text = element.attributes.get(access.attribute, "")
+    found = next((each for each in _NAME.finditer(text) if each[0] == access.key), None)
+    if found is not None:
+        span = element.within_value(access.attribute, *found.span())
+        yield Spot(element.source, span, is_origin)
+
+
+def _in_braces(node: BoundNode, key: str) -> Iterator[Spot]:
+    """Yield where attributes name a key, in braces or as names of keys, whatever becomes of it."""
+    element = node.element
+    for attribute, text in element.attributes.items():
+        parameter = node.spec.parameters.get(attribute)
+        if parameter is not None and parameter.value_type.names_key and text == key:
+            yield Spot(element.source, element.value_span(attribute))
+        for found in re.finditer(rf"(?<=\{{){re.escape(key)}(?=\}})", text):
+            yield Spot(element.source, element.within_value(attribute, *found.span()))
+
+
+def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
+    """Yield the elements in whose place a tree is ticked."""
+    for tree in (each for file in files for each in file.trees):
+        for element in tree.iterate():
+            if element.tag == SUBTREE_TAG and element.attributes.get("ID") == name:
+                yield element
+
+
+def _in_models(files: Iterable[TreeFile], name: str, key: str) -> Iterator[Spot]:
+    """Yield where a port of a tree is described."""
+    for models in (each for file in files for each in file.root.children if each.tag == MODEL_TAG):
+        for model in models.children:
+            if model.tag == SUBTREE_TAG and model.attributes.get("ID") == name:
+                ports = (port for port in model.children if port.attributes.get("name") == key)
+                yield from (Spot(port.source, port.value_span("name")) for port in ports)
+
+
+def renamed(thing: NamedThing, name: str) -> list[tuple[Spot, str]]:
+    """Return the text for each place of a name that is changed.
+
+    Raises:
+        RenamingError: If it cannot be changed.
+    """
+    if thing.refusal:
+        raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
+    if not re.fullmatch(r"[\w.-]+", name):
+        raise RenamingError(f"'{name}' is no name: write letters, digits, '_', '.' or '-'")
+    return [(spot, name) for spot in thing.spots]

@@ -1,0 +1,199 @@
+"""What can be written at a place of a text that is not complete: tags, attributes, values, keys and trees.
+
+A text is half typed when an editor asks, so where the place is in it is read off the text before it alone. What can
+be written there comes from the registry, and from what the file said when it was understood last.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from sar_compiler.nodes.binding.attributes import AUTOREMAP, CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
+from sar_compiler.nodes.registry import Registry, subtree
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.project import LoadedTree
+from sar_compiler.tree.diagnostic import Form
+from sar_compiler.tree.model import (
+    CHILDREN_KEY,
+    INCLUDE_TAG,
+    MODEL_TAG,
+    ROOT_TAG,
+    SUBTREE_TAG,
+    TREE_TAG,
+)
+from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME
+from sar_compiler.views.nodes import nodes_as_text
+
+_WORD = re.compile(r"[\w:.-]*\Z")
+_IN_TAG = re.compile(r"\s+[\w:.-]*\Z")
+_IN_VALUE = re.compile(r"\s*([^\s=/>\"'<]+)\s*=\s*(?:\"([^\"]*)|'([^']*))\Z")
+_YAML_TAG = re.compile(r"\s*(?:-[ ]+)+[\"']?([\w:.-]*)\Z")
+_YAML_KEY = re.compile(r"[ ]*[\w:.-]*\Z")
+_YAML_VALUE = re.compile(r"[ ]*(?:-[ ]+)?([\w:.-]+):[ ]+[\"']?([^\"'#]*)\Z")
+_YAML_FLOW = re.compile(
+    r"[ ]*(?:-[ ]+)*([\w:.-]+):[ ]+\{(?:.*[,{])?[ ]*(?:([\w:.-]+):[ ]*[\"']?([^,}\"']*)|[\w:.-]*)\Z"
+)
+_YAML_OPENED = re.compile(r"([ ]*)(?:-[ ]+)*([\w:.-]+):[ ]*\Z")
+_ROOT_ATTRIBUTES = {
+    ROOT_TAG: ("BTCPP_format", "main_tree_to_execute"),
+    TREE_TAG: ("ID",),
+    INCLUDE_TAG: ("path", "ros_pkg"),
+}
+_NAMES_TREE = {(SUBTREE_TAG, "ID"), (ROOT_TAG, "main_tree_to_execute")}
+
+
+class WrittenPlace(NamedTuple):
+    """What is being written at a place.
+
+    Attributes:
+        tag: The tag of the element; None if it is the tag itself that is written.
+        attribute: The attribute whose value is written; None if it is no value.
+        value: What is before the place in the value.
+    """
+
+    tag: str | None = None
+    attribute: str | None = None
+    value: str = ""
+
+
+class Offer(NamedTuple):
+    """Something that can be written.
+
+    Attributes:
+        kind: `tag`, `attribute`, `value`, `key` or `tree`.
+        text: What is written.
+        doc: What it means.
+    """
+
+    kind: str
+    text: str
+    doc: str = ""
+
+
+def place_in(text: str, offset: int, form: Form) -> WrittenPlace | None:
+    """Return what is being written at a place; None where nothing can be offered."""
+    return _in_xml(text[:offset]) if form is Form.XML else _in_yaml(text[:offset])
+
+
+def _in_xml(before: str) -> WrittenPlace | None:
+    tag = before.rfind("<")
+    if tag < 0:
+        return None
+    if _WORD.match(before, tag + 1):
+        return WrittenPlace()
+    name = NAME.match(before, tag)
+    if name is None or before.startswith(("<!", "<?", "</"), tag):
+        return None
+    offset = name.end()
+    while match := ATTRIBUTE.match(before, offset):
+        offset = match.end()
+    written = name[0].removeprefix("<")
+    if value := _IN_VALUE.match(before, offset):
+        return WrittenPlace(written, value[1], value[2] if value[2] is not None else value[3])
+    return WrittenPlace(written) if _IN_TAG.match(before, offset) else None
+
+
+def _in_yaml(before: str) -> WrittenPlace | None:
+    start = before.rfind("\n") + 1
+    line = before[start:]
+    if flow := _YAML_FLOW.match(line):
+        return WrittenPlace(flow[1], flow[2], flow[3] or "")
+    if _YAML_TAG.match(line):
+        return WrittenPlace()
+    value = _YAML_VALUE.match(line)
+    if value or _YAML_KEY.match(line):
+        tag = _yaml_tag_around(before[:start], len(line) - len(line.lstrip(" ")))
+        return None if tag is None else WrittenPlace(tag, *(value.groups() if value else ()))
+    return None
+
+
+def _yaml_tag_around(before: str, indent: int) -> str | None:
+    """Return the tag of the mapping that a line with so many blanks before it is in."""
+    for line in reversed(before.split("\n")):
+        blanks = len(line) - len(line.lstrip(" "))
+        if line.strip() and not line.lstrip().startswith("#") and blanks < indent:
+            opened = _YAML_OPENED.match(line.rstrip())
+            return None if opened is None or opened[2] == CHILDREN_KEY else opened[2]
+    return None
+
+
+def offers_at(place: WrittenPlace, registry: Registry, tree: LoadedTree | None, form: Form) -> list[Offer]:
+    """Return what can be written at a place.
+
+    Args:
+        place: The place.
+        registry: What tags mean.
+        tree: The file as it was understood last; None if it never was.
+        form: The form of the file.
+    """
+    if place.tag is None:
+        return [*_tags(registry)]
+    if place.attribute is None:
+        children = [Offer("attribute", CHILDREN_KEY)] if form is Form.YAML else []
+        return [*_attributes(place.tag, registry, tree), *children]
+    return [*_values(place, registry, tree)]
+
+
+def _tags(registry: Registry) -> Iterator[Offer]:
+    for tag, specs in registry.by_tag().items():
+        yield Offer("tag", tag, specs[0].doc)
+    yield Offer("tag", SUBTREE_TAG, subtree().doc)
+    yield from (Offer("tag", tag) for tag in (TREE_TAG, INCLUDE_TAG, MODEL_TAG))
+
+
+def _attributes(tag: str, registry: Registry, tree: LoadedTree | None) -> Iterator[Offer]:
+    if tag in _ROOT_ATTRIBUTES:
+        yield from (Offer("attribute", name) for name in _ROOT_ATTRIBUTES[tag])
+        return
+    if tag == SUBTREE_TAG:
+        yield Offer("attribute", "ID", "The tree that is ticked in its place.")
+        yield Offer("attribute", AUTOREMAP, "Remaps every key to that of the same name around the subtree.")
+        yield from (Offer("attribute", key, "A key of the subtree.") for key in _keys(tree))
+    for parameter in _parameters(registry.variants(tag)).values():
+        yield Offer("attribute", parameter.name, parameter.help)
+    yield Offer("attribute", ONESHOT, ONESHOT_HELP)
+    yield from (Offer("attribute", name, text) for name, text in CONDITIONS.items())
+
+
+def _parameters(specs: Iterable[NodeSpec]) -> dict[str, Parameter]:
+    return {parameter.name: parameter for spec in specs for parameter in spec.attributes}
+
+
+def _values(place: WrittenPlace, registry: Registry, tree: LoadedTree | None) -> Iterator[Offer]:
+    tag, attribute = place.tag or "", place.attribute or ""
+    if (tag, attribute) in _NAMES_TREE:
+        yield from (Offer("tree", name) for name in (tree.forest.known_ids if tree else ()))
+        return
+    if "{" in place.value:
+        yield from (Offer("key", key) for key in _keys(tree))
+        return
+    if tag in {kind.value for kind in Kind} and attribute == "ID":
+        yield from (Offer("value", spec.tag, spec.doc) for spec in registry if spec.kind.value == tag)
+    parameter = _parameters(registry.variants(tag)).get(attribute)
+    choices = (
+        ONESHOT_TYPE.choices if attribute == ONESHOT else parameter.value_type.choices if parameter else ()
+    )
+    yield from (Offer("value", choice) for choice in choices)
+    if parameter is not None and parameter.role is Role.REFERENCE:
+        yield from (Offer("value", name) for name in _nodes_meant(parameter, tree))
+    elif parameter is not None and parameter.direction is not None:
+        yield from (Offer("key", f"{{{key}}}") for key in _keys(tree))
+
+
+def _keys(tree: LoadedTree | None) -> list[str]:
+    """Return the keys of all trees of a file."""
+    if tree is None:
+        return []
+    return sorted({key for each in tree.context.key_accesses.values() for key in each.keys})
+
+
+def _nodes_meant(parameter: Parameter, tree: LoadedTree | None) -> list[str]:
+    """Return the names of the nodes that a reference may mean."""
+    nodes = (node for each in (tree.context.trees if tree else ()) for node in each.nodes)
+    return sorted({node.name for node in nodes if node.spec.is_of(parameter)})
+
+
+def page_of_tag(tag: str, registry: Registry) -> str | None:
+    """Return what a tag means, with its ports and possible answers; None if it means nothing."""
+    specs = registry.variants(tag) or ([subtree()] if tag == SUBTREE_TAG else [])
+    return nodes_as_text(specs) if specs else None

@@ -1,0 +1,177 @@
+"""The text of a file that is open in an editor, and findings that go where their text goes.
+
+While a tag is half typed, most of a file cannot be understood, and what was found there would vanish until the tag is
+closed. So the findings of the last text that could be understood stay, but those whose own text was edited.
+"""
+
+import bisect
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.project import LoadedTree
+from sar_compiler.tree.content import real_path
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+
+
+class Edit(NamedTuple):
+    """One piece of text in place of another.
+
+    Attributes:
+        start: The offset of the first character that goes.
+        end: The offset behind the last one.
+        length: The number of characters that come.
+    """
+
+    start: int
+    end: int
+    length: int
+
+    @property
+    def growth(self) -> int:
+        """By how many characters the text grows."""
+        return self.length - (self.end - self.start)
+
+
+def edit_between(old: str, new: str) -> Edit:
+    """Return the smallest edit that makes one text of another."""
+    most = min(len(old), len(new))
+    start = _most(most, lambda count: old[:count] == new[:count])
+    left = most - start
+    behind = _most(left, lambda count: old[len(old) - count :] == new[len(new) - count :])
+    return Edit(start, len(old) - behind, len(new) - behind - start)
+
+
+def _most(limit: int, holds: Callable[[int], bool]) -> int:
+    """Return the largest number up to a limit of which something holds, as it does of all smaller ones."""
+    return bisect.bisect_left(range(1, limit + 1), x=True, key=lambda count: not holds(count))
+
+
+class Placed(NamedTuple):
+    """A finding in a text that is edited.
+
+    Attributes:
+        finding: The finding, as it was found.
+        start: The offset of the first character that it is about.
+        end: The offset behind the last one.
+        is_touched: Whether its own text was edited since.
+    """
+
+    finding: Diagnostic
+    start: int
+    end: int
+    is_touched: bool = False
+
+    @classmethod
+    def of(cls, finding: Diagnostic) -> "Placed":
+        """Return a finding in the text in which it was found."""
+        return cls(finding, *finding.source.offsets(finding.span))
+
+    def moved(self, edit: Edit) -> "Placed":
+        """Return where it is after an edit."""
+        if edit.end <= self.start:
+            return self._replace(start=self.start + edit.growth, end=self.end + edit.growth)
+        if edit.start > self.end:
+            return self
+        end = max(self.end + edit.growth, edit.start + edit.length)
+        return self._replace(start=min(self.start, edit.start), end=end, is_touched=True)
+
+
+@dataclass
+class OpenText:
+    """A text that is edited, and what is known of it.
+
+    Attributes:
+        path: The file.
+        text: The text.
+        version: The editor's number of the text.
+        shown: The findings about it, where they are now.
+        elsewhere: The findings about other files, such as those that it includes.
+        tree: The file as it was understood last; None before.
+        is_checked: Whether all this is about the text as it is.
+        seen: By which texts of other open files it was checked, by their names.
+    """
+
+    path: Path
+    text: str
+    version: int | None
+    shown: Sequence[Placed] = ()
+    elsewhere: Sequence[Diagnostic] = ()
+    tree: LoadedTree | None = None
+    is_checked: bool = False
+    seen: dict[str, int | None] = field(default_factory=dict, init=False)
+    _raised: Sequence[Placed] = field(default=(), init=False)
+    _sound: Sequence[Placed] = field(default=(), init=False)
+    _sound_elsewhere: Sequence[Diagnostic] = field(default=(), init=False)
+    _edited: tuple[int, int] | None = field(default=None, init=False)
+
+    @property
+    def current_tree(self) -> LoadedTree | None:
+        """The file as it is now; None while it cannot be understood, or is not yet."""
+        return self.tree if self.tree is not None and self.tree.source.text == self.text else None
+
+    def change(self, text: str, version: int | None) -> None:
+        """Take a new text."""
+        edit = edit_between(self.text, text)
+        self.text, self.version, self.is_checked = text, version, False
+        self.shown = [each.moved(edit) for each in self.shown]
+        self._sound = [each.moved(edit) for each in self._sound]
+        self._raised = [each.moved(edit) for each in self._raised]
+        self._edited = self._grown(edit)
+
+    def _grown(self, edit: Edit) -> tuple[int, int]:
+        """Return the place that is being typed at: edits that touch each other are of one."""
+        start, end = edit.start, edit.start + edit.length
+        if self._edited is None or edit.end < self._edited[0] or edit.start > self._edited[1]:
+            return start, end
+        return min(start, self._edited[0]), max(end, self._edited[1] + edit.growth)
+
+    def settle(self) -> None:
+        """Take what is typed as it is meant: the file is saved."""
+        self._edited = None
+
+    def take(self, tree: LoadedTree | None, findings: Iterable[Diagnostic]) -> None:
+        """Take the findings about the text as it is.
+
+        Args:
+            tree: The file; None if its project's configuration has mistakes.
+            findings: What was found in it and elsewhere.
+        """
+        findings = list(findings)
+        own = real_path(self.path)
+        found = [Placed.of(each) for each in findings if real_path(Path(each.source.path)) == own]
+        elsewhere = [each for each in findings if real_path(Path(each.source.path)) != own]
+        self.is_checked = True
+        if tree is not None and not tree.is_malformed:
+            self.tree = tree
+        if self._is_half_typed(tree, found):
+            told = {(each.finding.code, each.start) for each in found}
+            stay = [each for each in self._sound if not each.is_touched]
+            found += [each for each in stay if (each.finding.code, each.start) not in told]
+            elsewhere = list(dict.fromkeys([*elsewhere, *self._sound_elsewhere]))
+        else:
+            self._sound, self._sound_elsewhere = found, elsewhere
+        # What ticks raise stays until runs are tried again.
+        found += [each for each in self._raised if not each.is_touched]
+        self.shown, self.elsewhere = sorted(found, key=lambda each: each.start), elsewhere
+
+    def take_raised(self, findings: Iterable[Diagnostic]) -> None:
+        """Take what ticks of the text as it is raise."""
+        before = {id(each.finding) for each in self._raised}
+        own = real_path(self.path)
+        self._raised = [Placed.of(each) for each in findings if real_path(Path(each.source.path)) == own]
+        kept = [each for each in self.shown if id(each.finding) not in before]
+        self.shown = sorted([*kept, *self._raised], key=lambda each: each.start)
+
+    def _is_half_typed(self, tree: LoadedTree | None, found: Iterable[Placed]) -> bool:
+        """Return whether more is wrong than before only because something is not written to its end."""
+        if tree is not None and tree.is_malformed:
+            return True
+        if self._edited is None:
+            return False
+        first, last = self._edited
+        return any(
+            each.finding.severity is Severity.ERROR and each.start <= last and each.end >= first
+            for each in found
+        )

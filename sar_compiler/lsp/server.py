@@ -1,0 +1,452 @@
+"""The server: what an editor is told of the files that are open in it.
+
+Texts are taken in the order in which they come. A check goes on in a thread of its own, one at a time: each change is
+answered at once by the findings so far, moved with the text, and again when the text has been checked.
+"""
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TypeVar
+
+from lsprotocol import types as lsp
+from pygls.lsp.server import LanguageServer
+from pygls.uris import from_fs_path, to_fs_path
+
+from sar_compiler.checks import failure_of_file
+from sar_compiler.checks.fixing import Fix, each_fix, fixes
+from sar_compiler.checks.trying import WORK, TrialBudget
+from sar_compiler.errors import SarError
+from sar_compiler.lsp.names import NamedThing, Spot, name_at
+from sar_compiler.lsp.offers import offers_at, page_of_tag, place_in
+from sar_compiler.lsp.open_text import OpenText, Placed
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.project import Additions, LoadedTree, Workspace
+from sar_compiler.tree.content import real_path
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, TreeError
+from sar_compiler.tree.gathering import FORMS, parse_tree, read_tree_file
+from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_before
+
+_SEVERITIES = {
+    Severity.ERROR: lsp.DiagnosticSeverity.Error,
+    Severity.WARNING: lsp.DiagnosticSeverity.Warning,
+    Severity.INFO: lsp.DiagnosticSeverity.Information,
+}
+_KINDS = {
+    "tag": lsp.CompletionItemKind.Class,
+    "attribute": lsp.CompletionItemKind.Property,
+    "value": lsp.CompletionItemKind.EnumMember,
+    "key": lsp.CompletionItemKind.Variable,
+    "tree": lsp.CompletionItemKind.Module,
+}
+COMMANDS = {"verify": "sar.verify", "simulate": "sar.simulate"}
+"""The subcommands of `sar-compile` behind the lenses, with the commands that an editor asks for."""
+_IDLE_SEC = 0.5
+"""How long nothing is typed before runs are tried."""
+
+
+_OfThread = TypeVar("_OfThread")
+
+
+class _IdleBudget(TrialBudget):
+    """How much may be tried while nothing is typed."""
+
+    def __init__(self, interrupted: threading.Event) -> None:
+        super().__init__(WORK)
+        self._interrupted = interrupted
+
+    def take(self, work: int) -> bool:
+        """Take some work; return False if there is not so much left, or the text has changed."""
+        return not self._interrupted.is_set() and super().take(work)
+
+
+class TreeServer(LanguageServer):
+    """A language server for tree files.
+
+    Args:
+        version: The version of this project.
+        additions: The user's additions to any project's configuration.
+        command: What starts `sar-compile`.
+        options: The options from which the additions come.
+    """
+
+    def __init__(
+        self, version: str, additions: Additions, command: Sequence[str], options: Sequence[str]
+    ) -> None:
+        super().__init__("sar-compile lsp", version)
+        self._command = command
+        self._options = options
+        self._additions = additions
+        self._open: dict[str, OpenText] = {}
+        self._texts: Mapping[Path, str] = {}  # those that a check goes by
+        self._loader = self._new_loader()
+        self._wanted: dict[str, None] = {}
+        self._work: asyncio.Task[None] | None = None
+        self._awoken = asyncio.Event()
+        self._checked = asyncio.Event()
+        self._changed = threading.Event()
+        self._thread = ThreadPoolExecutor(1, "checks")
+        self._told: dict[str, set[str]] = {}
+
+    def _new_loader(self) -> Workspace:
+        return Workspace(self._additions, self._read, lambda text: self._log(lsp.MessageType.Info, text))
+
+    def _log(self, kind: lsp.MessageType, text: str) -> None:
+        """Have a message logged, from the thread of the checks."""
+        self._loop.call_soon_threadsafe(self.window_log_message, lsp.LogMessageParams(kind, text))
+
+    def _read(self, path: Path) -> TreeFile:
+        text = self._texts.get(real_path(path))
+        return read_tree_file(path) if text is None else parse_tree(text, str(path))
+
+    # Texts
+
+    def opened(self, uri: str, text: str, version: int) -> None:
+        """Take a file that was opened."""
+        path = to_fs_path(uri)
+        if path is not None:
+            self._open[uri] = OpenText(Path(path), text, version)
+            self._want(uri)
+
+    def changed(self, uri: str, text: str, version: int) -> None:
+        """Take a change, and tell the findings so far where they are now."""
+        if uri in self._open:
+            self._open[uri].change(text, version)
+            self._publish(uri)
+            self._want(uri)
+
+    def saved(self, uri: str) -> None:
+        """Check a file that was saved, and with it all others that are open."""
+        if uri in self._open:
+            self._open[uri].settle()
+        self.renew()
+
+    def closed(self, uri: str) -> None:
+        """Forget a file's text; what is wrong with it is no longer told unless another file includes it."""
+        self._open.pop(uri, None)
+        self._wanted.pop(uri, None)
+        self._publish(uri, *self._told.pop(uri, ()))
+        self.renew()
+
+    def renew(self) -> None:
+        """Check all open files anew: something has changed beside them."""
+        self._loader = self._new_loader()
+        for uri in self._open:
+            self._want(uri)
+
+    def open_text(self, uri: str) -> OpenText | None:
+        """Return an open file."""
+        return self._open.get(uri)
+
+    # Checks
+
+    def _want(self, uri: str) -> None:
+        self._changed.set()
+        self._awoken.set()
+        self._wanted[uri] = None
+        if self._work is None or self._work.done():
+            self._work = asyncio.ensure_future(self._check_wanted())
+
+    async def _check_wanted(self) -> None:
+        checked: dict[str, None] = {}
+        while self._wanted:
+            while self._wanted:
+                uri = next(iter(self._wanted))
+                del self._wanted[uri]
+                checked[uri] = None
+                await self._check(uri)
+            if await self._is_idle():
+                for uri in checked:
+                    await self._try_runs(uri)
+                checked.clear()
+
+    async def _is_idle(self) -> bool:
+        """Return whether nothing is typed for a while."""
+        self._awoken.clear()
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._awoken.wait(), _IDLE_SEC)
+        return not self._awoken.is_set()
+
+    async def _check(self, uri: str) -> None:
+        file = self._open.get(uri)
+        if file is None:
+            return
+        loader, path, text = self._loader, file.path, file.text
+        self._changed.clear()
+        self._texts = {real_path(each.path): each.text for each in self._open.values()}
+        tree, findings = await self._in_thread(lambda: self._findings(loader, path))
+        if self._open.get(uri) is file and file.text == text:
+            file.take(tree, findings)
+            self._publish(uri)
+            for other, each in self._open.items():
+                if other != uri and _depends(each, path):
+                    self._recheck(other, because=uri)
+            self._checked.set()
+            self._checked = asyncio.Event()
+
+    def _recheck(self, uri: str, because: str) -> None:
+        """Check a file that depends on another one, once for each of the other's texts."""
+        stamp = (because, self._open[because].version)
+        if self._open[uri].seen.get(because) != stamp[1]:
+            self._open[uri].seen[because] = stamp[1]
+            self._wanted[uri] = None
+
+    def _findings(self, loader: Workspace, path: Path) -> tuple[LoadedTree | None, list[Diagnostic]]:
+        loader.renew_sets()
+        tree = None
+        try:
+            tree = loader.load_file(path)
+            return tree, tree.check()
+        except TreeError as error:
+            return tree, [*error.findings]
+        except SarError as error:
+            self._log(lsp.MessageType.Error, f"{path}: {error}")
+            return tree, []
+        except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the file
+            return tree, [failure_of_file(path, error)]
+
+    async def _in_thread(self, function: Callable[[], _OfThread]) -> _OfThread:
+        self._loop = asyncio.get_running_loop()
+        return await self._loop.run_in_executor(self._thread, function)
+
+    async def _try_runs(self, uri: str) -> None:
+        """Try the runs of a file while nothing is typed, and tell what they raise."""
+        file = self._open.get(uri)
+        tree = file.current_tree if file is not None else None
+        if file is None or tree is None:
+            return
+        self._changed.clear()
+        found = await self._in_thread(lambda: _raised(tree, self._changed))
+        if file.current_tree is tree and not self._changed.is_set():
+            file.take_raised(found)
+            self._publish(uri)
+
+    # What is told
+
+    def _publish(self, *uris: str) -> None:
+        for uri in uris:
+            file = self._open.get(uri)
+            beside: dict[str, list[Diagnostic]] = {}
+            for each in file.elsewhere if file else ():
+                beside.setdefault(from_fs_path(str(real_path(Path(each.source.path)))) or "", []).append(each)
+            before = self._told.get(uri, set())
+            self._told[uri] = set(beside)
+            for about in {uri, *before, *beside}:
+                self._publish_about(about)
+
+    def _publish_about(self, uri: str) -> None:
+        """Tell all that is known of one file: by itself, and by those that include it."""
+        file = self._open.get(uri)
+        told: dict[object, lsp.Diagnostic] = {}
+        if file is not None:
+            source = Source(str(file.path), file.text, NO_SPANS)
+            for placed in file.shown:
+                told[placed.finding.code, placed.finding.message, placed.start] = self._diagnostic(
+                    source, placed
+                )
+        for other in self._open.values():
+            for each in other.elsewhere:
+                if from_fs_path(str(real_path(Path(each.source.path)))) == uri:
+                    placed = Placed.of(each)
+                    key = each.code, each.message, placed.start
+                    told.setdefault(key, self._diagnostic(each.source, placed))
+        version = file.version if file else None
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, [*told.values()], version))
+
+    def _diagnostic(self, source: Source, placed: Placed) -> lsp.Diagnostic:
+        finding = placed.finding
+        advice = f"\n{finding.advice}" if finding.advice else ""
+        return lsp.Diagnostic(
+            self.range_of(source, placed.start, placed.end),
+            f"{finding.message}{advice}",
+            _SEVERITIES[finding.severity],
+            finding.code,
+            source="sar-compile",
+        )
+
+    def range_of(self, source: Source, start: int, end: int) -> lsp.Range:
+        """Return a stretch of a text in the editor's units."""
+        return lsp.Range(self._position(source, start), self._position(source, end))
+
+    def _position(self, source: Source, offset: int) -> lsp.Position:
+        line, column = source.place(offset)
+        first = source.line_starts[line - 1]
+        units = self.workspace.position_codec.client_num_units(source.text[first : first + column - 1])
+        return lsp.Position(line - 1, units)
+
+    def offset_of(self, file: OpenText, position: lsp.Position) -> int:
+        """Return the offset of an editor's place in a text."""
+        source = Source(str(file.path), file.text, NO_SPANS)
+        starts, codec = source.line_starts, self.workspace.position_codec
+        if position.line >= len(starts):
+            return len(file.text)
+        first = starts[position.line]
+        line = source.line(position.line + 1)
+        units = 0
+        for column, character in enumerate(line):
+            if units >= position.character:
+                return first + column
+            units += codec.client_num_units(character)
+        return first + len(line)
+
+    # Requests
+
+    async def settled(self, uri: str) -> OpenText | None:
+        """Return an open file when its text has been checked."""
+        while (file := self._open.get(uri)) is not None and not file.is_checked:
+            await self._checked.wait()
+        return self._open.get(uri)
+
+    async def name_at(self, uri: str, position: lsp.Position) -> NamedThing | None:
+        """Return what the name at a place means."""
+        file = await self.settled(uri)
+        tree = file.current_tree if file is not None else None
+        if file is None or tree is None:
+            return None
+        others = [await self.settled(other) for other in tuple(self._open) if other != uri]
+        beside = [each.current_tree for each in others if each is not None and each.current_tree is not None]
+        return name_at(tree, self.offset_of(file, position), beside)
+
+    def location(self, spot: Spot) -> lsp.Location:
+        """Return where a name stands."""
+        uri = from_fs_path(str(real_path(Path(spot.source.path)))) or ""
+        return lsp.Location(self._as_opened(uri), self.range_of(spot.source, *spot.source.offsets(spot.span)))
+
+    def _as_opened(self, uri: str) -> str:
+        """Return the name that the editor has for a file: it may have opened it by a link."""
+        path = to_fs_path(uri)
+        return next((name for name, each in self._open.items() if str(real_path(each.path)) == path), uri)
+
+    def completions(self, file: OpenText, position: lsp.Position) -> list[lsp.CompletionItem]:
+        """Return what can be written at a place."""
+        form = FORMS.get(file.path.suffix.lower(), Form.XML)
+        place = place_in(file.text, self.offset_of(file, position), form)
+        if place is None:
+            return []
+        registry = self._vocabulary(file)
+        offers = offers_at(place, registry, file.tree, form)
+        return [
+            lsp.CompletionItem(
+                each.text, kind=_KINDS[each.kind], detail=each.doc or None, sort_text=f"{number:05}"
+            )
+            for number, each in enumerate({each.text: each for each in offers}.values())
+        ]
+
+    def _vocabulary(self, file: OpenText) -> Registry:
+        if file.tree is not None:
+            return file.tree.context.registry
+        return self._loader.project_of(file.path).vocabulary
+
+    def hover(self, file: OpenText, position: lsp.Position) -> lsp.Hover | None:
+        """Return what the node at a place is, with its ports and possible answers."""
+        tree = file.current_tree
+        if tree is None:
+            return None
+        offset = self.offset_of(file, position)
+        element = last_before([*tree.forest.main.root.iterate()], tree.source.place(offset))
+        page = element and page_of_tag(element.tag, self._vocabulary(file))
+        return (
+            lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, f"```text\n{page}\n```")) if page else None
+        )
+
+    def actions(self, uri: str, file: OpenText, wanted: lsp.Range) -> list[lsp.CodeAction]:
+        """Return the fixes of the findings in a stretch of text, and one for all that are plain slips."""
+        tree = file.current_tree
+        if tree is None or tree.tree_file is None:
+            return []
+        first, last = (self.offset_of(file, each) for each in (wanted.start, wanted.end))
+        findings = [each.finding for each in file.shown]
+        own = [each for each in findings if each.source is tree.source]
+        here = list(each_fix(tree.source, tree.tree_file, own, lambda _finding: True))
+        found = [
+            lsp.CodeAction(
+                f"Write {fix.finding.suggestion}",
+                lsp.CodeActionKind.QuickFix,
+                [self._diagnostic(tree.source, Placed.of(fix.finding))],
+                edit=self._edit(uri, tree.source, [fix]),
+            )
+            for fix in here
+            if Placed.of(fix.finding).start <= last and Placed.of(fix.finding).end >= first
+        ]
+        safe = fixes(tree.source, tree.tree_file, own)
+        if safe:
+            edit = self._edit(uri, tree.source, safe)
+            found.append(lsp.CodeAction("Mend all plain slips", lsp.CodeActionKind.SourceFixAll, edit=edit))
+        return found
+
+    def _edit(self, uri: str, source: Source, chosen: Iterable[Fix]) -> lsp.WorkspaceEdit:
+        edits = [lsp.TextEdit(self.range_of(source, each.start, each.end), each.text) for each in chosen]
+        return lsp.WorkspaceEdit({uri: edits})
+
+    def symbols(self, tree: LoadedTree) -> list[lsp.DocumentSymbol]:
+        """Return the trees of a file with the nodes in them."""
+        return [self._symbol(each) for each in tree.forest.main.trees]
+
+    def _symbol(self, element: Element) -> lsp.DocumentSymbol:
+        source, span = element.source, element.tag_span()
+        place = self.range_of(source, *source.offsets(span))
+        last = element
+        while last.children:
+            last = last.children[-1]
+        end = self.range_of(source, *source.offsets(last.tag_span())).end
+        name = element.attributes.get("name") or element.attributes.get("ID") or element.tag
+        kind = lsp.SymbolKind.Module if element.tag == TREE_TAG else lsp.SymbolKind.Function
+        inner = [self._symbol(each) for each in element.children]
+        return lsp.DocumentSymbol(name, kind, lsp.Range(place.start, end), place, element.tag, children=inner)
+
+    def lenses(self, uri: str, tree: LoadedTree) -> list[lsp.CodeLens]:
+        """Return the lenses above the trees that may be executed."""
+        own = [each for each in tree.forest.executable if each.source is tree.source]
+        found = []
+        for element in own:
+            place = self.range_of(element.source, *element.source.offsets(element.tag_span()))
+            for title, name in COMMANDS.items():
+                arguments = [uri, element.attributes.get("ID")]
+                found.append(lsp.CodeLens(place, lsp.Command(title, name, arguments=arguments)))
+        return found
+
+    async def run_command(self, what: str, uri: str, tree_id: str | None) -> bool:
+        """Run a subcommand of `sar-compile` on a text as it is, and show what it says.
+
+        Returns:
+            Whether it found nothing.
+        """
+        file = self._open.get(uri)
+        if file is None:
+            return False
+        chosen = ["--tree", tree_id] if tree_id and what == "verify" else []
+        process = await asyncio.create_subprocess_exec(
+            *self._command, what, "-", *chosen, *self._options,
+            cwd=file.path.parent,
+            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
+        )  # fmt: skip
+        output, _ = await process.communicate(file.text.encode())
+        said = output.decode("utf-8", "replace").strip().replace("<stdin>", str(file.path))
+        is_fine = process.returncode == 0
+        kind = lsp.MessageType.Info if is_fine else lsp.MessageType.Warning
+        self.window_log_message(lsp.LogMessageParams(kind, said))
+        told = "in order" if is_fine else "not in order"
+        message = f"{what} {file.path.name}: {told}; the server's log has it in full"
+        self.window_show_message(lsp.ShowMessageParams(kind, message))
+        return is_fine
+
+
+def _depends(file: OpenText, path: Path) -> bool:
+    """Return whether what is found in a file depends on another one."""
+    tree = file.tree
+    if tree is None:
+        return False
+    files = (*tree.forest.files, *tree.forest.others)
+    return tree.project.tree_set is not None or any(
+        real_path(Path(each.source.path)) == real_path(path) for each in files
+    )
+
+
+def _raised(tree: LoadedTree, interrupted: threading.Event) -> list[Diagnostic]:
+    try:
+        return tree.try_runs(lambda: _IdleBudget(interrupted))
+    except (SarError, OSError):
+        return []

@@ -1,0 +1,229 @@
+"""What an editor is answered: completion, hovering, names, fixes, lenses."""
+
+import pytest
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException
+
+from tests.trees import write
+
+MAIN = [
+    '<include path="lib.xml"/>',
+    '<BehaviorTree ID="Main">',
+    '<Sequence memroy="true">',
+    '<SubTree ID="Part" in="{found}"/>',
+    '<SetBlackboard value="1" output_key="found"/>',
+    '<Sleep msec="{found}" />',
+    "</Sequence>",
+    "</BehaviorTree>",
+]
+LIBRARY = [
+    '<BehaviorTree ID="Part">',
+    '<Sleep msec="{in}"/>',
+    "</BehaviorTree>",
+]
+
+
+@pytest.fixture
+def files(editor, tmp_path):
+    main, library = tmp_path / "main.xml", tmp_path / "lib.xml"
+    write(main, *MAIN, main="Main")
+    write(library, *LIBRARY)
+    editor.open(main)
+    return main, library
+
+
+def whose(path):
+    return lsp.TextDocumentIdentifier(path.as_uri())
+
+
+def at(path, word, after=0):
+    """Return the place of a word in a file that is as it is written."""
+    text = path.read_text(encoding="utf-8")
+    before = text[: text.index(word) + after]
+    return lsp.Position(before.count("\n"), len(before) - before.rfind("\n") - 1)
+
+
+def offered(editor, path, place):
+    answer = editor.ask(
+        editor.client.text_document_completion_async(lsp.CompletionParams(whose(path), place))
+    )
+    return {each.label for each in answer}
+
+
+def offered_in(editor, path, before, behind=""):
+    """Return what is offered behind a text that is not complete."""
+    editor.open(path, before + behind)
+    lines = before.split("\n")
+    return offered(editor, path, lsp.Position(len(lines) - 1, len(lines[-1])))
+
+
+HEAD = '<root BTCPP_format="4">\n<BehaviorTree ID="Main">\n'
+
+
+@pytest.mark.parametrize(
+    ("typed", "wanted", "others"),
+    [
+        ("<", {"Sequence", "Sleep", "SubTree"}, {"msec"}),
+        ("<Sl", {"Sleep"}, {"msec"}),
+        ("<Sleep ", {"msec", "_skipIf"}, {"Sequence", "policy"}),
+        ('<Sleep msec="10" na', {"name"}, {"Sequence"}),
+        ('<Parallel policy="', {"SuccessOnAll", "SuccessOnOne"}, {"msec"}),
+        ('<Sleep oneshot="', {"ON_COMPLETION"}, {"true"}),
+        ("<Sleep/> ", set(), {"msec", "Sleep"}),
+    ],
+)
+def test_what_can_be_written_is_offered_in_xml(typed, wanted, others, editor, tmp_path):
+    found = offered_in(editor, tmp_path / "tree.xml", HEAD + typed, "\n</BehaviorTree>\n</root>\n")
+    assert wanted - found == set()
+    assert others & found == set()
+
+
+YAML = "root:\n  children:\n  - BehaviorTree:\n      ID: Main\n      children:\n"
+
+
+@pytest.mark.parametrize(
+    ("typed", "wanted", "others"),
+    [
+        ("      - ", {"Sequence", "Sleep"}, {"msec"}),
+        ("      - Sleep:\n          ", {"msec"}, {"Sequence"}),
+        ("      - Parallel:\n          policy: ", {"SuccessOnAll"}, {"msec"}),
+        ("      - Sleep: {ms", {"msec"}, {"Sequence"}),
+        ("      - Parallel: {policy: ", {"SuccessOnAll"}, {"msec"}),
+    ],
+)
+def test_what_can_be_written_is_offered_in_yaml(typed, wanted, others, editor, tmp_path):
+    found = offered_in(editor, tmp_path / "tree.yaml", YAML + typed)
+    assert wanted - found == set()
+    assert others & found == set()
+
+
+def test_trees_of_included_files_and_keys_are_offered(editor, files):
+    main, _ = files
+    assert {"Part", "Main"} <= offered(editor, main, at(main, 'ID="Part"', 4))
+    assert "found" in offered(editor, main, at(main, "{found}", 1))
+
+
+def test_hovering_tells_the_ports_and_the_answers_of_a_node(editor, files):
+    main, _ = files
+    answer = editor.ask(
+        editor.client.text_document_hover_async(lsp.HoverParams(whose(main), at(main, "Sleep")))
+    )
+    assert "msec: input" in answer.contents.value
+    assert "answers: RUNNING, SUCCESS" in answer.contents.value
+
+
+def spots(answer, *paths):
+    names = {path.as_uri(): path.stem for path in paths}
+    return sorted((names[each.uri], each.range.start.line, each.range.start.character) for each in answer)
+
+
+def defined(editor, path, place):
+    return editor.ask(editor.client.text_document_definition_async(lsp.DefinitionParams(whose(path), place)))
+
+
+def used(editor, path, place):
+    context = lsp.ReferenceContext(include_declaration=True)
+    question = lsp.ReferenceParams(context, whose(path), place)
+    return editor.ask(editor.client.text_document_references_async(question))
+
+
+def test_a_subtree_leads_to_its_tree_in_an_included_file(editor, files):
+    main, library = files
+    assert spots(defined(editor, main, at(main, 'ID="Part"', 5)), main, library) == [("lib", 1, 18)]
+    assert spots(used(editor, main, at(main, "SubTree")), main, library) == [("lib", 1, 18), ("main", 4, 13)]
+
+
+def test_a_key_leads_to_its_writers_and_is_found_where_it_is_read(editor, files):
+    main, library = files
+    place = at(main, 'msec="{found}', 8)
+    assert spots(defined(editor, main, place), main, library) == [("main", 5, 37)]
+    assert spots(used(editor, main, place), main, library) == [
+        ("main", 4, 24),
+        ("main", 5, 37),
+        ("main", 6, 14),
+    ]
+
+
+def renamed(editor, path, place, name):
+    """Return the texts of files after a name has been changed."""
+    answer = editor.ask(editor.client.text_document_rename_async(lsp.RenameParams(whose(path), place, name)))
+    texts = {}
+    for each in path.parent.glob("*.xml"):
+        lines = each.read_text(encoding="utf-8").split("\n")
+        edits = answer.changes.get(each.as_uri(), [])
+        for edit in sorted(edits, key=lambda one: one.range.start.character, reverse=True):
+            first, last = edit.range.start, edit.range.end
+            line = lines[first.line]
+            lines[first.line] = line[: first.character] + edit.new_text + line[last.character :]
+        texts[each.stem] = "\n".join(lines)
+    return texts
+
+
+def test_a_tree_is_renamed_in_all_files(editor, files):
+    main, library = files
+    texts = renamed(editor, main, at(main, 'ID="Part"', 5), "Piece")
+    assert texts["main"] == main.read_text(encoding="utf-8").replace('"Part"', '"Piece"')
+    assert texts["lib"] == library.read_text(encoding="utf-8").replace('"Part"', '"Piece"')
+
+
+def test_a_key_is_renamed_where_it_is_written_read_and_remapped(editor, files):
+    main, _ = files
+    texts = renamed(editor, main, at(main, "{found}", 2), "seen")
+    assert texts["main"] == main.read_text(encoding="utf-8").replace("found", "seen")
+
+
+def test_a_port_of_a_subtree_is_renamed_where_the_tree_is_used(editor, files):
+    main, library = files
+    editor.open(library)
+    texts = renamed(editor, library, at(library, "{in}", 2), "way")
+    assert texts["lib"] == library.read_text(encoding="utf-8").replace("{in}", "{way}")
+    assert texts["main"] == main.read_text(encoding="utf-8").replace(' in="', ' way="')
+
+
+def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
+    path = tmp_path / "tree.xml"
+    write(path, '<BehaviorTree ID="Main">', '<Script code="@k := 1; @k = 2"/>', "</BehaviorTree>")
+    editor.open(path)
+    with pytest.raises(JsonRpcException, match="cannot be renamed: a key of the root"):
+        renamed(editor, path, at(path, "@k", 1), "other")
+
+
+def test_a_finding_comes_with_the_fix_that_it_suggests(editor, files):
+    main, _ = files
+    place = at(main, "memroy")
+    context = lsp.CodeActionContext([])
+    question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), context)
+    answer = editor.ask(editor.client.text_document_code_action_async(question))
+    written = {each.title: each.edit.changes[main.as_uri()][0].new_text for each in answer}
+    assert written == {"Write memory": "memory", "Mend all plain slips": "memory"}
+
+
+def test_a_file_is_written_in_its_canonical_form(editor, files):
+    main, _ = files
+    options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
+    question = lsp.DocumentFormattingParams(whose(main), options)
+    (edit,) = editor.ask(editor.client.text_document_formatting_async(question))
+    assert '\n    <Sequence memroy="true">\n' in edit.new_text
+
+
+def test_the_trees_of_a_file_are_its_symbols(editor, files):
+    main, _ = files
+    question = lsp.DocumentSymbolParams(whose(main))
+    (tree,) = editor.ask(editor.client.text_document_document_symbol_async(question))
+    assert (tree.name, [each.name for each in tree.children[0].children]) == (
+        "Main",
+        ["Part", "SetBlackboard", "Sleep"],
+    )
+
+
+def test_the_lenses_of_a_tree_verify_and_simulate_it_as_it_is_typed(editor, tmp_path):
+    path = tmp_path / "tree.xml"
+    write(path, '<BehaviorTree ID="Main">', "<Failure/>", "</BehaviorTree>", main="Main")
+    editor.open(path, path.read_text(encoding="utf-8").replace("Failure", "Success"))
+    lenses = editor.ask(editor.client.text_document_code_lens_async(lsp.CodeLensParams(whose(path))))
+    assert [each.command.title for each in lenses] == ["verify", "simulate"]
+    for each in lenses:
+        question = lsp.ExecuteCommandParams(each.command.command, each.command.arguments)
+        assert editor.ask(editor.client.workspace_execute_command_async(question)) is True
+    assert "every run ends:" in editor.logged[-2].message
+    assert "root SUCCESS" in editor.logged[-1].message

@@ -1,0 +1,100 @@
+"""While something is half typed, what was found elsewhere stays, and goes where its text goes."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.lsp.open_text import edit_between
+
+BEFORE = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">\n<Sequence memroy="true">\n'
+BEHIND = (
+    '<Sleep msec="5 x"/>\n</Sequence>\n</BehaviorTree>\n'
+    '<BehaviorTree ID="Idle">\n<Success/>\n</BehaviorTree>\n</root>\n'
+)
+TAGS = [
+    '<Sleep msec="10"/>',
+    "<Inverter><Success/></Inverter>",
+    "<Fallback>\n<Failure/>\n</Fallback>\n",
+    "<!-- a note -->",
+]
+ELSEWHERE = [("unknown-attribute", "memroy"), ("wrong-value", "5 x")]
+OF_THE_WHOLE = [("unused-tree", "Idle")]
+"""What a rule concludes from the whole file, where there is no error."""
+
+YAML_BEFORE = "root:\n  children:\n  - BehaviorTree:\n      ID: Main\n      children:\n      - Sequence:\n          memroy: true\n          children:\n"
+YAML_BEHIND = "          - Sleep: {msec: 5 x}\n          - Success\n"
+
+
+def text_at(text, place):
+    """Return what stands at a range of a text."""
+    line = text.split("\n")[place.start.line]
+    return line[place.start.character : place.end.character]
+
+
+def shown(published, text):
+    return [(each.code, text_at(text, each.range)) for each in published.diagnostics]
+
+
+def typed(editor, path, before, tag, behind):
+    """Type something character by character; yield each text with all that is published for it."""
+    editor.open(path, before + behind)
+    for count in range(1, len(tag) + 1):
+        start = before + tag[: count - 1]
+        place = (start.count("\n"), len(start) - start.rfind("\n") - 1)
+        published = editor.change(path, count + 1, (place, place, tag[count - 1]))
+        yield before + tag[:count] + behind, published
+
+
+@pytest.mark.parametrize("tag", TAGS)
+@pytest.mark.parametrize("wanted", [ELSEWHERE, OF_THE_WHOLE], ids=["errors", "conclusions"])
+def test_no_finding_elsewhere_vanishes_while_a_tag_is_typed(tag, wanted, editor, tmp_path):
+    before, behind = BEFORE, BEHIND
+    if wanted is OF_THE_WHOLE:
+        before, behind = before.replace("memroy", "memory"), behind.replace("5 x", "5")
+    for text, published in typed(editor, tmp_path / "tree.xml", before, tag, behind):
+        for each in published:
+            assert [found for found in wanted if found not in shown(each, text)] == [], text
+
+
+def test_no_finding_elsewhere_vanishes_while_a_node_is_typed_in_yaml(editor, tmp_path):
+    path = tmp_path / "tree.yaml"
+    for text, published in typed(
+        editor, path, YAML_BEFORE, '          - Timeout: {msec: "3s"\n', YAML_BEHIND
+    ):
+        for each in published:
+            found = shown(each, text)
+            assert ("unknown-attribute", "memroy") in found, text
+            assert ("wrong-value", "5 x") in found, text
+
+
+def test_when_the_tag_is_complete_only_what_is_so_is_shown(editor, tmp_path):
+    *_, (text, (*_, checked)) = typed(editor, tmp_path / "tree.xml", BEFORE, '<Sleep msec="10"/>', BEHIND)
+    assert sorted(shown(checked, text)) == sorted(ELSEWHERE)
+
+
+def test_what_is_mended_while_a_tag_is_half_typed_is_no_longer_shown(editor, tmp_path):
+    path = tmp_path / "tree.xml"
+    editor.open(path, BEFORE + BEHIND)
+    editor.change(path, 2, ((3, 0), (3, 0), "<Sle"))
+    text = f"{BEFORE}<Sle{BEHIND}".replace("memroy", "memory")
+    *_, checked = editor.change(path, 3, ((2, 10), (2, 16), "memory"))
+    found = shown(checked, text)
+    assert ("unknown-attribute", "memory") not in found
+    assert ("wrong-value", "5 x") in found
+
+
+def test_an_unknown_tag_silences_nothing_until_something_else_is_typed(editor, tmp_path):
+    path = tmp_path / "tree.xml"
+    editor.open(path, BEFORE + BEHIND)
+    *_, checked = editor.change(path, 2, ((3, 0), (3, 0), "<Sle/>"))
+    found = shown(checked, f"{BEFORE}<Sle/>{BEHIND}")
+    assert ("unknown-node", "<Sle") in found
+    assert [each for each in ELSEWHERE if each not in found] == []
+
+
+@given(st.text("ab\n", max_size=20), st.text("ab\n", max_size=20))
+def test_the_edit_between_two_texts_makes_one_of_the_other(old, new):
+    edit = edit_between(old, new)
+    came = new[edit.start : edit.start + edit.length]
+    assert old[: edit.start] + came + old[edit.end :] == new
+    assert len(new) - len(old) == edit.growth

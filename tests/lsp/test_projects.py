@@ -1,0 +1,83 @@
+"""What an editor shows depends on the files around: unsaved, included, of the same project."""
+
+import pytest
+
+from tests.cli.test_what_is_not_installed import run_without
+from tests.trees import write
+
+USING = ['<include path="lib.xml"/>', '<BehaviorTree ID="Main">', '<SubTree ID="Part"/>', "</BehaviorTree>"]
+PART = '<BehaviorTree ID="Part">\n<Success/>\n</BehaviorTree>'
+
+
+def codes(published):
+    return [each.code for each in published.diagnostics]
+
+
+def wait_for_codes(editor, path, *wanted):
+    """Wait until the last that was published about a file has some codes."""
+
+    def is_so():
+        mine = [each for each in editor.published if each.uri == path.as_uri()]
+        return bool(mine) and codes(mine[-1]) == [*wanted]
+
+    editor.wait_until(is_so, f"{path} never shows {wanted}")
+
+
+@pytest.fixture
+def project(tmp_path):
+    main, library = tmp_path / "main.xml", tmp_path / "lib.xml"
+    write(main, *USING, main="Main")
+    write(library, PART)
+    return main, library
+
+
+def test_an_included_file_counts_as_it_is_typed(editor, project):
+    main, library = project
+    assert codes(editor.open(main)) == []
+    text = library.read_text(encoding="utf-8")
+    editor.open(library)
+    editor.replace(library, 2, text.replace('"Part"', '"Piece"'))
+    wait_for_codes(editor, main, "unknown-tree")
+    editor.replace(library, 3, text)
+    wait_for_codes(editor, main)
+
+
+def test_what_is_wrong_in_an_included_file_is_shown_there(editor, project):
+    main, library = project
+    write(library, PART.replace("<Success/>", "<Sucess/>"))
+    editor.open(main)
+    wait_for_codes(editor, library, "unknown-node")
+
+
+def test_a_tree_of_the_projects_set_is_found_and_missed_when_it_is_renamed(editor, project):
+    main, library = project
+    write(main, *USING[1:], main="Main")
+    (main.parent / "sar.toml").write_text('[project]\ntrees = ["*.xml"]\n', encoding="utf-8")
+    assert codes(editor.open(main)) == []
+    editor.open(library, library.read_text(encoding="utf-8").replace('"Part"', '"Piece"'))
+    wait_for_codes(editor, main, "unknown-tree")
+
+
+def test_a_mistake_in_the_configuration_is_shown_there(editor, project):
+    main, _ = project
+    settings = main.parent / "sar.toml"
+    settings.write_text("[project\n", encoding="utf-8")
+    editor.open(main)
+    wait_for_codes(editor, settings, "malformed-toml")
+
+
+def test_what_a_tick_raises_is_shown_when_nothing_is_typed(editor, tmp_path):
+    path = tmp_path / "tree.xml"
+    body = (
+        '<Sequence>\n<Script code="goal := \'home\'"/>\n<ScriptCondition code="goal * 2 == 6"/>\n</Sequence>'
+    )
+    write(path, '<BehaviorTree ID="Main">', body, "</BehaviorTree>", main="Main")
+    editor.open(path)
+    wait_for_codes(editor, path, "failing-tick")
+
+
+def test_without_the_extra_the_command_names_it():
+    status, said = run_without("pygls", "cli.compile:main", "lsp")
+    assert status == 2
+    assert "the language server takes a library that is not here" in said
+    assert "pip install 'sar_compiler[lsp]'" in said
