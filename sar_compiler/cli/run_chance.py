@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import time
+from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
 from threading import Thread
@@ -13,6 +14,7 @@ from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.cli.run_proof import NICE, BegunRun
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.ros.clock import mission_clock
+from sar_compiler.ros.engine import error_text
 from sar_compiler.runtime.answers import DeclaredAnswers
 from sar_compiler.runtime.leaf_ear import hear
 from sar_compiler.runtime.skipping import was_skipped
@@ -131,16 +133,19 @@ class RunChance:
 
     def begin_run(self) -> None:
         """Begin to compute."""
-        if not self._properties:
-            return
+        if self._properties:
+            self._hear(self._begin)
+
+    def _begin(self) -> None:
         self._began = self._clock.now()
         period_sec = 1.0 / self._run.parameters.tick_rate_hz
         question = ChanceQuestion(BegunRun.of(self._run, self._properties), period_sec)
         # Started afresh, as a proof is.
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
-        self._process = context.Process(target=_foretell, args=(question, theirs), daemon=True)
-        self._process.start()
+        process = context.Process(target=_foretell, args=(question, theirs), daemon=True)
+        process.start()
+        self._process = process
         theirs.close()
         Thread(target=self._send, args=(ours,), name="chance out", daemon=True).start()
         Thread(target=self._receive, args=(ours,), name="chance in", daemon=True).start()
@@ -156,15 +161,30 @@ class RunChance:
 
     def answers(self, number: int, status: str) -> None:
         """Be told what a leaf has answered."""
+        self._hear(self._take_answer, number, status)
+
+    def _take_answer(self, number: int, status: str) -> None:
         leaf, declared = self._leaves[number]
         said = getattr(leaf, "answer_label", "")
         self._answers.append((number, status, declared.label(status, said)))
 
     def _end_tick(self, tree: "BehaviourTree") -> None:
+        self._hear(self._take_end, tree)
+
+    def _take_end(self, tree: "BehaviourTree") -> None:
         answers, self._answers = tuple(self._answers), []
-        if not self._is_over:
-            root = "SKIPPED" if was_skipped(tree.root) else tree.root.status.value
-            self._ticks.put((self._clock.now() - self._began, answers, root))
+        root = "SKIPPED" if was_skipped(tree.root) else tree.root.status.value
+        self._ticks.put((self._clock.now() - self._began, answers, root))
+
+    def _hear(self, take: Callable[..., object], *what: object) -> None:
+        """Have something taken; who only tells how likely success is ends no mission."""
+        if self._is_over:
+            return
+        try:
+            take(*what)
+        except Exception as error:  # noqa: BLE001
+            self.end()
+            self.feed.tell_chance(not_known(error_text(error)))
 
     def end(self) -> None:
         """Tell nothing more."""

@@ -131,6 +131,37 @@ def test_a_process_that_dies_leaves_the_run_alone(tmp_path, begin):
         tick(run, chance, "RUNNING", (1, "RUNNING", "driving"))
 
 
+class Grumpy:
+    """A leaf that does not say which of its answers it gives."""
+
+    @property
+    def answer_label(self):
+        message = "not yours"
+        raise ValueError(message)
+
+
+def test_a_leaf_that_raises_where_it_is_asked_ends_the_figure_and_nothing_else(tmp_path, begin):
+    run = Run(tmp_path)
+    chance, _ = begin(run)
+    run.next()
+    chance._leaves[1] = Grumpy(), chance._leaves[1][1]
+    chance.answers(1, "RUNNING")
+    told = run.next()
+    assert (told["low"], told["said"]) == (None, "ValueError: not yours")
+    run.handler(Ticked("RUNNING"))
+    chance._process.join(SILENCE_SEC)
+    assert run.told.empty()
+
+
+def test_a_process_that_cannot_be_begun_ends_the_figure_and_nothing_else(tmp_path, begin, monkeypatch):
+    monkeypatch.setattr("multiprocessing.get_context", lambda _: 1 / 0)
+    run = Run(tmp_path)
+    chance, _ = begin(run)
+    assert run.next()["said"].startswith("ZeroDivisionError")
+    run.handler(Ticked("RUNNING"))
+    assert chance._process is None
+
+
 def test_what_cannot_be_computed_is_said_with_the_reason(tmp_path, begin):
     run = Run(tmp_path, CHANCES.replace("properties: {}", "properties: {p: {never: Nobody}}"))
     begin(run)
