@@ -127,8 +127,7 @@ class PresentChance:
         states: dict[bytes, int] = {}
         present = self._present(self._steps.hidden(self._state, self.now), (), states)
         least, most = self._values([*states], max_states, report)
-        low, high = _valued(present, least, -1), _valued(present, most, 1)
-        return Between(min(low, high), max(low, high))
+        return Between(_valued(present, least, -1), _valued(present, most, 1))
 
     def _present(
         self,

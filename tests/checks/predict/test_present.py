@@ -41,7 +41,8 @@ def tree_and_runs(seed, monkeypatch):
 
 @pytest.mark.random
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("seed", range(rounds(30)))
+# In tree 172 a leaf that is running is not looked at in some ticks.
+@pytest.mark.parametrize("seed", sorted({*range(rounds(30)), 172}))
 def test_from_each_tick_on_it_is_that_of_all_runs_that_begin_so(seed, monkeypatch):
     body, runs = tree_and_runs(seed, monkeypatch)
     assert sum(run.p for run in runs) == pytest.approx(1.0)
@@ -140,7 +141,13 @@ def test_of_a_leaf_that_runs_longer_than_it_can_nothing_is_known_until_it_ends()
 
 
 @pytest.mark.parametrize(
-    "tick", [([(1, "SKIPPED", "")], ""), ([(2, "SUCCESS", "")], "SUCCESS"), ([(1, "RUNNING", "")], "SUCCESS")]
+    "tick",
+    [
+        ([(1, "SKIPPED", "")], ""),
+        ([(2, "FAILURE", "")], "FAILURE"),
+        ([(1, "RUNNING", "")], "SUCCESS"),
+        ([(1, "RUNNING", ""), (2, "SUCCESS", "")], "RUNNING"),
+    ],
 )
 def test_of_a_run_that_does_what_the_tree_cannot_nothing_is_known_any_more(tick):
     present = followed("<Sequence><A/><P/></Sequence>")
@@ -158,9 +165,30 @@ def test_a_leaf_that_may_have_chosen_again_hides_the_chance():
     present.take(0.0, [(2, "SUCCESS", ""), (3, "RUNNING", "")], "RUNNING")
     present.take(0.5, [(2, "SUCCESS", ""), (3, "RUNNING", "")], "RUNNING")
     assert present.chance(_STATES).low < 1.0
-    present.take(1.0, [(2, "SUCCESS", ""), (3, "RUNNING", "")], "RUNNING")
-    with pytest.raises(UnknownChanceError, match="'Y' runs longer, or otherwise"):
-        present.chance(_STATES)
+    # At last it can count back again.
+    for now in (1.0, 1.5):
+        present.take(now, [(2, "SUCCESS", ""), (3, "RUNNING", "")], "RUNNING")
+        with pytest.raises(UnknownChanceError, match="'Y' runs longer, or otherwise"):
+            present.chance(_STATES)
+
+
+def test_a_leaf_that_only_ever_runs_goes_on_with_it():
+    text = "A: [{status: RUNNING}]\nB: [{answer: SUCCESS, p: 0.7, sec: 3}, {answer: FAILURE, p: 0.3, sec: 3}]"
+    present = followed('<Parallel success_count="1" failure_count="1"><A/><B/></Parallel>', text)
+    for now in (0.0, 2.0):
+        present.take(now, [(1, "RUNNING", ""), (2, "RUNNING", "")], "RUNNING")
+        assert present.chance(_STATES) == exactly(0.7)
+
+
+def test_what_a_leaf_may_have_chosen_and_what_may_come_behind_it_are_bounded_together():
+    text = (
+        "A: [{answer: SUCCESS, p: [0.6, 0.9], sec: [0, 4]}, {answer: FAILURE, p: [0.1, 0.4], sec: 3}]\n"
+        "P: [{answer: SUCCESS, p: [0.5, 0.8]}, {answer: FAILURE, p: [0.2, 0.5]}]"
+    )
+    present = followed("<Sequence><A/><P/></Sequence>", text)
+    for now in (0.0, 2.0):
+        present.take(now, [(1, "RUNNING", "")], "RUNNING")
+    assert present.chance(_STATES) == exactly(0.3 / 0.7 * 0.5, 0.45 / 0.55 * 0.8)
 
 
 def test_what_takes_too_long_is_given_up():
