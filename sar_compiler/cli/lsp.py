@@ -25,5 +25,7 @@ def serve(arguments: argparse.Namespace) -> int:
 
     given = [word for word in sys.argv[1:] if word not in ("lsp", "--stdio")]
     command = [sys.executable, str(Path(sys.argv[0]).resolve())]
-    tree_server(version("sar_compiler"), additions(arguments), command, given).start_io()
+    # What a module of leaves prints when it is imported must not come between the server's words.
+    output, sys.stdout = sys.stdout.buffer, sys.stderr
+    tree_server(version("sar_compiler"), additions(arguments), command, given).start_io(stdout=output)
     return OK

@@ -144,6 +144,7 @@ class TreeServer(LanguageServer):
     # Checks
 
     def _want(self, uri: str) -> None:
+        self._loop = asyncio.get_running_loop()
         self._changed.set()
         self._awoken.set()
         self._wanted[uri] = None
@@ -209,7 +210,6 @@ class TreeServer(LanguageServer):
             return tree, [failure_of_file(path, error)]
 
     async def _in_thread(self, function: Callable[[], _OfThread]) -> _OfThread:
-        self._loop = asyncio.get_running_loop()
         return await self._loop.run_in_executor(self._thread, function)
 
     async def _try_runs(self, uri: str) -> None:
@@ -336,9 +336,13 @@ class TreeServer(LanguageServer):
         ]
 
     def _vocabulary(self, file: OpenText) -> Registry:
-        if file.tree is not None:
-            return file.tree.context.registry
-        return self._loader.project_of(file.path).vocabulary
+        """Return what tags mean; nothing where what the project names cannot be used, which the findings say."""
+        try:
+            if file.tree is not None:
+                return file.tree.context.registry
+            return self._loader.project_of(file.path).vocabulary
+        except SarError:
+            return Registry()
 
     def hover(self, file: OpenText, position: lsp.Position) -> lsp.Hover | None:
         """Return what the node at a place is, with its ports and possible answers."""

@@ -4,7 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.lsp.open_text import edit_between
+from sar_compiler.lsp.open_text import Edit, Placed, edit_between
+from sar_compiler.tree.diagnostic import Diagnostic, Source, Span
+from sar_compiler.tree.model import NO_SPANS
 
 BEFORE = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">\n<Sequence memroy="true">\n'
 BEHIND = (
@@ -98,3 +100,19 @@ def test_the_edit_between_two_texts_makes_one_of_the_other(old, new):
     came = new[edit.start : edit.start + edit.length]
     assert old[: edit.start] + came + old[edit.end :] == new
     assert len(new) - len(old) == edit.growth
+
+
+FOUND = Diagnostic("unknown-node", "", Source("tree.xml", "", NO_SPANS), Span(1, 1, 1, 1))
+STRETCH = st.tuples(st.integers(0, 30), st.integers(0, 30)).map(sorted)
+
+
+@given(STRETCH, STRETCH, st.text("xyz", max_size=5))
+def test_a_finding_goes_where_its_text_goes_and_is_touched_by_what_is_typed_into_it(place, edited, came):
+    text = "".join(map(chr, range(ord("A"), ord("A") + 30)))
+    (start, end), (first, last) = place, edited
+    after = text[:first] + came + text[last:]
+    moved = Placed(FOUND, start, end).moved(Edit(first, last, len(came)))
+    assert moved.is_touched == (last > start and first <= end)
+    assert 0 <= moved.start <= moved.end <= len(after)
+    if not moved.is_touched:
+        assert after[moved.start : moved.end] == text[start:end]

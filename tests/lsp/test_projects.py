@@ -3,6 +3,7 @@
 import pytest
 
 from tests.cli.test_what_is_not_installed import run_without
+from tests.lsp.editor import Editor
 from tests.trees import write
 
 USING = ['<include path="lib.xml"/>', '<BehaviorTree ID="Main">', '<SubTree ID="Part"/>', "</BehaviorTree>"]
@@ -74,6 +75,27 @@ def test_what_a_tick_raises_is_shown_when_nothing_is_typed(editor, tmp_path):
     write(path, '<BehaviorTree ID="Main">', body, "</BehaviorTree>", main="Main")
     editor.open(path)
     wait_for_codes(editor, path, "failing-tick")
+
+
+TALKING = """
+from sar_compiler.leaves import Condition, Status, register
+print("a leaf that talks")
+
+@register
+class IsTalked(Condition):
+    def update(self):
+        return Status.SUCCESS
+"""
+
+
+def test_leaves_of_ones_own_are_known_and_what_they_print_disturbs_nobody(tmp_path, monkeypatch):
+    (tmp_path / "talking.py").write_text(TALKING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "tree.xml"
+    write(path, '<BehaviorTree ID="Main">', "<IsTalked/>", "</BehaviorTree>", main="Main")
+    editor = Editor("--nodes", "talking")
+    assert codes(editor.open(path)) == []
+    editor.close()
 
 
 def test_without_the_extra_the_command_names_it():
