@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from benchmarks import (
+    editing,
     flying,
     large_files,
     paging,
@@ -307,5 +308,17 @@ GOALS = (
         paging.FIRST,
         {"": 1.0},
         "chromium without a window: from the call of the address to the first paint with content",
+    ),
+    *(
+        Goal(
+            f"a keystroke in an editor, {size:,} nodes: {what}",
+            f"a prototype: {before}",
+            "editing",
+            name(size),
+            {"": limit},
+            "`sar-compile lsp` and pygls' client; time that passes, median",
+        )
+        for size, limit, before in ((1_000, 0.05, "80 ms"), (10_000, 0.1, "450 ms"))
+        for what, name in (("the first answer", editing.first), ("all checked", editing.checked))
     ),
 )

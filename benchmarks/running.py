@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from benchmarks import (
+    editing,
     flying,
     journaling,
     large_files,
@@ -44,6 +45,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "predict": predicting.measure,
     "properties": watched_properties.measure,
     "large-files": large_files.measure,
+    "editing": editing.measure,
 }
 
 
