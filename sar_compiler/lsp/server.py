@@ -90,9 +90,18 @@ class TreeServer(LanguageServer):
         self._changed = threading.Event()
         self._thread = ThreadPoolExecutor(1, "checks")
         self._told: dict[str, set[str]] = {}
+        self._problems: set[str] = set()
 
     def _new_loader(self) -> Workspace:
         return Workspace(self._additions, self._read, lambda text: self._log(lsp.MessageType.Info, text))
+
+    def _tell(self, problem: str) -> None:
+        """Have it shown, once, why nothing can be said of a file, from the thread of the checks."""
+        self._log(lsp.MessageType.Error, problem)
+        if problem not in self._problems:
+            self._problems.add(problem)
+            message = lsp.ShowMessageParams(lsp.MessageType.Error, problem)
+            self._loop.call_soon_threadsafe(self.window_show_message, message)
 
     def _log(self, kind: lsp.MessageType, text: str) -> None:
         """Have a message logged, from the thread of the checks."""
@@ -204,7 +213,7 @@ class TreeServer(LanguageServer):
         except TreeError as error:
             return tree, [*error.findings]
         except SarError as error:
-            self._log(lsp.MessageType.Error, f"{path}: {error}")
+            self._tell(str(error))
             return tree, []
         except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the file
             return tree, [failure_of_file(path, error)]

@@ -16,11 +16,13 @@ class Editor:
     Attributes:
         published: What was published so far, in its order.
         logged: What was logged so far.
+        messages: What was shown so far.
     """
 
     def __init__(self, *options):
         self.published: list[lsp.PublishDiagnosticsParams] = []
         self.logged: list[lsp.LogMessageParams] = []
+        self.messages: list[lsp.ShowMessageParams] = []
         self._news = News()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -28,7 +30,7 @@ class Editor:
         self.client = LanguageClient("tests", "1")
         self.client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(self._keep(self.published))
         self.client.feature(lsp.WINDOW_LOG_MESSAGE)(self._keep(self.logged))
-        self.client.feature(lsp.WINDOW_SHOW_MESSAGE)(self._keep([]))
+        self.client.feature(lsp.WINDOW_SHOW_MESSAGE)(self._keep(self.messages))
         self.ask(self._start(options))
 
     async def _start(self, options):
@@ -84,6 +86,11 @@ class Editor:
         whole = [lsp.TextDocumentContentChangeWholeDocument(text)]
         self.say(self.client.text_document_did_change, lsp.DidChangeTextDocumentParams(whose, whole))
         return self.wait_for(path, version, times=2)
+
+    def save(self, path):
+        """Say that a file is saved."""
+        whose = lsp.TextDocumentIdentifier(path.as_uri())
+        self.say(self.client.text_document_did_save, lsp.DidSaveTextDocumentParams(whose))
 
     def wait_for(self, path, version, times=1):
         """Return what is published for a version of a file, when it has been published so often."""

@@ -78,13 +78,17 @@ def test_what_a_tick_raises_is_shown_when_nothing_is_typed(editor, tmp_path):
 
 
 TALKING = """
-from sar_compiler.leaves import Condition, Status, register
-print("a leaf that talks")
+import sys
+from pathlib import Path
+import py_trees
+from sar_compiler.leaves import register
+print("a leaf that talks", flush=True)
+Path("talking.txt").write_text(str(sys.stdout.fileno()))
 
 @register
-class IsTalked(Condition):
+class IsTalked(py_trees.behaviour.Behaviour):
     def update(self):
-        return Status.SUCCESS
+        return py_trees.common.Status.SUCCESS
 """
 
 
@@ -95,6 +99,17 @@ def test_leaves_of_ones_own_are_known_and_what_they_print_disturbs_nobody(tmp_pa
     write(path, '<BehaviorTree ID="Main">', "<IsTalked/>", "</BehaviorTree>", main="Main")
     editor = Editor("--nodes", "talking")
     assert codes(editor.open(path)) == []
+    assert (tmp_path / "talking.txt").read_text(encoding="utf-8") == "2", "it talks into the conversation"
+    editor.close()
+
+
+def test_leaves_that_cannot_be_imported_are_told_of(tmp_path):
+    path = tmp_path / "tree.xml"
+    write(path, '<BehaviorTree ID="Main">', "<Success/>", "</BehaviorTree>", main="Main")
+    editor = Editor("--nodes", "nowhere_to_be_found")
+    editor.open(path)
+    editor.wait_until(lambda: editor.messages, "nothing is said of the module")
+    assert "'nowhere_to_be_found' (--nodes) cannot be imported" in editor.messages[0].message
     editor.close()
 
 
