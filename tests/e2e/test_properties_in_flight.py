@@ -8,6 +8,7 @@ import pytest
 from sar_compiler.journal.database import JournalFile
 from tests.e2e.test_page_of_a_mission import address
 from tests.processes import Command
+from tests.waiting import SILENCE_SEC
 from tests.web.browsers import open_browser
 
 pytestmark = pytest.mark.ros
@@ -136,7 +137,8 @@ def test_the_page_tells_how_likely_success_is_from_where_the_mission_is(start, t
     run = start("sar-run", "search_and_rescue", "--sim", "--until", "forever", *options)
     with open_browser() as page:
         page.size(1400, 900)
-        page.open(address(run)[0]).wait_for("#properties summary", "Success: ")
+        # Who computes it gives way to all others of this machine.
+        page.open(address(run)[0]).wait_for("#properties summary", "Success: ", within_sec=4 * SILENCE_SEC)
         page.click("#properties summary")
         page.wait_for("#properties li.chance", " %at ")
     # It goes on until then: who gives way to all others may have its turn late.

@@ -102,9 +102,9 @@ class Browser:
             "return [...document.querySelectorAll('#tree .row')].map((row) => row.getAttribute('aria-label'))"
         )
 
-    def wait(self, wanted, what):
+    def wait(self, wanted, what, within_sec=SILENCE_SEC):
         """Wait until something is so; fail with what is on the page if it never is."""
-        end = time.monotonic() + SILENCE_SEC
+        end = time.monotonic() + within_sec
         while not wanted():
             assert time.monotonic() < end, (
                 f"{what} did not come:\n{self.text('body')}\n{self.driver.get_log('browser')}"
@@ -112,9 +112,9 @@ class Browser:
             # The browser is to get on with it, and not to be asked all the time.
             time.sleep(_LOOK_SEC)
 
-    def wait_for(self, selector, text):
+    def wait_for(self, selector, text, within_sec=SILENCE_SEC):
         """Wait until a text is written in an element."""
-        self.wait(lambda: text in self.text(selector), f"'{text}' in {selector}")
+        self.wait(lambda: text in self.text(selector), f"'{text}' in {selector}", within_sec)
         return self
 
     def allow(self, *complaints):
