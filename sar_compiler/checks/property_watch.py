@@ -189,8 +189,9 @@ class PropertyWatch:
         self._hears = monitors.heard.union(rules.guarded)
         # Of each leaf: what it has done last, and in which tick.
         self._last: dict[int, tuple[str, int]] = {}
-        # Of each condition that takes from limits: these, what it has found last, in which tick, and what was left before.
-        self._limits = _limits_of_conditions(simulated, limits)
+        self._limits = [simulated.facts.resolve(name) for name in limits]
+        self._spending = _spending_conditions(simulated, limits)
+        # Of each of these: what it has found last, in which tick, and what was left of the limits before.
         self._spent: dict[int, tuple[str, int, list[object]]] = {}
 
     @property
@@ -248,7 +249,7 @@ class PropertyWatch:
         if numbers is None:
             self._answers_unknown(number, status, label)
             return
-        if number in self._limits:
+        if number in self._spending:
             self._answer_within_limits(number, numbers, label or status)
         else:
             self._answer(number, numbers, label or status)
@@ -257,13 +258,12 @@ class PropertyWatch:
         self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str
     ) -> None:
         """Take an answer of a condition; one that goes on is possible as it was at first, and takes nothing again."""
-        limits = self._limits[number]
-        now = [entry.read() for entry in limits]
+        now = [entry.read() for entry in self._limits]
         found, tick, before = self._spent.get(number, ("", 0, now))
         if (found, tick) == (deed, self._tick - 1):
-            _write(limits, before)
+            _write(self._limits, before)
             self._answer(number, numbers, deed)
-            _write(limits, now)
+            _write(self._limits, now)
         else:
             before = now
             self._answer(number, numbers, deed)
@@ -415,15 +415,17 @@ def overridden(leaf: StubLeaf, status: str) -> str:
     return f"'{leaf.name}' answers for itself, and {status} was put in its place"
 
 
-def _limits_of_conditions(simulated: SimulatedTree, limits: Collection[str]) -> dict[int, list[Entry]]:
-    """Return the limits that each condition of a tree takes from, by the leaf's number."""
-    origins, found = simulated.compiled.origins, {}
-    for leaf in simulated.leaves if limits else ():
-        used = {use.name for answer in leaf.answers if answer.then for use in name_uses(parse(answer.then))}
-        own = [simulated.facts.resolve(name) for name in sorted(used & {*limits})]
-        if own and origins[leaf.id].bound.spec.kind is Kind.CONDITION:
-            found[leaf.number] = own
-    return found
+def _spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> set[int]:
+    """Return the numbers of a tree's conditions that take from limits."""
+    origins = simulated.compiled.origins
+    return {
+        leaf.number
+        for leaf in (simulated.leaves if limits else ())
+        if origins[leaf.id].bound.spec.kind is Kind.CONDITION
+        and any(
+            use.name in limits for each in leaf.answers if each.then for use in name_uses(parse(each.then))
+        )
+    }
 
 
 def _write(entries: Iterable[Entry], values: Iterable[object]) -> None:

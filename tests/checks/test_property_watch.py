@@ -292,6 +292,53 @@ def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_s
     assert told.endswith("away is 0, left is 0")
 
 
+def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():
+    answers = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    case = Case("<Sequence><P/><B/></Sequence>", answers)
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    assert taken(watch, (1, "FAILURE", "held")) == []
+    watch.end_tick("FAILURE")
+    watch.end_tick("FAILURE")
+    assert taken(watch, (1, "FAILURE", "held")) == [
+        "Assumption failed: 'P' answers 'held' only when left > 0; left is 0"
+    ]
+
+
+def test_what_goes_on_is_judged_as_it_was_when_it_began_last():
+    held = "{status: FAILURE, label: held, when: left == turn, then: left -= 1}"
+    answers = f"answers: {{P: [{{status: SUCCESS, then: turn -= 1}}, {held}]}}\nfacts: {{left: 2, turn: 2}}"
+    case = Case("<Sequence><P/><B/></Sequence>", answers)
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    for answer in ((1, "FAILURE", "held"), (1, "SUCCESS"), (1, "FAILURE", "held"), (1, "FAILURE", "held")):
+        assert taken(watch, answer) == []
+        watch.end_tick("FAILURE")
+
+
+def test_an_action_takes_from_a_limit_each_time():
+    answers = "answers: {A: [SUCCESS, {status: FAILURE, label: lost, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    case = Case("<Sequence><A/><B/></Sequence>", answers)
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    assert taken(watch, (1, "FAILURE", "lost")) == []
+    watch.end_tick("FAILURE")
+    assert taken(watch, (1, "FAILURE", "lost")) == [
+        "Assumption failed: 'A' answers 'lost' only when left > 0; left is 0"
+    ]
+
+
+def test_a_condition_that_takes_from_no_limit_is_judged_by_what_is_left_now():
+    seen = "[FAILURE, {status: SUCCESS, label: fine, when: left > 0, then: seen = true}]"
+    answers = (
+        f"answers: {{P: {seen}, B: [{{status: RUNNING, then: left -= 1}}]}}\nfacts: {{left: 1, seen: false}}"
+    )
+    case = Case("<ReactiveSequence><P/><B/></ReactiveSequence>", answers)
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    assert taken(watch, (1, "SUCCESS", "fine"), (2, "RUNNING")) == []
+    watch.end_tick("RUNNING")
+    assert taken(watch, (1, "SUCCESS", "fine")) == [
+        "Assumption failed: 'P' answers 'fine' only when left > 0; left is 0"
+    ]
+
+
 def test_one_condition_that_goes_on_gives_others_nothing_back():
     answers = "[SUCCESS, {status: FAILURE, label: no, when: %s > 0, then: %s -= 1}]"
     case = Case(
