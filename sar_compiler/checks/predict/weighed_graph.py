@@ -21,6 +21,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
+from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import middle
 from sar_compiler.runtime.kernel.chances import Chances
 from sar_compiler.runtime.kernel.graph import Graph
@@ -140,19 +141,23 @@ class WeighedGraph:
         return np.concatenate([states, np.zeros(self._error + 1 - self._states, bool)])
 
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
-        """Return the largest chance of coming to a goal from each place, with a *sign* below 0 the least one, and the chances with which it is that."""
+        """Return the largest chance of coming to a goal from each place, with a *sign* below 0 the least one, and the chances with which it is that.
+
+        Raises:
+            UndecidableError: If it is not found: what was found until then may be no bound.
+        """
         chances = self._between()
         left_out = (
             self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._error + 1, bool)
         )
         values = self._reach(goal, chances, left_out)
-        for turn in range(_MOST_ROUNDS if len(self._varying) else 0):
-            better = self._improved(values, chances, sign)
+        for turn in range(_MOST_ROUNDS):
+            better = self._improved(values, chances, sign) if len(self._varying) else None
             if better is None:
-                break
+                return values, chances
             chances = better if turn != _FEW_ROUNDS else self._backwards(goal | left_out, values, sign)
             values = self._reach(goal, chances, left_out)
-        return values, chances
+        raise UndecidableError(f"no bound of a chance was found in {_MOST_ROUNDS} rounds")
 
     def _between(self) -> Reals:
         """Return chances of the answers at each place that are between their bounds, and not 0 where they need not be."""
