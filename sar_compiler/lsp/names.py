@@ -18,6 +18,8 @@ from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, Element, TreeFile, l
 
 _MAIN = "main_tree_to_execute"
 _NAME = re.compile(r"@?[A-Za-z_]\w*", re.ASCII)
+_KEY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_TREE = re.compile(r"[\w.-]+")
 _WRITES = (AccessKind.WRITE, AccessKind.BOTH, AccessKind.CHANGE)
 
 
@@ -46,11 +48,15 @@ class NamedThing(NamedTuple):
         name: The name.
         spots: Where it stands.
         refusal: Why it cannot be changed; empty if it can.
+        taken: The names that others of its kind have.
+        is_key: Whether it stands in scripts, where a name has letters, digits and '_' alone.
     """
 
     name: str
     spots: tuple[Spot, ...]
     refusal: str = ""
+    taken: frozenset[str] = frozenset()
+    is_key: bool = False
 
 
 class _Pointed(NamedTuple):
@@ -140,7 +146,10 @@ def _place(tree_file: TreeFile) -> Path:
 
 
 def _of_tree(files: Sequence[TreeFile], name: str) -> NamedThing:
-    return NamedThing(name, tuple(_spots_of_tree(files, name)))
+    taken = frozenset(
+        each.attributes["ID"] for file in files for each in file.trees if "ID" in each.attributes
+    )
+    return NamedThing(name, tuple(_spots_of_tree(files, name)), taken=taken)
 
 
 def _spots_of_tree(files: Iterable[TreeFile], name: str) -> Iterator[Spot]:
@@ -186,7 +195,8 @@ def _of_key(tree: LoadedTree, files: Sequence[TreeFile], around: BoundTree, key:
     told = {
         (each.source.path, each.span): each for each in reversed(spots)
     }  # the first of a place, which says most
-    return NamedThing(key, tuple(told.values()), refusal)
+    taken = frozenset({*accesses.keys, *(name for each in users for name in each.attributes)})
+    return NamedThing(key, tuple(told.values()), refusal, taken, is_key=True)
 
 
 def _spots_of_access(access: KeyAccess) -> Iterator[Spot]:
@@ -237,6 +247,9 @@ def renamed(thing: NamedThing, name: str) -> list[tuple[Spot, str]]:
     """
     if thing.refusal:
         raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
-    if not re.fullmatch(r"[\w.-]+", name):
-        raise RenamingError(f"'{name}' is no name: write letters, digits, '_', '.' or '-'")
+    if not (_KEY if thing.is_key else _TREE).fullmatch(name):
+        listed = "letters, digits and '_'" if thing.is_key else "letters, digits, '_', '.' or '-'"
+        raise RenamingError(f"'{name}' is no name: write {listed}")
+    if name in thing.taken - {thing.name}:
+        raise RenamingError(f"'{name}' is there already: both would be the same")
     return [(spot, name) for spot in thing.spots]

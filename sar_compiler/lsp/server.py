@@ -430,7 +430,7 @@ class TreeServer(LanguageServer):
         file = self._open.get(uri)
         if file is None:
             return False
-        chosen = ["--tree", tree_id] if tree_id and what == "verify" else []
+        chosen = ["--tree", tree_id] if tree_id else []
         process = await asyncio.create_subprocess_exec(
             *self._command, what, "-", *chosen, *self._options,
             cwd=file.path.parent,

@@ -188,6 +188,25 @@ def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
         renamed(editor, path, at(path, "@k", 1), "other")
 
 
+@pytest.mark.parametrize(
+    ("word", "after", "name", "why"),
+    [
+        ("{found}", 2, "found-it", "is no name: write letters, digits and '_'"),
+        ("{found}", 2, "other", "'other' is there already"),
+        ('ID="Part"', 5, "Main", "'Main' is there already"),
+        ('ID="Part"', 5, "a part", "is no name"),
+    ],
+)
+def test_a_name_that_would_mean_something_else_is_refused(word, after, name, why, editor, files):
+    main, _ = files
+    text = main.read_text(encoding="utf-8")
+    other = '<SetBlackboard value="1" output_key="other"/>\n</Sequence>'
+    main.write_text(text.replace("</Sequence>", other), encoding="utf-8")
+    editor.open(main)
+    with pytest.raises(JsonRpcException, match=why):
+        renamed(editor, main, at(main, word, after), name)
+
+
 def test_a_finding_comes_with_the_fix_that_it_suggests(editor, files):
     main, _ = files
     place = at(main, "memroy")
@@ -227,3 +246,20 @@ def test_the_lenses_of_a_tree_verify_and_simulate_it_as_it_is_typed(editor, tmp_
         assert editor.ask(editor.client.workspace_execute_command_async(question)) is True
     assert "every run ends:" in editor.logged[-2].message
     assert "root SUCCESS" in editor.logged[-1].message
+
+
+def test_a_lens_is_about_the_tree_that_it_stands_above(editor, tmp_path):
+    path = tmp_path / "tree.xml"
+    trees = ('<BehaviorTree ID="Main">', "<Success/>", "</BehaviorTree>")
+    other = ('<BehaviorTree ID="Other">', "<Failure/>", "</BehaviorTree>")
+    write(path, *trees, *other)
+    editor.open(path)
+    lenses = editor.ask(editor.client.text_document_code_lens_async(lsp.CodeLensParams(whose(path))))
+    (chosen,) = (
+        each.command
+        for each in lenses
+        if (each.command.title, each.command.arguments[1]) == ("simulate", "Other")
+    )
+    question = lsp.ExecuteCommandParams(chosen.command, chosen.arguments)
+    editor.ask(editor.client.workspace_execute_command_async(question))
+    assert "root FAILURE" in editor.logged[-1].message
