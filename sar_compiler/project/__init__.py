@@ -405,7 +405,7 @@ class LoadedTree:
         """The file with all that is known of it.
 
         Raises:
-            As `Project.registry` and `palettes`.
+            SarError: As `Project.registry` and `palettes` do.
         """
         return context_of(self.forest, self.project.registry, self.palettes, self.project.configuration.btcpp)
 
