@@ -107,9 +107,23 @@ def import_all():
             importlib.import_module(module.name)
 
 
+def _tell_tracing_of_forks():
+    """Have LTTng, which ROS brings along, told of forks: without its threads a fork would stop them at its end, and crash now and then."""
+    loaded = {line.split()[-1] for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()}
+    signals = ctypes.create_string_buffer(128)  # a sigset_t
+    for path in loaded:
+        if "/liblttng-ust-" in path and hasattr(library := ctypes.CDLL(path), "ust_before_fork"):
+            os.register_at_fork(
+                before=functools.partial(library.ust_before_fork, signals),
+                after_in_parent=functools.partial(library.ust_after_fork_parent, signals),
+                after_in_child=functools.partial(library.ust_after_fork_child, signals),
+            )
+
+
 def _serve(asking):
     """Import what there is, and fork as often as it is asked for; return in each fork, with what was asked."""
     import_all()
+    _tell_tracing_of_forks()
     gc.freeze()
     while True:
         asked, descriptors, _, _ = socket.recv_fds(asking, _MOST_BYTES, 4)
