@@ -10,6 +10,7 @@ from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
+from sar_compiler.checks.verify.limits import spending_conditions
 from sar_compiler.checks.verify.properties import (
     ConditionError,
     Properties,
@@ -21,7 +22,6 @@ from sar_compiler.checks.verify.recorded_runs import OtherTreeError
 from sar_compiler.checks.verify.state import Alphabet, Prepared
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.answers import OVERRIDDEN, Answer
 from sar_compiler.runtime.blackboard import Entry
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
@@ -190,7 +190,7 @@ class PropertyWatch:
         # Of each leaf: what it has done last, and in which tick.
         self._last: dict[int, tuple[str, int]] = {}
         self._limits = [simulated.facts.resolve(name) for name in limits]
-        self._spending = _spending_conditions(simulated, limits)
+        self._spending = spending_conditions(simulated, limits)
         # Of each of these: what it has found last, in which tick, and what was left of the limits before.
         self._spent: dict[int, tuple[str, int, list[object]]] = {}
 
@@ -413,19 +413,6 @@ def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
 def overridden(leaf: StubLeaf, status: str) -> str:
     """Return that a status was put in the place of a leaf's answer, in words."""
     return f"'{leaf.name}' answers for itself, and {status} was put in its place"
-
-
-def _spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> set[int]:
-    """Return the numbers of a tree's conditions that take from limits."""
-    origins = simulated.compiled.origins
-    return {
-        leaf.number
-        for leaf in (simulated.leaves if limits else ())
-        if origins[leaf.id].bound.spec.kind is Kind.CONDITION
-        and any(
-            use.name in limits for each in leaf.answers if each.then for use in name_uses(parse(each.then))
-        )
-    }
 
 
 def _write(entries: Iterable[Entry], values: Iterable[object]) -> None:

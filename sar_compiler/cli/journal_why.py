@@ -209,7 +209,7 @@ def trees_that_ran(
         TreeError: If it has mistakes.
     """
     from sar_compiler.checks.assumptions import StartValues
-    from sar_compiler.checks.verify.counterfactual import lift_limits
+    from sar_compiler.checks.verify.limits import lift_limits
 
     about: Mapping[str, Any] = state.runs[-1].about
     file = tree_file or about.get("tree_file")

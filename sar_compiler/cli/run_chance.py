@@ -67,7 +67,7 @@ class ChanceQuestion(NamedTuple):
         """
         from sar_compiler.checks.predict.present import PresentChance
 
-        return self.run.search(partial(PresentChance, period_sec=self.period_sec))
+        return self.run.search(partial(PresentChance, period_sec=self.period_sec, known=self.run.facts))
 
     def answer(self, present: "PresentChance") -> dict[str, Any]:
         """Return the chance of success from the moment up to which the run was followed, as JSON values.

@@ -17,7 +17,7 @@ from sar_compiler.checks.assumptions import (
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.property_watch import PropertyWatch
 from sar_compiler.checks.trying import TrialBudget, can_prepare, findings_of_runs, mark
-from sar_compiler.checks.verify.counterfactual import limits_of
+from sar_compiler.checks.verify.limits import limits_of
 from sar_compiler.checks.verify.properties import PropertyFile, read_property_file
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated

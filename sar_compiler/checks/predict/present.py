@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from sar_compiler.checks.predict.weighed_graph import Between, WeighedGraph
+from sar_compiler.checks.verify.limits import limits_of, spending_conditions
 from sar_compiler.checks.verify.properties import (
     Monitors,
     PropertyFile,
@@ -29,6 +30,7 @@ from sar_compiler.runtime.kernel.chances import (
     CountedTimes,
     FollowedTick,
     HiddenLeaf,
+    Spending,
     WeighedSteps,
 )
 from sar_compiler.runtime.kernel.numbering import Middles
@@ -64,6 +66,8 @@ class PresentChance:
         file: The properties, with the end of runs and the chances of answers; None for none.
         tags: The tags of leaves that a tree can have.
         period_sec: The time between two ticks, seconds.
+        known: The facts of which the run has said how much there is; others that are only lowered are limits. What a condition finds in one tick after
+            the other (a mission that is held) takes from these once.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -75,7 +79,12 @@ class PresentChance:
     """
 
     def __init__(
-        self, simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str], period_sec: float
+        self,
+        simulated: SimulatedTree,
+        file: PropertyFile | None,
+        tags: Collection[str],
+        period_sec: float,
+        known: Collection[str] = (),
     ) -> None:
         prepared = Prepared.of(simulated)
         properties = without_properties() if file is None else properties_of(file, prepared, tags)
@@ -86,6 +95,10 @@ class PresentChance:
         assert isinstance(stepper.steps, WeighedSteps)  # noqa: S101 - it was given chances
         self._steps = stepper.steps
         self._choices = stepper.ticker.choices
+        limits = limits_of(simulated, known)
+        entries = stepper.ticker.entries
+        places = [entries.place_of(simulated.facts.resolve(name).name) for name in sorted(limits)]
+        self._spending = Spending(spending_conditions(simulated, limits), places, entries)
         self._names = {leaf.number: leaf.name for leaf in stepper.leaves}
         self._state = self._steps.start()
         self.now = 0.0
@@ -105,7 +118,9 @@ class PresentChance:
         self.now = now
         if self.is_astray:
             return
-        after = self._steps.follow(self._state, FollowedTick(now, [*answers], root, self._choices))
+        after = self._steps.follow(
+            self._state, FollowedTick(now, [*answers], root, self._choices, self._spending)
+        )
         if after is None:
             self.is_astray = True
         else:

@@ -5,23 +5,19 @@ The run is found again among all runs of the tree, tick by tick. From the last t
 
 import itertools
 from collections import deque
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.checks.verify.recorded_runs import FoundTick, TreeRuns, Way
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.events import Event
-from sar_compiler.runtime.expressions import Assignment
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
-from sar_compiler.runtime.script import parse
 
 _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
 # Answers other than the usual ones after the change.
 _MOST_UNUSUAL = 2
 # Ticks that are followed after another answer.
 _MOST_FOLLOWED = 12
-# A number that is the same with one less.
-_WITHOUT_END = 1e18
 
 
 class Counterfactual(NamedTuple):
@@ -133,36 +129,6 @@ class Retrospect:
             if change.unusual < known.unusual:
                 found[change.instead.answer] = change
         return [self._after.followed(change) for change in found.values()]
-
-
-def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
-    """Let a tree's leaves do as often as they like what is assumed to happen so many times at most; return whether there is such a thing.
-
-    A record shows how often it was.
-
-    Args:
-        simulated: The tree with stub leaves.
-        known: As for `limits_of`.
-    """
-    limits = limits_of(simulated, known)
-    for name in limits:
-        simulated.facts.resolve(name).write(_WITHOUT_END)
-    return bool(limits)
-
-
-def limits_of(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
-    """Return the facts that say how often something happens at most, which proofs need: an operator's orders, losses of a connection.
-
-    These are the facts that answers only lower.
-
-    Args:
-        simulated: The tree with stub leaves.
-        known: The facts of which a run has said how much there was.
-    """
-    scripts = [parse(answer.then) for leaf in simulated.leaves for answer in leaf.answers if answer.then]
-    changes = [each for script in scripts for each in script.statements if isinstance(each, Assignment)]
-    others = {each.target.name for each in changes if each.operator != "-="}.union(known)
-    return simulated.fact_values().keys() & {each.target.name for each in changes} - others
 
 
 class _OtherAnswer(NamedTuple):

@@ -21,6 +21,7 @@ from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.runtime.answers import Answer, chances
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
 from sar_compiler.runtime.kernel.choices import Choices
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.forking import ForkingTicker
 from sar_compiler.runtime.kernel.searching import NOTHING
 from sar_compiler.runtime.kernel.stub_nodes import LeafNodes, Reply, StubNode
@@ -63,6 +64,59 @@ _JITTER_SEC: Final = 0.1
 """By how much less or more than what was measured a timer may have been up in a real run: a tick takes time itself."""
 
 
+class Spending:
+    """What takes from limits in a run that is followed: what a condition finds in one tick after the other (a mission that is held) takes once.
+
+    Such an answer is possible as it was when it came first, and leaves the limits as they are.
+
+    Args:
+        conditions: The indexes of the conditions that take from limits.
+        places: The places of the limits' entries.
+        entries: What entries hold.
+    """
+
+    def __init__(self, conditions: set[int], places: list[int], entries: EntryCells) -> None:
+        self._conditions = conditions
+        self._places = places
+        self._entries = entries
+        # Of each that was ticked in the last tick, and in this one: what it has found, and what was left of the limits before.
+        self._last: dict[int, tuple[str, list[int]]] = {}
+        self._now: dict[int, tuple[str, list[int]]] = {}
+
+    def begin_tick(self) -> None:
+        """Begin a tick, or begin it anew."""
+        self._now = {}
+
+    def end_tick(self) -> None:
+        """Note that the tick was so."""
+        self._last = self._now
+
+    def before(self, index: int, found: str) -> list[int]:
+        """Return what is left of the limits, if a leaf finds what it has found in the last tick; from now on they are as they were before that.
+
+        Args:
+            index: The index of the leaf.
+            found: What it finds.
+        """
+        if index not in self._conditions:
+            return []
+        now = self._entries.now
+        left = [int(now[place]) for place in self._places]
+        last = self._last.get(index)
+        if last is None or last[0] != found:
+            self._now[index] = found, left
+            return []
+        self._now[index] = last
+        self.after(last[1])
+        return left
+
+    def after(self, left: list[int]) -> None:
+        """Make the limits what was left of them, as `before` has returned it."""
+        now = self._entries.now
+        for place, number in zip(self._places, left, strict=False):
+            now[place] = number
+
+
 class FollowedTick:
     """A tick of a real run.
 
@@ -71,10 +125,23 @@ class FollowedTick:
         answers: What leaves have answered, in order: the index of each, its status, and which answer that was, empty where it is not known.
         root: What the root came to; empty for nothing.
         choices: Decide whether timers were up of which that is not quite certain.
+        spending: What the run takes from limits.
+
+    Attributes:
+        now: As above.
+        spending: As above.
     """
 
-    def __init__(self, now: float, answers: list[tuple[int, str, str]], root: str, choices: Choices) -> None:
+    def __init__(
+        self,
+        now: float,
+        answers: list[tuple[int, str, str]],
+        root: str,
+        choices: Choices,
+        spending: Spending,
+    ) -> None:
         self.now = now
+        self.spending = spending
         self._answers, self._root, self._choices = answers, root, choices
         self._at = 0
         self._looked: list[tuple[Begun, bool]] = []
@@ -83,6 +150,7 @@ class FollowedTick:
         """Begin with the first answer."""
         self._at = 0
         self._looked.clear()
+        self.spending.begin_tick()
 
     def look(self, begun: "Begun", *, is_astray: bool) -> None:
         """Take that a leaf was ticked, and whether it may have chosen again."""
@@ -93,10 +161,16 @@ class FollowedTick:
         for begun, is_astray in self._looked:
             begun.looked = self.now
             begun.is_astray = begun.is_astray or is_astray
+        self.spending.end_tick()
 
     def is_told(self, outcome: int) -> bool:
         """Return whether all was answered, and the root came to an outcome."""
         return self._at == len(self._answers) and WORDS[outcome] == self._root
+
+    @property
+    def told(self) -> tuple[int, str, str]:
+        """The next answer."""
+        return self._answers[self._at] if self._at < len(self._answers) else (-1, "", "")
 
     def reply(self, index: int, replies: "list[Reply]") -> "Reply":
         """Return which of some answers that a leaf can give now it has given.
@@ -104,9 +178,8 @@ class FollowedTick:
         Raises:
             StrayError: If it has given none of them, or it is not said which.
         """
-        told = self._answers[self._at] if self._at < len(self._answers) else (-1, "", "")
+        number, status, label = self.told
         self._at += 1
-        number, status, label = told
         found = [
             each for each in replies if each.answer.status == status and label in ("", each.answer.label)
         ]
@@ -376,19 +449,26 @@ class ChanceNode(StubNode):
         self._ran.add(self.index)
         if cells[self.at] != RUNNING:
             trail.take(self._started)
-        replies, followed = self._possible(), self._chances.times.followed
-        reply = (
-            self._chosen_reply(ticker, replies) if followed is None else self._told(ticker, replies, followed)
-        )
-        trail.take(reply.event)
-        if reply.change is not None:
-            reply.effect.call(reply.change)
+        followed = self._chances.times.followed
+        if followed is None:
+            reply = self._taken(self._chosen_reply(ticker, self._possible()))
+        else:
+            _, status, label = followed.told
+            left = followed.spending.before(self.index, label or status)
+            reply = self._taken(self._told(ticker, self._possible(), followed))
+            followed.spending.after(left)
         outcome = reply.outcome
         if outcome != RUNNING:
             values[self._chosen] = values[self._left] = None
         if outcome != SKIPPED:
             cells[self.at] = outcome
         return outcome
+
+    def _taken(self, reply: Reply) -> Reply:
+        self._trail.take(reply.event)
+        if reply.change is not None:
+            reply.effect.call(reply.change)
+        return reply
 
     def _chosen_reply(self, ticker: Ticker, replies: list[Reply]) -> Reply:
         """Return what it has chosen, or RUNNING until its time has come."""

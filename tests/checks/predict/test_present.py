@@ -213,3 +213,68 @@ def test_the_end_that_a_file_says_counts():
     assert present.chance(_STATES) == exactly(1.0)
     present.take(0.0, [(0, "FAILURE", "")], "FAILURE")
     assert present.chance(_STATES) == exactly(1.0)
+
+
+_HELD = "P: [{answer: SUCCESS, p: 0.9}, {status: FAILURE, label: held, when: left > 0, then: left -= 1, p: 0.1}]\n"
+_MAY_BE_HELD = '<WhileDoElse><P/><A/><Sleep msec="600000"/></WhileDoElse>'
+_A = "A: [{answer: SUCCESS, p: 0.8, sec: 9}, {answer: FAILURE, p: 0.2, sec: 9}]\n"
+_WAITING = [(1, "FAILURE", "held")], "RUNNING"
+_ON_THE_WAY = [(1, "SUCCESS", ""), (2, "RUNNING", "")], "RUNNING"
+
+
+def take_all(present, *ticks):
+    """Have a run of several ticks followed."""
+    for tick in ticks:
+        present.take(present.now + PERIOD_SEC, *tick)
+
+
+def test_a_hold_of_several_ticks_takes_from_a_limit_once():
+    present = followed(_MAY_BE_HELD, _HELD + _A, "facts: {left: 1}")
+    take_all(present, _ON_THE_WAY, _WAITING, _WAITING, _WAITING)
+    assert present.chance(_STATES) == exactly(0.8)
+    take_all(present, _ON_THE_WAY)
+    assert present.chance(_STATES) == exactly(0.8)
+    take_all(present, _WAITING)
+    assert present.is_astray
+
+
+def test_after_a_hold_of_several_ticks_as_much_is_left_as_after_one():
+    text = _HELD + "A: [{status: SUCCESS, when: left == 1}, {status: FAILURE, when: left != 1}]\n"
+    present = followed(_MAY_BE_HELD, text, "facts: {left: 2}")
+    take_all(present, _WAITING, _WAITING, _WAITING)
+    # It goes on, or it is held once more.
+    assert present.chance(_STATES) == exactly(0.9)
+
+
+def test_facts_of_which_the_run_says_how_much_there_is_are_no_limits():
+    simulated, file = assumed(_MAY_BE_HELD, _HELD + _A, "facts: {left: 1}")
+    present = PresentChance(simulated, file, TAGS, PERIOD_SEC, known=["left"])
+    take_all(present, _WAITING)
+    assert not present.is_astray
+    take_all(present, _WAITING)
+    assert present.is_astray
+
+
+def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_by_a_script_that_counts_once():
+    lost = "{status: FAILURE, label: held, when: away || left > 0, then: 'left -= away ? 0 : 1; away = true', p: 0.1}"
+    text = f"P: [{{status: SUCCESS, then: away = false, p: 0.9}}, {lost}]\n{_A}"
+    present = followed(_MAY_BE_HELD, text, "facts: {left: 1, away: false}")
+    take_all(present, _WAITING, _WAITING, _WAITING, _ON_THE_WAY)
+    assert present.chance(_STATES) == exactly(0.8)
+    take_all(present, _WAITING)
+    assert present.is_astray
+
+
+def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():
+    present = followed(_MAY_BE_HELD, _HELD + _A, "facts: {left: 2}")
+    take_all(present, _WAITING, _ON_THE_WAY, _WAITING)
+    assert not present.is_astray
+    take_all(present, _ON_THE_WAY, _WAITING)
+    assert present.is_astray
+
+
+def test_an_action_takes_from_a_limit_each_time():
+    text = "B: [{answer: SUCCESS, p: 0.9}, {status: FAILURE, label: held, when: left > 0, then: left -= 1, p: 0.1}]\n"
+    present = followed(_MAY_BE_HELD.replace("P", "B"), text + _A, "facts: {left: 1}")
+    take_all(present, _WAITING, _WAITING)
+    assert present.is_astray

@@ -4,7 +4,8 @@ import itertools
 
 import pytest
 
-from sar_compiler.checks.verify.counterfactual import Retrospect, counterfactual, lift_limits
+from sar_compiler.checks.verify.counterfactual import Retrospect, counterfactual
+from sar_compiler.checks.verify.limits import lift_limits
 from sar_compiler.checks.verify.recorded_runs import NotReplayedError, OtherTreeError
 from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.recorded_events import recorded_events

@@ -1,0 +1,61 @@
+"""Limits: facts that say how often something happens at most, which proofs need."""
+
+from collections.abc import Collection
+
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.expressions import Assignment, name_uses
+from sar_compiler.runtime.script import parse
+
+# A number that is the same with one less.
+_WITHOUT_END = 1e18
+
+
+def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
+    """Let a tree's leaves do as often as they like what is assumed to happen so many times at most; return whether there is such a thing.
+
+    A record shows how often it was.
+
+    Args:
+        simulated: The tree with stub leaves.
+        known: As for `limits_of`.
+    """
+    limits = limits_of(simulated, known)
+    for name in limits:
+        simulated.facts.resolve(name).write(_WITHOUT_END)
+    return bool(limits)
+
+
+def limits_of(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
+    """Return the facts that say how often something happens at most, which proofs need: an operator's orders, losses of a connection.
+
+    These are the facts that answers only lower.
+
+    Args:
+        simulated: The tree with stub leaves.
+        known: The facts of which a run has said how much there was.
+    """
+    scripts = [parse(answer.then) for leaf in simulated.leaves for answer in leaf.answers if answer.then]
+    changes = [each for script in scripts for each in script.statements if isinstance(each, Assignment)]
+    others = {each.target.name for each in changes if each.operator != "-="}.union(known)
+    return simulated.fact_values().keys() & {each.target.name for each in changes} - others
+
+
+def spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> set[int]:
+    """Return the numbers of a tree's conditions that take from limits.
+
+    What such a one finds in one tick after the other (a mission that is held) has happened once, in a real run.
+
+    Args:
+        simulated: The tree with stub leaves.
+        limits: The names of the limits.
+    """
+    origins = simulated.compiled.origins
+    return {
+        leaf.number
+        for leaf in (simulated.leaves if limits else ())
+        if origins[leaf.id].bound.spec.kind is Kind.CONDITION
+        and any(
+            use.name in limits for each in leaf.answers if each.then for use in name_uses(parse(each.then))
+        )
+    }
