@@ -6,6 +6,7 @@ from typing import NamedTuple
 from benchmarks import (
     editing,
     flying,
+    journaling,
     large_files,
     paging,
     pipeline,
@@ -105,6 +106,23 @@ GOALS = (
         {"": 1 / 20_000},
         "resilient mission, five zones, with all that is told: 10^5 states in 5 s",
         "s/state",
+    ),
+    Goal(
+        "`predict`, memory",
+        "nothing of the kind",
+        "predict",
+        f"{predicting.LARGE}: memory",
+        {"": 4e9},
+        "resilient mission, eight zones, more than 10^6 states: the most that the process has had",
+        "bytes",
+    ),
+    Goal(
+        "what its chain adds to a fact of the journal",
+        "a fact without a chain",
+        "journal",
+        journaling.FACT,
+        {journaling.UNCHAINED: 1.1},
+        "time that passes, on the disk of the temporary folder, with and without links in turns",
     ),
     Goal(
         "a flight that is watched for properties",

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from unittest import mock
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -15,6 +16,7 @@ from py_trees.composites import Sequence
 
 from benchmarks.figures import LOOP, Effort, Result, compared, in_turns, loop, often, timed
 from benchmarks.leaves import Leaf
+from sar_compiler.journal import database
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Row
@@ -23,8 +25,12 @@ from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.ros.runner import TreeRunner
 
 NONE = "the same without a journal"
+UNCHAINED = "the same without a chain"
+FACT = "a fact, time that passes"
 SIZES = (30, 1_000)
 _FACTS = 200
+# A disk takes now more, now less.
+_FACT_ROUNDS = 5
 _ENTRIES, _BATCH = 1_000_000, 1_000
 
 
@@ -42,8 +48,9 @@ def measure(effort: Effort) -> Iterator[Result]:
     with tempfile.TemporaryDirectory() as folder:
         journal = open_journal(Path(folder, "mission.journal"))
         journal.begin({}, {})
-        taken = in_turns({"": lambda: _facts(journal), LOOP: loop}, effort.rounds)
-        yield from compared("a fact, time that passes", taken.pop(""), taken)
+        facts = {"": lambda: _facts(journal), UNCHAINED: lambda: _unchained_facts(journal), LOOP: loop}
+        taken = in_turns(facts, _FACT_ROUNDS * effort.rounds)
+        yield from compared(FACT, taken.pop(""), taken)
         for kind, leaf in (("no node changes", Leaf), ("every leaf changes", Changing)):
             for size in SIZES:
                 actions = {
@@ -82,6 +89,15 @@ def _facts(journal: Journal) -> float:
     for number in range(_FACTS):
         journal.note("zone_searched", zone=f"zone_{number}", survivor=(-2.5, 3.2))
     return (time.perf_counter() - start) / _FACTS
+
+
+def _unchained_facts(journal: Journal) -> float:
+    with mock.patch.object(database, "linked", _no_link):
+        return _facts(journal)
+
+
+def _no_link(*_: object) -> bytes:
+    return b""
 
 
 def _ticks(leaf: type[Behaviour], size: int, journal: Journal | None) -> Callable[[], float]:

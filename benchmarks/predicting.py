@@ -5,11 +5,12 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchmarks.figures import Effort, Result, plain
+from benchmarks.figures import Effort, Result, most_memory, plain
 from sar_compiler.project import load
 
 SUBJECT = "search_and_rescue_resilient, five zones"
-_ZONES = 5
+LARGE = "search_and_rescue_resilient, eight zones"
+_ZONES, _MANY_ZONES, _MOST_STATES = 5, 8, 2_000_000
 _CHANCES = """
 answers:
   NavigateToZone: [{answer: arrived, p: 0.7, sec: 30}, {answer: aborted, p: 0.25, sec: 5}, {answer: unavailable, p: 0.05}]
@@ -21,7 +22,7 @@ answers:
 
 
 def measure(effort: Effort) -> Iterator[Result]:
-    """Yield how many states a prediction goes through in a second, with all that it says, and how many there are."""
+    """Yield how many states a prediction goes through in a second, with all that it says, how many there are, and what a large one takes in memory."""
     zones = _ZONES if effort.share == 1 else 1
     with tempfile.TemporaryDirectory() as folder:
         answers = Path(folder, "chances.yaml")
@@ -31,5 +32,10 @@ def measure(effort: Effort) -> Iterator[Result]:
         begun = time.process_time()
         found = tree.predict(answers, facts={"zones_left": zones})
         taken = time.process_time() - begun
-    yield plain(SUBJECT, taken / found.states, "s/state")
-    yield plain(f"{SUBJECT}: states", float(found.states), "states")
+        yield plain(SUBJECT, taken / found.states, "s/state")
+        yield plain(f"{SUBJECT}: states", float(found.states), "states")
+        found = tree.predict(
+            answers, facts={"zones_left": _MANY_ZONES if effort.share == 1 else 1}, max_states=_MOST_STATES
+        )
+        yield plain(f"{LARGE}: states", float(found.states), "states")
+        yield plain(f"{LARGE}: memory", most_memory(), "bytes")
