@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from coverage import CoverageData
+from coverage.exceptions import DataError
 
 from tests.mutants.chosen_tests import CHOSEN, CURRENT, NOTED, PROCESSES
 from tests.mutants.mutating import Mutant
@@ -133,7 +134,10 @@ class Bench:
         reach.read()
         for file in folder.glob("*_reach*"):
             data = CoverageData(str(file))
-            data.read()
+            try:
+                data.read()
+            except DataError:  # whoever wrote it was killed meanwhile
+                continue
             reach.update(data, map_path=lambda path: os.path.relpath(path, self._copy))
         # Some tests fail only because they are measured.
         if failed := [test for test, sec in seconds.items() if sec is None]:
