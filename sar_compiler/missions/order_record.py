@@ -22,6 +22,8 @@ _PARAMETER = "ordered_by"
 _A_CALL = "a service call"
 # How long somebody may take from there to the call, in seconds of the steady clock, and how long what they say may be.
 _SIGNED_SEC, _LONGEST = 10.0, 200
+# How long whoever is told may take to say that it was heard, likewise.
+_HEARD_SEC = 1.0
 
 
 class OrderRecord:
@@ -92,18 +94,30 @@ class RemoteSignature:
     def __init__(self, node: "Node", of: str) -> None:
         from rcl_interfaces.srv import SetParameters
 
+        self._node = node
         self._client: Any = node.create_client(SetParameters, f"{of}/set_parameters")
 
     def sign(self, verb: str, by: str, then: Callable[[], object]) -> None:
         """Say who is about to call a verb's service, and call *then*, which does, once that was heard.
 
-        A node that takes no parameters is not told.
+        A node that takes no parameters is not told. An answer that is lost, as may happen where two nodes have just found each other, delays the
+        order, and does not keep it from being given.
         """
         from rclpy.parameter import Parameter
+
+        from sar_compiler.ros.clock import steady_timer
 
         if not self._client.service_is_ready():
             then()
             return
+
+        def go_on(_: object = None) -> None:
+            if not timer.is_canceled():
+                timer.cancel()
+                self._node.destroy_timer(timer)
+                then()
+
+        timer = steady_timer(self._node, _HEARD_SEC, go_on)
         request = self._client.srv_type.Request()
         request.parameters = [Parameter(f"{_PARAMETER}.{verb}", value=by).to_parameter_msg()]
-        self._client.call_async(request).add_done_callback(lambda _: then())
+        self._client.call_async(request).add_done_callback(go_on)

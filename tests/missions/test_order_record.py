@@ -8,7 +8,7 @@ from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.missions.order_record import OrderRecord
+from sar_compiler.missions.order_record import OrderRecord, RemoteSignature
 from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
@@ -164,3 +164,34 @@ def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
         robot.search.orders.give("abort")
     robot.journal.end(Ending.OVER, 1, "It has ended here.")
     assert condition(robot.state).text() == "ABORTED: It has ended here. (by Ada)"
+
+
+def signing(ros, of):
+    """Return what says to a node who is about to give an order, from another node; it has found that node."""
+    from rcl_interfaces.srv import SetParameters
+
+    asker = ros.node("asker")
+    signature, client = RemoteSignature(asker, of), asker.create_client(SetParameters, f"{of}/set_parameters")
+    ros.spin_until(client.service_is_ready, f"the parameters of {of}")
+    return signature
+
+
+def test_who_orders_from_another_node_is_heard_before_the_order_which_is_given_once(robot):
+    given: list[str] = []
+    signing(robot.ros, "/mission").sign("pause", "Ada", lambda: given.append("pause"))
+    robot.ros.spin_until(lambda: given, "the order")
+    robot.call("pause")
+    assert robot.orders == ["Ada: pause"]
+    robot.ros.spin_for(1.2)
+    assert given == ["pause"]
+
+
+def test_an_answer_that_is_lost_keeps_no_order_from_being_given(ros):
+    from rclpy.node import Node
+
+    given: list[str] = []
+    deaf = Node("deaf", context=ros.context)  # nobody spins it
+    signing(ros, "/deaf").sign("pause", "Ada", lambda: given.append("pause"))
+    ros.spin_until(lambda: given, "the order")
+    deaf.destroy_node()
+    assert given == ["pause"]
