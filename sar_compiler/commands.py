@@ -43,7 +43,7 @@ _OF_OPTIONS = {
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 # What no index has: wheels of them are made in a checkout.
-_INTERFACES = ("nav2_msgs", "sar_interfaces", "tf2_msgs")
+_INTERFACES = ("btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
 
 
 def run(command: Callable[[], int], prog: str) -> int:

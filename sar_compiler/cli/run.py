@@ -78,10 +78,14 @@ def run_in(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int
 def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: bool) -> int:
     options, supervision = _options(argv), own_supervision()
     options.stepped = stepped
-    if options.supervise is not None and not supervision.is_there:
+    if options.supervise is not None and options.serve is None and not supervision.is_there:
         from sar_compiler.cli.supervisor import supervise
 
         return supervise(argv, options.supervise, signals, options.report)
+    if options.serve is not None:
+        from sar_compiler.cli.serve import serve
+
+        return serve(argv, options, signals)
     _supervise(options, supervision)
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
@@ -122,7 +126,7 @@ def _options(argv: Sequence[str]) -> Namespace:
         parser.error("the name of the tree file is empty")
     given.no_journal = given.journal == _NO_JOURNAL
     given.journal = None if given.no_journal else given.journal
-    for message in (*_slips(given), *_slips_of_companions(given)):
+    for message in (*_slips(given), *_slips_of_serving(given), *_slips_of_companions(given)):
         parser.error(message)
     given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
     given.until = Until(given.until) if given.until else None
@@ -143,6 +147,17 @@ def _slips(given: Namespace) -> Iterator[str]:
         yield "--journal none does not go with --resume or --new"
     if given.supervise is not None and (given.no_journal or given.check):
         yield "--supervise resumes a mission from its journal: leave --journal none and --check out"
+
+
+def _slips_of_serving(given: Namespace) -> Iterator[str]:
+    if given.managed and given.serve is None:
+        yield "--managed is about a server of trees: add --serve TREE"
+    if given.serve is None:
+        return
+    if given.tree is not None or given.tree_id is not None:
+        yield "--serve names its trees itself, and each goal one of them: leave TREE and --tree out"
+    if given.check or given.resume or given.report or given.record is not None:
+        yield "--serve begins a run for each goal: --check, --resume, --report and --record are for one"
 
 
 def _slips_of_companions(given: Namespace) -> Iterator[str]:
@@ -314,6 +329,13 @@ def _add_for_experts(parser: Parser, group: "_ArgumentGroup") -> None:
         "--executor", choices=("events", "single-threaded"), default="events", help=text
     )
     text = "show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)"
+    text = (
+        "do not fly, but start these trees for others, one at a time: by BehaviorTree.ROS2's action bt_execution (ExecuteTree), whose "
+        "goals name the tree by its ID; the other options are those of each run"
+    )
+    parser.hide(group.add_argument("--serve", nargs="+", type=TREE, metavar="TREE", help=text))
+    text = "with --serve: wait for a lifecycle manager, such as Nav2's, to configure and activate the server"
+    parser.hide(group.add_argument("--managed", action="store_true", help=text))
     parser.hide(engine, executor, group.add_argument("--traceback", action="store_true", help=text))
 
 

@@ -2,6 +2,8 @@
 
 import json
 import os
+import signal
+import sys
 from collections.abc import MutableMapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -17,6 +19,23 @@ PERIOD_SEC = 1.0
 
 NOT_READY, ADRIFT = 3, 4
 """Exit statuses of a run: something that it needs did not appear in time; a goal may still be active."""
+
+
+# The program: its first statement keeps the current folder, from which `-c` would import, out of the way.
+_PROGRAM = "import sys; sys.path[:] = {path!r}; {first}from sar_compiler.cli.console import sar_run; sys.exit(sar_run())"
+# Linux's PR_SET_PDEATHSIG; who has died before that is the parent no more.
+_END_WITH_PARENT = f"import ctypes, os; ctypes.CDLL(None).prctl(1, {signal.SIGTERM:d}); os.getppid() == {{pid}} or sys.exit(1); "
+
+
+def run_command(argv: Sequence[str], *, ends_with_parent: bool = False) -> list[str]:
+    """Return the command of a run in another process, which imports what this one can.
+
+    Args:
+        argv: Its command line.
+        ends_with_parent: Whether it comes to its end in order when the thread that has begun it does, however that ends.
+    """
+    first = _END_WITH_PARENT.format(pid=os.getpid()) if ends_with_parent else ""
+    return [sys.executable, "-c", _PROGRAM.format(path=sys.path, first=first), *argv]
 
 
 class Supervision(NamedTuple):

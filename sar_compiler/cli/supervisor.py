@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -12,7 +11,16 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.supervision import ADRIFT, ALIVE, DEAF, ENDING, JOURNAL, NOT_READY, Supervision
+from sar_compiler.cli.supervision import (
+    ADRIFT,
+    ALIVE,
+    DEAF,
+    ENDING,
+    JOURNAL,
+    NOT_READY,
+    Supervision,
+    run_command,
+)
 from sar_compiler.commands import print_error
 from sar_compiler.errors import SarError
 from sar_compiler.journal.errors import JournalError
@@ -31,10 +39,6 @@ _OWN_PAUSE_SEC = 2.0
 _GUARDIAN_SEC = 20.0
 _LOCK_SEC = 10.0
 _LAST_WORDS_SEC = 0.9
-# The program: its first statement keeps the current folder, from which `-c` would import, out of the way.
-_PROGRAM = (
-    "import sys; sys.path[:] = {path!r}; from sar_compiler.cli.console import sar_run; sys.exit(sar_run())"
-)
 
 
 def supervise(argv: Sequence[str], limit: int, signals: StopSignals, reports: Sequence[Path] = ()) -> int:
@@ -91,7 +95,7 @@ class _Life:
         signs, theirs = os.pipe()
         handed = Supervision(theirs, deaths, has_begun).environment()
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
-            [sys.executable, "-c", _PROGRAM.format(path=sys.path), *argv],
+            run_command(argv),
             env={**os.environ, **handed},
             # Ctrl-C is for whole groups of processes, and is passed on once.
             start_new_session=True,

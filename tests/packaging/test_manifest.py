@@ -28,6 +28,8 @@ NEVER_RUN |= {"librt", "mypy_extensions"}
 # Extras, which say what to install where they are missing.
 NEVER_RUN |= {"distributed", "mcap", "msgpack", "zmq", "rich", "cap_tools", "geojson", "pyproj", "xsdata"}
 NEVER_RUN |= {"starlette", "uvicorn", "pygls", "lsprotocol"}
+# Of BehaviorTree.ROS2, which is no package of apt's: `--serve` says so where it is missing.
+NEVER_RUN |= {"btcpp_ros2_interfaces"}
 
 
 def manifest():

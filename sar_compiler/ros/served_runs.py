@@ -1,0 +1,103 @@
+"""Runs that are started for others: what their server asks of who starts them, and what comes with a goal."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+
+class PayloadError(SarError):
+    """What comes with a goal cannot be understood."""
+
+
+class EndedRun(NamedTuple):
+    """How a run has ended.
+
+    Attributes:
+        outcome: What the tree has come to; IDLE if it has not begun, or was stopped.
+        message: What is said of it: of a complete one its summary, else the reason.
+    """
+
+    outcome: Literal["IDLE", "SUCCESS", "FAILURE"]
+    message: str
+
+
+class ServedRun(Protocol):
+    """A run that was started."""
+
+    def stop(self) -> None:
+        """Have it end in order; called again, at once."""
+
+    def hold(self, *, wanted: bool, refused: Callable[[str], None]) -> None:
+        """Have its robot stand until that is not wanted any more.
+
+        Args:
+            wanted: Whether it is wanted.
+            refused: Is told why, from any thread, if that is not carried out.
+        """
+
+
+class RunStarter(Protocol):
+    """Starts runs.
+
+    Attributes:
+        node: The node that serves, of which orders come.
+    """
+
+    node: "Node"
+
+    def trees(self) -> Sequence[str]:
+        """Read all trees anew, and return their names.
+
+        Raises:
+            SarError: If one of them cannot be flown.
+        """
+
+    def start(
+        self,
+        tree: str,
+        parameters: Mapping[str, object],
+        tell: Callable[[str], None],
+        end: Callable[[EndedRun], None],
+    ) -> ServedRun:
+        """Start a run.
+
+        Args:
+            tree: The name of its tree.
+            parameters: Parameters of its mission, by their full names.
+            tell: Is told what happens, from any thread.
+            end: Is told how it has ended, once, from any thread.
+        """
+
+
+def parameters_of(payload: str) -> Mapping[str, object]:
+    """Return the parameters that the payload of a goal names, by their full names: `{"speed": {"limit": 0.5}}` has `speed.limit`.
+
+    Args:
+        payload: A JSON object; empty for none.
+
+    Raises:
+        PayloadError: If it is none.
+    """
+    if not payload.strip():
+        return {}
+    try:
+        found = json.loads(payload)
+    except ValueError as error:
+        raise PayloadError(f"the payload is no JSON: {error}") from error
+    if not isinstance(found, dict):
+        raise PayloadError(
+            'the payload is a JSON object with parameters of the mission, such as {"max_mission_sec": 600.0}'
+        )
+    return _flat(found, "")
+
+
+def _flat(found: Mapping[str, object], before: str) -> dict[str, object]:
+    flat: dict[str, object] = {}
+    for name, value in found.items():
+        flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
+    return flat

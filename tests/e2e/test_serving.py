@@ -1,0 +1,248 @@
+"""`sar-run --serve`, as a client of BehaviorTree.ROS2's server uses it."""
+
+import json
+import signal
+from contextlib import closing
+
+import pytest
+
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import ORDERED
+from tests.processes import children_of, wait_for_end_of
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+SHORT = document(
+    '<Sequence name="Look"><Sleep name="First" msec="50"/><Sleep name="Second" msec="50"/></Sequence>',
+    main="Short",
+)
+LONG = document('<Sequence name="Wait"><Sleep msec="1000000"/></Sequence>', main="Long")
+FAILING = document("<AlwaysFailure/>", main="Failing")
+TIMED = document('<Sleep msec="{@patience_msec}"/>', main="Timed")
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+IDLE, SUCCESS, FAILURE = 0, 2, 3
+
+
+class Client:
+    """What asks a server of trees for runs."""
+
+    def __init__(self, ros):
+        from btcpp_ros2_interfaces.action import ExecuteTree
+        from btcpp_ros2_interfaces.srv import GetTrees
+        from rclpy.action import ActionClient
+
+        self._ros, self._kind = ros, ExecuteTree
+        self.node = ros.node("client")
+        self._trees = self.node.create_client(GetTrees, "get_loaded_trees")
+        self._action = ActionClient(self.node, ExecuteTree, "bt_execution")
+        self.told = []
+
+    def answer(self, future, what):
+        self._ros.spin_until(future.done, what)
+        return future.result()
+
+    def call(self, kind, name, request):
+        client = self.node.create_client(kind, name)
+        self._ros.spin_until(client.service_is_ready, name)
+        return self.answer(client.call_async(request), f"the answer of {name}")
+
+    def trees(self):
+        self._ros.spin_until(self._trees.service_is_ready, "the server's service")
+        return self.answer(self._trees.call_async(self._trees.srv_type.Request()), "the trees").tree_ids
+
+    def ask(self, tree, payload=""):
+        self._ros.spin_until(self._action.server_is_ready, "the server's action")
+        goal = self._kind.Goal(target_tree=tree, payload=payload)
+        sent = self._action.send_goal_async(goal, lambda told: self.told.append(told.feedback.message))
+        return self.answer(sent, "the answer to a goal")
+
+    def hear(self, text):
+        self._ros.spin_until(lambda: any(text in line for line in self.told), f"feedback: {text}")
+
+    def cancel(self, goal):
+        self.answer(goal.cancel_goal_async(), "the answer to a cancellation")
+
+    def end(self, goal):
+        """Return the status of the goal, that of the tree, and the message."""
+        found = self.answer(goal.get_result_async(), "the end of a goal")
+        return found.status, found.result.node_status.status, found.result.return_message
+
+    def run(self, tree, payload=""):
+        return self.end(self.ask(tree, payload))
+
+
+@pytest.fixture
+def client(ros):
+    return Client(ros)
+
+
+@pytest.fixture
+def serve(start, tmp_path):
+    def begin(*texts, options=()):
+        paths = []
+        for number, text in enumerate(texts):
+            paths.append(tmp_path / f"tree_{number}.xml")
+            paths[-1].write_text(text, encoding="utf-8")
+        return start("sar-run", "--serve", *paths, *options)
+
+    return begin
+
+
+def state_of(client):
+    from lifecycle_msgs.srv import GetState
+
+    return client.call(GetState, "sar_tree_server/get_state", GetState.Request()).current_state.label
+
+
+def change(client, label):
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    wanted = Transition(id=getattr(Transition, f"TRANSITION_{label.upper()}"))
+    return client.call(
+        ChangeState, "sar_tree_server/change_state", ChangeState.Request(transition=wanted)
+    ).success
+
+
+def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve):
+    server = serve(SHORT, FAILING)
+    assert client.trees() == ["Failing", "Short"]
+    status, root, said = client.run("Short")
+    assert (status, root) == (SUCCEEDED, SUCCESS)
+    assert json.loads(said)["status"] == 0
+    shown = [" ".join(line.split()[1:3]).rstrip(",") for line in client.told]
+    assert shown == [
+        "First RUNNING",
+        "Look RUNNING",
+        "First SUCCESS",
+        "Second RUNNING",
+        "Second SUCCESS",
+        "Look SUCCESS",
+    ]
+    assert client.run("Failing") == (ABORTED, FAILURE, "The root of the tree ended with FAILURE.")
+    server.send(signal.SIGINT)
+    assert server.end() == 0
+
+
+def test_a_goal_that_is_cancelled_ends_its_run(client, serve):
+    server = serve(LONG)
+    goal = client.ask("Long")
+    client.hear("Wait RUNNING")
+    (run,) = children_of(server.pid)
+    client.cancel(goal)
+    status, root, said = client.end(goal)
+    assert (status, root) == (CANCELED, IDLE)
+    assert said == "it was stopped"
+    wait_for_end_of(run)
+    # The next one can come.
+    client.cancel(client.ask("Long"))
+
+
+def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
+    server = serve(LONG, SHORT)
+    assert not client.ask("Shrt").accepted
+    server.wait_for("Goal refused: there is no tree 'Shrt'; did you mean 'Short'?")
+    assert not client.ask("Short", "patience: 3").accepted
+    server.wait_for("Goal refused: the payload is no JSON")
+    assert client.ask("Long").accepted
+    assert not client.ask("Short").accepted
+    server.wait_for("Goal refused: a mission is under way")
+
+
+def test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them(client, serve):
+    serve(TIMED)
+    assert client.run("Timed", '{"patience_msec": 10}')[:2] == (SUCCEEDED, SUCCESS)
+    status, root, said = client.run("Timed", '{"tick_rate_hz": -1.0}')
+    assert (status, root) == (ABORTED, IDLE)
+    assert "sar-run: parameter tick_rate_hz: " in said
+
+
+def test_whoever_serves_ends_its_run_in_order_when_it_is_stopped(client, serve):
+    server = serve(LONG)
+    goal = client.ask("Long")
+    client.hear("Wait RUNNING")
+    (run,) = children_of(server.pid)
+    server.send(signal.SIGTERM)
+    assert client.end(goal)[:2] == (ABORTED, IDLE)
+    assert server.end() == 0
+    wait_for_end_of(run)
+
+
+def test_a_run_does_not_outlive_a_server_that_is_killed(client, serve):
+    server = serve(LONG)
+    client.ask("Long")
+    client.hear("Wait RUNNING")
+    (run,) = children_of(server.pid)
+    server.kill()
+    wait_for_end_of(run)
+
+
+def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
+    server = serve(LONG, options=["--managed"])
+    assert state_of(client) == "unconfigured"
+    assert client.trees() == []
+    assert not client.ask("Long").accepted
+    assert change(client, "configure")
+    assert client.trees() == ["Long"]
+    assert not client.ask("Long").accepted
+    server.wait_for("Goal refused: this node is not active")
+    assert change(client, "activate")
+    goal = client.ask("Long")
+    client.hear("Wait RUNNING")
+    # Nobody can hold this tree.
+    assert change(client, "deactivate")
+    server.wait_for("The mission cannot be held, and is stopped: it knows no such order")
+    assert client.end(goal)[:2] == (ABORTED, IDLE)
+    assert change(client, "cleanup")
+    assert client.trees() == []
+
+
+def test_a_mission_is_held_while_its_server_is_not_active(client, start, tmp_path):
+    journal = tmp_path / "run.journal"
+    options = ["--sim", "--speed", "5", "--managed", "--journal", journal]
+    server = start("sar-run", "--serve", "search_and_rescue_guarded", *options)
+    assert change(client, "configure")
+    assert change(client, "activate")
+    goal = client.ask("GuardedSearchAndRescue")
+    client.hear("NavigateToZone RUNNING")
+    assert change(client, "deactivate")
+    client.hear("NotHeld? FAILURE (held)")
+    assert change(client, "activate")
+    client.hear("NotHeld? SUCCESS (free)")
+    assert client.end(goal)[:2] == (SUCCEEDED, SUCCESS)
+    server.send(signal.SIGINT)
+    assert server.end() == 0
+    with closing(JournalFile.read(journal)) as file:
+        orders = [entry.data for entry in file.stream() if entry.kind == ORDERED]
+    assert [(each["verb"], each["by"]) for each in orders] == [
+        ("pause", "/sar_tree_server"),
+        ("resume", "/sar_tree_server"),
+    ]
+
+
+def test_a_tree_that_is_wrong_is_told_of_before_anybody_can_start_it(serve):
+    server = serve(SHORT, document("<Sleep/>", main="Wrong"))
+    assert server.end() == 2
+    assert "tree_1.xml cannot be run like this:" in server.output
+    assert "missing-attribute" in server.output
+
+
+def test_two_trees_of_one_name_are_refused(serve):
+    server = serve(SHORT, SHORT)
+    assert server.end() == 2
+    assert "have a tree 'Short' both" in server.output
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["tree.xml", "--serve", "search_and_rescue"], "--serve names its trees itself"),
+        (["--serve", "search_and_rescue", "--resume"], "--serve begins a run for each goal"),
+        (["search_and_rescue", "--managed"], "--managed is about a server of trees: add --serve TREE"),
+    ],
+)
+def test_options_that_do_not_go_with_serving_are_named(start, options, said):
+    run = start("sar-run", *options)
+    assert run.end() == 2
+    assert said in run.output
