@@ -22,8 +22,20 @@ GROUPS = {
     "sar_compiler.missions": "Missions",
     "sar_compiler.testing": "Tests",
 }
-_PLACES = {ROOT / "README.md": "index.md", DOCS / "README.md": "pages.md"}
-_LANGUAGES = {".py": "python", ".xml": "xml", ".yaml": "yaml", ".toml": "toml"}
+# Of two that differ only in capitals, many file systems know one.
+_PLACES = {
+    ROOT / "README.md": "index.md",
+    DOCS / "README.md": "pages.md",
+    ROOT / "SECURITY.md": "vulnerabilities.md",
+}
+_LANGUAGES = {
+    ".py": "python",
+    ".xml": "xml",
+    ".yaml": "yaml",
+    ".yml": "yaml",
+    ".cff": "yaml",
+    ".toml": "toml",
+}
 _AS_THEY_ARE = {".pgm", ".png", ".svg"}
 _FENCE = re.compile(r"^\s*```")
 _CODE = re.compile(r"(`+)(?:(?!\1).)+\1(?!`|\])")

@@ -9,6 +9,8 @@ PAGES = sorted(
     [
         Path("README.md"),
         Path("CONTRIBUTING.md"),
+        Path("QUALITY_DECLARATION.md"),
+        Path("SECURITY.md"),
         *Path("docs").glob("*.md"),
         *Path("examples").rglob("README.md"),
     ]
