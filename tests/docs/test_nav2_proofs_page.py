@@ -1,0 +1,90 @@
+"""The files of properties of docs/nav2_proofs.md find in a small tree of that form what the page says of Nav2's."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import sar_compiler
+from sar_compiler import ProofStatus
+from tests.docs.markdown import blocks, commands, tables
+
+PAGE = Path("docs/nav2_proofs.md")
+FILES = {block.file: block.text for block in blocks(PAGE) if block.file}
+# Of the same form as Nav2's, but for a recovery; what is asked is how the retry begins.
+TREE = """
+<root BTCPP_format="4">
+  <BehaviorTree ID="Drive">
+    <PipelineSequence>
+      <RecoveryNode number_of_retries="1" name="Plan">
+        <Fallback>
+          <ReactiveSequence>
+            <Inverter><GlobalUpdatedGoal/></Inverter>
+            <IsPathValid path="{path}"/>
+          </ReactiveSequence>
+          <ComputePathToPose goal="{goal}" path="{path}"/>
+        </Fallback>
+        <ClearEntireCostmap service_name="clear"/>
+      </RecoveryNode>
+      <RecoveryNode number_of_retries="1" name="Follow">
+        <FollowPath path="{path}"/>
+        <ClearEntireCostmap service_name="clear"/>
+      </RecoveryNode>
+    </PipelineSequence>
+  </BehaviorTree>
+</root>
+"""
+
+
+def edited(program):
+    """A file of properties after one of the page's `sed` commands."""
+    found = re.fullmatch(r"s/(.+)/(.*)/", program)
+    assert found
+    assert found[1] in FILES["since.yaml"], "the edit changes something"
+    return FILES["since.yaml"].replace(found[1], found[2])
+
+
+def edits():
+    return {
+        command.words[1]
+        for command in commands(PAGE)
+        if command.words[0] == "sed" and command.words[2] == "since.yaml"
+    }
+
+
+def proved(folder, properties, palette):
+    name = "IsPathValid" if palette == "nav2:jazzy" else "ValidatePath"
+    (folder / "drive.xml").write_text(TREE.replace("IsPathValid", name), encoding="utf-8")
+    (folder / "asked.yaml").write_text(properties, encoding="utf-8")
+    result = sar_compiler.load(folder / "drive.xml", models=[palette]).verify(folder / "asked.yaml")
+    [asked] = [each for each in result.verdicts if "goal" in each.question]
+    assert asked.outcome in {ProofStatus.PROVED, ProofStatus.BROKEN}
+    return asked.outcome is ProofStatus.PROVED
+
+
+def test_under_any_answer_the_robot_drives_to_the_old_goal(tmp_path):
+    assert not proved(tmp_path, FILES["new_goal.yaml"], "nav2:jazzy")
+    assert not proved(tmp_path, FILES["new_goal.yaml"], "nav2:main")
+
+
+def test_with_what_nav2_does_since_it_is_proved_that_it_does_not(tmp_path):
+    assert proved(tmp_path, FILES["since.yaml"], "nav2:jazzy")
+    assert proved(tmp_path, edited("s/IsPathValid/ValidatePath/"), "nav2:main")
+
+
+@pytest.mark.parametrize("program", ["s/# planning: //", "s/# timeout: //"])
+def test_what_remains_is_found_once_it_is_said(tmp_path, program):
+    assert program in edits()
+    assert not proved(tmp_path, edited(program), "nav2:jazzy")
+
+
+def test_a_planner_that_aborts_and_does_not_empty_the_path_is_what_the_report_was_about(tmp_path):
+    emptied = ', then: "path_is_empty = true"'
+    assert FILES["since.yaml"].count(emptied) == 1
+    assert not proved(tmp_path, FILES["since.yaml"].replace(emptied, ""), "nav2:jazzy")
+
+
+def test_each_finding_of_the_page_has_its_assumption_and_its_own_section():
+    rows = [cells for heading, _, cells in tables(PAGE) if heading == "What proofs find in Nav2's trees"]
+    assert len(rows) == 4
+    assert all(len(cells) == 4 and cells[2] and cells[3] and "](#" in cells[0] for cells in rows)
