@@ -1,0 +1,55 @@
+"""Where somebody who is missing may be, and how well it was looked: the words and formulas of search theory.
+
+POA is how likely somebody is in an area, POD how likely a look there finds who is there, POS how likely a search succeeds.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class PoaMap:
+    """Where somebody who is missing may be, after looks that did not find this one.
+
+    What the areas leave of 1 is the rest of the world, where nobody looks.
+
+    Args:
+        poa: How likely each area was before the first look, 0 to 1; 1 at most in sum.
+        pod: How likely a look in each area finds who is there, 0 to 1.
+        looks: How often it was looked in an area; areas that are not named, never.
+
+    Raises:
+        ValueError: If something is no probability, the areas sum above 1, or an area has no `pod`.
+    """
+
+    poa: Mapping[str, float]
+    pod: Mapping[str, float]
+    looks: Mapping[str, int]
+
+    def __post_init__(self) -> None:
+        for area, value in (*self.poa.items(), *self.pod.items()):
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"{area} has the probability {value:g}; write one from 0 to 1")
+        if lacking := sorted(set(self.poa) - set(self.pod)):
+            raise ValueError(f"{lacking[0]} has no POD; write how likely a look there finds who is there")
+        total = math.fsum(self.poa.values())
+        if total > 1.0 + _ROUNDING:
+            raise ValueError(f"the areas' POA sum to {total:g}; they can be 1 at most")
+
+    def missed(self, area: str) -> float:
+        """Return how likely all looks in an area have missed who is there: (1 - POD) to the power of their number."""
+        return (1.0 - self.pod[area]) ** self.looks.get(area, 0)
+
+    def now(self) -> dict[str, float]:
+        """Return how likely each area is now, by Bayes; 0 everywhere if nobody can be anywhere any more."""
+        left = {area: poa * self.missed(area) for area, poa in self.poa.items()}
+        elsewhere = max(0.0, 1.0 - math.fsum(self.poa.values()))
+        total = elsewhere + math.fsum(left.values())
+        return {area: value / total if total else 0.0 for area, value in left.items()}
+
+    def pos(self) -> float:
+        """Return how likely the looks so far find somebody: Σ POA · (1 - Π(1 - POD)), told before them."""
+        return math.fsum(poa * (1.0 - self.missed(area)) for area, poa in self.poa.items())

@@ -1,0 +1,176 @@
+"""Where somebody may be, how well it was looked, and in which order: held against all orders, and against searches that are simulated."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sar_compiler.missions.search_and_rescue.search_theory import PoaMap
+from sar_compiler.missions.search_and_rescue.zone_order import EXACT_UP_TO, Tour, beam, exact, ordered
+from tests.chance import rounds
+
+SIGMAS = 4
+AREAS = 8
+_ALL_ORDERS = np.array(list(itertools.permutations(range(AREAS))))
+
+
+def mission(seed: int, count: int) -> tuple[Tour, PoaMap]:
+    """Return areas in 40 m by chance: Pareto POA, POD 0.5 to 0.95, ways at 0.5 m/s and looks of 5 to 60 s."""
+    chance = np.random.default_rng(seed)
+    places = [(chance.uniform(0, 40), chance.uniform(0, 40)) for _ in range(count + 1)]
+    ways = [[math.dist(a, b) / 0.5 for b in places[1:]] for a in places]
+    shares = [1 + chance.pareto(1.2) for _ in range(count)]
+    poa = {str(area): 0.9 * share / sum(shares) for area, share in enumerate(shares)}
+    pod = {area: chance.uniform(0.5, 0.95) for area in poa}
+    looks = [chance.uniform(5, 60) for _ in poa]
+    return Tour(ways[0], ways[1:], looks, [poa[area] * pod[area] for area in poa]), PoaMap(poa, pod, {})
+
+
+def least_of_all_orders(tour: Tour) -> float:
+    steps = np.column_stack(
+        [
+            np.array(tour.from_start)[_ALL_ORDERS[:, 0]],
+            np.array(tour.between)[_ALL_ORDERS[:, :-1], _ALL_ORDERS[:, 1:]],
+        ]
+    )
+    ends = (steps + np.array(tour.looks)[_ALL_ORDERS]).cumsum(axis=1)
+    finds = np.array(tour.finds)
+    return float((ends * finds[_ALL_ORDERS]).sum(axis=1).min() / finds.sum())
+
+
+def test_of_eight_areas_no_order_finds_sooner_than_the_chosen_one() -> None:
+    for seed in range(rounds(200)):
+        tour, _ = mission(seed, AREAS)
+        told = tour.expected_find(ordered("expected_find", tour))
+        assert told == pytest.approx(least_of_all_orders(tour), rel=1e-6), seed
+
+
+@pytest.mark.parametrize("count", [15, 16, 17, 18])
+def test_beyond_what_is_exact_the_chosen_order_is_at_most_two_percent_longer(count: int) -> None:
+    assert count > EXACT_UP_TO
+    for seed in range(rounds(3)):
+        tour, _ = mission(1000 * count + seed, count)
+        best = tour.expected_find(exact(tour))
+        chosen = ordered("expected_find", tour)
+        assert sorted(chosen) == list(range(count))
+        assert best * (1 - 1e-6) <= tour.expected_find(chosen) <= 1.02 * best, seed
+
+
+def test_a_beam_that_keeps_one_beginning_is_mended_to_an_order_of_all_areas() -> None:
+    for seed in range(rounds(20)):
+        tour, _ = mission(seed, AREAS)
+        chosen = beam(tour, width=1)
+        assert sorted(chosen) == list(range(AREAS))
+        assert tour.expected_find(chosen) <= 1.1 * least_of_all_orders(tour), seed
+
+
+def test_forty_areas_are_ordered_better_than_by_the_nearest() -> None:
+    tour, _ = mission(7, 40)
+    assert tour.expected_find(ordered("expected_find", tour)) < tour.expected_find(ordered("nearest", tour))
+
+
+def test_the_listed_order_is_kept_and_the_nearest_is_the_nearest_of_what_is_left() -> None:
+    tour = Tour([3.0, 1.0, 2.0], [[0.0, 9.0, 1.0], [5.0, 0.0, 6.0], [1.0, 9.0, 0.0]], [0.0] * 3, [0.3] * 3)
+    assert ordered("listed", tour) == [0, 1, 2]
+    assert ordered("nearest", tour) == [1, 0, 2]
+
+
+@pytest.mark.parametrize("order", ["listed", "nearest", "expected_find"])
+def test_no_area_and_one_area_have_one_order(order: str) -> None:
+    assert ordered(order, Tour([], [], [], [])) == []  # type: ignore[arg-type]
+    assert ordered(order, Tour([1.0], [[0.0]], [1.0], [0.5])) == [0]  # type: ignore[arg-type]
+
+
+def test_where_nobody_can_be_it_is_looked_last_and_on_the_shorter_way() -> None:
+    ways = [[abs(a - b) for b in (1.0, 2.0, 3.0, 9.0)] for a in (1.0, 2.0, 3.0, 9.0)]
+    tour = Tour([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0, 0.0, 0.0, 0.5])
+    assert ordered("expected_find", tour) == [3, 2, 1, 0]
+    assert tour.expected_find([3, 2, 1, 0]) == 10.0
+    nobody = Tour([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0] * 4)
+    assert ordered("expected_find", nobody) == [0, 1, 2, 3]
+    assert nobody.expected_find([0, 1, 2, 3]) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_simulated_searches_find_as_soon_and_as_often_as_was_told(seed: int) -> None:
+    tour, before = mission(seed, AREAS)
+    order, searches = ordered("expected_find", tour), 10_000
+    chance = np.random.default_rng(seed)
+    elsewhere = 1 - sum(before.poa.values())
+    where = chance.choice(AREAS + 1, size=searches, p=[*before.poa.values(), elsewhere])
+    pods = np.array([*before.pod.values(), 0.0])
+    found = chance.random(searches) < pods[where]
+    ends = np.zeros(AREAS + 1)
+    ends[order] = tour.ends(order)
+    times = ends[where[found]]
+    error = times.std() / math.sqrt(len(times))
+    assert abs(times.mean() - tour.expected_find(order)) < SIGMAS * error
+    told = PoaMap(before.poa, before.pod, dict.fromkeys(before.poa, 1)).pos()
+    assert abs(found.mean() - told) < SIGMAS * math.sqrt(told * (1 - told) / searches)
+
+
+maps = st.integers(1, 6).flatmap(
+    lambda count: st.tuples(
+        st.lists(st.floats(0.0, 1.0), min_size=count + 1, max_size=count + 1),
+        st.lists(st.floats(0.0, 1.0), min_size=count, max_size=count),
+        st.lists(st.integers(0, 3), min_size=count, max_size=count),
+    )
+)
+
+
+@settings(max_examples=rounds(200))
+@given(maps)
+def test_after_each_look_that_missed_the_map_is_as_bayes_has_it(
+    drawn: tuple[list[float], list[float], list[int]],
+) -> None:
+    shares, pods, looks = drawn
+    total = sum(shares) or 1.0
+    poa = {str(area): share / total for area, share in enumerate(shares[:-1])}
+    pod = dict(zip(poa, pods, strict=True))
+    now, done, missed = dict(poa), dict.fromkeys(poa, 0), 1.0
+    for area, count in zip(poa, looks, strict=True):
+        for _ in range(count):
+            misses = 1 - now[area] * pod[area]
+            if misses < 1e-6:
+                return
+            now = {each: value / misses for each, value in now.items()}
+            now[area] *= 1 - pod[area]
+            done[area] += 1
+            missed *= misses
+            seen = PoaMap(poa, pod, done)
+            assert seen.now() == pytest.approx(now, rel=1e-6, abs=1e-9)
+            assert seen.pos() == pytest.approx(1 - missed, rel=1e-6, abs=1e-9)
+
+
+def test_a_look_that_missed_lowers_its_area_and_raises_the_others() -> None:
+    poa, pod = {"a": 0.5, "b": 0.3}, {"a": 0.8, "b": 0.5}
+    assert PoaMap(poa, pod, {}).now() == pytest.approx(poa)
+    assert PoaMap(poa, pod, {"a": 1}).now() == pytest.approx({"a": 0.1 / 0.6, "b": 0.3 / 0.6})
+    assert PoaMap(poa, pod, {"a": 2, "b": 1}).pos() == pytest.approx(0.5 * 0.96 + 0.3 * 0.5)
+
+
+def test_where_nobody_can_be_any_more_no_area_has_a_probability() -> None:
+    assert PoaMap({"a": 1.0}, {"a": 1.0}, {"a": 1}).now() == {"a": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("poa", "pod", "said"),
+    [
+        ({"a": 0.7, "b": 0.4}, {"a": 1.0, "b": 1.0}, "sum to 1.1"),
+        ({"a": 1.5}, {"a": 1.0}, "a has the probability 1.5"),
+        ({"a": 0.5}, {"a": -0.1}, "a has the probability -0.1"),
+        ({"a": math.nan}, {"a": 0.1}, "a has the probability nan"),
+        ({"a": 0.5}, {}, "a has no POD"),
+    ],
+)
+def test_what_is_no_probability_is_refused(poa: dict[str, float], pod: dict[str, float], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        PoaMap(poa, pod, {})
+
+
+def test_tenths_that_sum_to_one_are_not_refused_for_their_rounding() -> None:
+    poa = {str(area): 0.1 for area in range(10)}
+    assert PoaMap(poa, dict.fromkeys(poa, 0.5), {}).pos() == 0.0
