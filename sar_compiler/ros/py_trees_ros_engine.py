@@ -22,7 +22,7 @@ from sar_compiler.ros.engine import (
     tell_failure,
 )
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
-from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
+from sar_compiler.runtime.kernel.leaf_nodes import insist_on_status
 
 # The parameters that the class declares on its node, even if given on the command line.
 _ITS_PARAMETERS = (
@@ -70,7 +70,9 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         except Exception as error:  # noqa: BLE001 - raised again, in words
             self._stopped = self._shut_down = True
             give_up(self.root, error, node)
-        _require_statuses(self.root)
+        # What py_trees only logs would go on as if it had been reset: a `Timeout` around it would start over each time.
+        for behaviour in self.root.iterate():
+            insist_on_status(behaviour)
 
     def tick(self, *args: Any, **kwargs: Any) -> None:
         """Tick once; an exception is kept in `failure`, and the tree is stopped."""
@@ -116,15 +118,3 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         if self.timer is not None:
             self.timer.cancel()
         stop_behaviours(self.root, failed, self.node)
-
-
-def _require_statuses(root: Behaviour) -> None:
-    """Make every behaviour of a tree raise an error in the tick in which its `update()` returns no status.
-
-    For any other value py_trees only logs an error in every tick, and the behaviour continues as if it had been
-    reset: a `Timeout` around it starts over each time. The behaviours keep their classes; only the method of each
-    instance is wrapped.
-    """
-    for behaviour in root.iterate():
-        if not isinstance(behaviour.update, StrictUpdate):
-            setattr(behaviour, "update", StrictUpdate(behaviour))  # noqa: B010 - for the type checker

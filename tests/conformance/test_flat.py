@@ -38,7 +38,8 @@ class FlatNode:
 
     @property
     def status(self) -> Status:
-        return STATUSES[self.ticker.cells[self.index]]
+        status: Status = STATUSES[self.ticker.cells[self.index]]
+        return status
 
     @status.setter
     def status(self, status: Status) -> None:

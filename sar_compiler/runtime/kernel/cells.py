@@ -14,14 +14,14 @@ SKIPPED: Final = 4
 CALLED: Final = 5
 """In place of an outcome: another node has to be ticked first."""
 
-WORDS: Final = ("", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+WORDS: Final[tuple[str, ...]] = ("", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 """The word for each outcome; empty for none."""
 
 ENDED: Final = 2
 """What only SUCCESS and FAILURE have in common: `outcome & ENDED` is not 0 for these two."""
 
-STATUSES: Final = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
-"""py_trees' status for each number."""
+STATUSES: Final[tuple[Any, ...]] = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
+"""py_trees' status for each number; of any length for the compiler, which would make an object of a table of four at every look."""
 
 # Names of this module: to look up a member of an enumeration is slow.
 _RUNNING: Final[Any] = Status.RUNNING

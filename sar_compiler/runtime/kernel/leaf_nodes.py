@@ -4,6 +4,7 @@ from typing import Any, Final
 
 from librt.vecs import vec
 from mypy_extensions import i32
+from py_trees import behaviours
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -26,6 +27,7 @@ _INVALID: Final[Any] = Status.INVALID
 _RUNNING: Final[Any] = Status.RUNNING
 _SUCCESS: Final[Any] = Status.SUCCESS
 _FAILURE: Final[Any] = Status.FAILURE
+_CONSTANTS: Final[tuple[type, ...]] = (behaviours.Success, behaviours.Failure, behaviours.Running)
 
 
 class LeafNode(ChildlessNode):
@@ -135,6 +137,15 @@ class StrictUpdate:
         return answer
 
 
+def insist_on_status(behaviour: Any) -> None:
+    """Have a behaviour raise in the tick in which its `update` returns no status, for which py_trees only logs an error, in every tick.
+
+    It keeps its class; only its own method is wrapped. py_trees' constants always return one, and their nodes stand in for their `update`.
+    """
+    if type(behaviour) not in _CONSTANTS and not isinstance(behaviour.update, StrictUpdate):
+        behaviour.update = StrictUpdate(behaviour)
+
+
 class ForeignNode(ChildlessNode):
     """A behaviour that is ticked by its own methods, because nothing else is known of its class.
 
@@ -148,8 +159,8 @@ class ForeignNode(ChildlessNode):
     def insist(self) -> None:
         """Have everything that is not ticked by nodes of this tree raise where it answers with no status."""
         for each in self.behaviour.iterate():
-            if not isinstance(each, Built) and not isinstance(each.update, StrictUpdate):
-                each.update = StrictUpdate(each)
+            if not isinstance(each, Built):
+                insist_on_status(each)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the behaviour; the nodes below it that it shows are visits, too."""

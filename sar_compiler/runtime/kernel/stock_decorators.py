@@ -46,6 +46,8 @@ class StockDecoratorNode(TreeNode):
     Attributes:
         turns: Whether its class does nothing but to make another status of the child's.
         turned: What it has made of each status; CALLED where that is not known yet.
+        heard_status, heard_message: What the child had come to, and said, when its class was asked last; CALLED where that is not known.
+        made, message: The status and the message that it made of them.
         terminates: Whether its class has a `terminate` of its own.
     """
 
@@ -54,6 +56,9 @@ class StockDecoratorNode(TreeNode):
         self.child = part.children[0]
         self.turns: bool = type(part.behaviour) in TURNING
         self.turned = [CALLED] * len(STATUSES)
+        self.heard_status, self.made = CALLED, INVALID
+        self.heard_message: Any = None
+        self.message: Any = None
         self.terminates: bool = is_own(part.behaviour, "terminate")
 
     def begin(self, ticker: Ticker) -> int:
@@ -91,11 +96,23 @@ class StockDecoratorNode(TreeNode):
     def update(self, ticker: Ticker) -> int:
         """Return what the `update` of its class makes of the child's status."""
         status = ticker.cells[self.child.at]
-        if ticker.tells or not self.turns:
+        if not self.turns:
             return self.call_update(ticker, status)
+        if ticker.tells:
+            return self.update_and_tell(ticker, status)
         if self.turned[status] == CALLED:
             self.turned[status] = self.call_update(ticker, status)
         return self.turned[status]
+
+    def update_and_tell(self, ticker: Ticker, status: int) -> int:
+        """Return what its class makes of the child's status; it is asked again only where the child says something else."""
+        behaviour, said = self.behaviour, self.child.behaviour.feedback_message
+        is_known = status == self.heard_status and said is self.heard_message
+        if not is_known or behaviour.feedback_message is not self.message:
+            self.made = self.call_update(ticker, status)
+            self.heard_status, self.heard_message = status, said
+            self.message = behaviour.feedback_message
+        return self.made
 
     def call_update(self, ticker: Ticker, status: int) -> int:
         """Call the `update` of its class."""

@@ -6,10 +6,11 @@ import random
 import pytest
 from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
-from py_trees.behaviours import StatusQueue, Success
+from py_trees.behaviours import Failure, StatusQueue, Success
 from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 
 from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SUCCESS
+from sar_compiler.runtime.kernel.leaf_nodes import insist_on_status
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.stock import Sequence
 from tests.runtime.own import own
@@ -180,3 +181,46 @@ def test_the_children_of_a_node_are_copied_as_a_list():
     root = composites.Selector("root", memory=False, children=[Success("a")])
     LiveTree(root)
     assert type(copy.copy(root.children)) is list
+
+
+def test_a_decorator_of_py_trees_is_asked_again_only_where_its_child_says_something_else(monkeypatch):
+    asked, update = [], decorators.SuccessIsRunning.update
+
+    def counted(decorator):
+        asked.append(decorator.name)
+        return update(decorator)
+
+    monkeypatch.setattr(decorators.SuccessIsRunning, "update", counted)
+    leaf = Success("a")
+    root = decorators.SuccessIsRunning("root", leaf)
+    live = LiveTree(root)
+    for _ in range(3):
+        assert live.tick() == RUNNING
+    assert (len(asked), root.feedback_message) == (1, "success is running [success]")
+    leaf.feedback_message = "done"
+    live.tick()
+    live.tick()
+    assert (len(asked), root.feedback_message) == (2, "success is running [done]")
+
+
+def test_a_decorator_whose_message_somebody_has_taken_tells_it_again():
+    root = decorators.SuccessIsRunning("root", Success("a"))
+    live = LiveTree(root)
+    live.tick()
+    root.feedback_message = ""
+    live.tick()
+    assert root.feedback_message == "success is running [success]"
+
+
+def test_a_decorator_is_asked_again_where_its_child_comes_to_something_else():
+    root = decorators.Inverter("root", StatusQueue("q", [Status.SUCCESS, Status.FAILURE], Status.FAILURE))
+    live = LiveTree(root)
+    assert [live.tick() for _ in range(3)] == [FAILURE, SUCCESS, SUCCESS]
+
+
+@pytest.mark.parametrize("constant", [Success, Failure])
+def test_a_constant_that_is_held_to_statuses_keeps_its_node_and_rests_without_a_message(constant):
+    leaf = constant("a")
+    insist_on_status(leaf)
+    LiveTree(own("ReactiveSequence")("root", [leaf])).tick()
+    assert (leaf.status, leaf.feedback_message) == (Status.INVALID, "")
