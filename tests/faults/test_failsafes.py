@@ -231,7 +231,8 @@ def test_what_the_failsafes_need_is_needed(tmp_path: Path, changes: dict[str, st
         texts = {name: text.replace(old, new) for name, text in texts.items()}
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
-    status, output = verified(str(tmp_path / GUARDED.name))
+    # What is broken is so in a part of all runs, too.
+    status, output = verified(str(tmp_path / GUARDED.name), "--max-states", "20000")
     assert status == 1
     assert f"{question}: does not hold" in " ".join(output.split()), output
 
