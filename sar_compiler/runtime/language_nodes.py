@@ -28,32 +28,12 @@ class EntryTypeError(SarError):
     """An entry is given a value that it cannot take."""
 
 
-class RunScript(Behaviour):
-    """Runs a script, and succeeds.
+class _ScriptLeaf(Behaviour):
+    """Runs a script.
 
     Args:
         name: The node's name.
         code: The script.
-        scope: Where its variables are.
-        enums: The names that stand for numbers.
-    """
-
-    def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
-        super().__init__(name)
-        self._script = NodeScript(code, name, "code", scope, enums)
-
-    def update(self) -> Status:
-        """Run the script."""
-        (self._script.quick_run or self._script.run)()
-        return _SUCCESS
-
-
-class ScriptCondition(Behaviour):
-    """Runs a script, and succeeds if its value is true.
-
-    Args:
-        name: The node's name.
-        code: The script; its value is true or false, 1 or 0.
         scope: Where its variables are.
         enums: The names that stand for numbers.
 
@@ -61,14 +41,34 @@ class ScriptCondition(Behaviour):
         script: The script.
     """
 
+    is_condition = False
+
     def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
         super().__init__(name)
         self.script = NodeScript(code, name, "code", scope, enums)
 
     def update(self) -> Status:
-        """Run the script."""
-        holds = self.script.quick_holds or self.script.holds
-        return _SUCCESS if holds() else _FAILURE
+        """Run the script; where its quick form is known by then, that stands in for this method from now on."""
+        quick = self.script.quick_update(_SUCCESS, _FAILURE if self.is_condition else None)
+        if quick is not None:
+            # Somebody else's may be around this one.
+            if type(self).update is _ScriptLeaf.update and "update" not in vars(self):
+                setattr(self, "update", quick)  # noqa: B010 - for the type checker
+            return quick()
+        if self.is_condition:
+            return _SUCCESS if self.script.holds() else _FAILURE
+        self.script.run()
+        return _SUCCESS
+
+
+class RunScript(_ScriptLeaf):
+    """Runs a script, and succeeds."""
+
+
+class ScriptCondition(_ScriptLeaf):
+    """Runs a script, and succeeds if its value is true: true or false, 1 or 0."""
+
+    is_condition = True
 
 
 class SetBlackboard(Behaviour):

@@ -12,7 +12,7 @@ import ast
 import functools
 import types
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from sar_compiler.runtime import operators
 from sar_compiler.runtime.blackboard import Board, Entry
@@ -60,6 +60,7 @@ def quick_script(
     enums: Mapping[str, int],
     usual: Sequence[Callable[[], ScriptValue]],
     condition: Callable[[ScriptValue], bool] | None = None,
+    answers: tuple[object, object] | None = None,
 ) -> Callable[[], Any] | None:
     """Return what evaluates a script; None if it is too long for that.
 
@@ -68,35 +69,53 @@ def quick_script(
         entry: Returns the entry that a name means.
         enums: The numbers that names stand for.
         usual: What evaluates each of its statements in the usual way.
-        condition: If the script is a condition, what makes the answer of its value.
+        condition: If the script is a condition, what makes true or false of its value.
+        answers: What is returned in place of true, or of any value of a script that is no condition, and in place of false.
     """
     if len(script.text) > _LONGEST:
         return None
     skeleton = Skeleton(script, enums)
     entries = [entry(name) for name in skeleton.names]
     board = entries[0].board if entries else Board("")
-    make = _function_of(
-        skeleton.statements, len(entries), len(skeleton.constants), is_condition=condition is not None
-    )
-    tables = board.storage, board.stamps, board.kinds, enums, condition
+    ending = _Return(condition is not None, answers is not None)
+    make = _function_of(skeleton.statements, len(entries), len(skeleton.constants), ending)
+    tables = board.storage, board.stamps, board.kinds, enums, condition, *(answers or (None, None))
     names = (each.name for each in entries)
     made: Callable[[], Any] = make(*tables, *usual, *names, *skeleton.constants, *skeleton.reals)
     return made
 
 
+class _Return(NamedTuple):
+    """What the function of a script returns: its value, or whether that holds; or other answers in place of these."""
+
+    is_condition: bool
+    has_answers: bool
+
+    def made_of(self, holds: ast.expr) -> ast.expr:
+        """Return the code of what is returned for something that is true or false."""
+        return ast.IfExp(holds, _load("then"), _load("otherwise")) if self.has_answers else holds
+
+    def made_of_given(self) -> ast.expr:
+        """Return the code of what is returned for the value `given`."""
+        given = _load("given")
+        if self.is_condition:
+            return self.made_of(_call("condition", given))
+        return _load("then") if self.has_answers else given
+
+
 @functools.lru_cache(maxsize=1024)
 def _function_of(
-    statements: Sequence[SkeletonPart | None], names: int, constants: int, *, is_condition: bool
+    statements: Sequence[SkeletonPart | None], names: int, constants: int, ending: _Return
 ) -> types.FunctionType:
     """Return what makes the function of a script.
 
-    Its arguments are tables of the board, the numbers that names stand for, what makes an answer of a value, the usual ways of all
-    statements, the names of the entries, and the constants, once as they are and once as real numbers.
+    Its arguments are tables of the board, the numbers that names stand for, what makes true or false of a value, what is returned in
+    place of these, the usual ways of all statements, the names of the entries, and the constants, once as they are and once as real numbers.
     """
     numbers = {"usual": len(statements), "name": names, "constant": constants, "real": constants}
     taken = [f"{name}{at}" for name, count in numbers.items() for at in range(count)]
-    run = _define("run", [], _body(statements, is_condition=is_condition))
-    tables = ["storage", "stamps", "kinds", "enums", "condition"]
+    run = _define("run", [], _body(statements, ending))
+    tables = ["storage", "stamps", "kinds", "enums", "condition", "then", "otherwise"]
     make = _define("make", [*tables, *taken], [run, ast.Return(_load("run"))])
     code = compile(ast.fix_missing_locations(ast.Module([make], [])), "<script>", "exec")
     return types.FunctionType(
@@ -104,18 +123,17 @@ def _function_of(
     )
 
 
-def _body(statements: Sequence[SkeletonPart | None], *, is_condition: bool) -> list[ast.stmt]:
-    given = _load("given")
+def _body(statements: Sequence[SkeletonPart | None], ending: _Return) -> list[ast.stmt]:
     body: list[ast.stmt] = [] if statements else [_let("given", ast.Constant(0.0))]
     for at, statement in enumerate(statements):
         usual = _let("given", _call(f"usual{at}"))
         if statement is None:
             body.append(usual)
             continue
-        is_answer = is_condition and at == len(statements) - 1 and not _is_assignment(statement)
-        quick = _Quick().answer(statement) if is_answer else _Quick().statement(statement)
+        is_answer = ending.is_condition and at == len(statements) - 1 and not _is_assignment(statement)
+        quick = _Quick().answer(statement, ending) if is_answer else _Quick().statement(statement)
         body.append(ast.Try(quick, [ast.ExceptHandler(_load("MISSED"), None, [usual])], [], []))
-    return [*body, ast.Return(_call("condition", given) if is_condition else given)]
+    return [*body, ast.Return(ending.made_of_given())]
 
 
 class _Quick:
@@ -129,9 +147,9 @@ class _Quick:
         self.reads: list[ast.stmt] = []
         self._names: set[str] = set()
 
-    def answer(self, part: SkeletonPart) -> list[ast.stmt]:
+    def answer(self, part: SkeletonPart, ending: _Return) -> list[ast.stmt]:
         """Return the code that returns whether a condition holds."""
-        answer = ast.Return(self.truth(part))
+        answer = ast.Return(ending.made_of(self.truth(part)))
         return [*self.reads, answer]
 
     def statement(self, part: SkeletonPart) -> list[ast.stmt]:

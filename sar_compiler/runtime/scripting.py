@@ -4,6 +4,8 @@ import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from py_trees.common import Status
+
 from sar_compiler.errors import NodeError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError, Scope
 from sar_compiler.runtime.entry_types import value_of, value_to_assign
@@ -157,6 +159,15 @@ class NodeScript:
         quick = self.quick_holds or self._bind_condition()
         return self._recall(Program.holds) if quick is None else quick()
 
+    def quick_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
+        """Return what runs it and answers with a status; None where `run` and `holds` have no quick form.
+
+        Args:
+            success: The status if its value is true.
+            failure: The status if it is false; None if the script is no condition, and any value a success.
+        """
+        return self._quick(None if failure is None else self._answer, (success, failure))
+
     def _bind(self) -> Callable[[], ScriptValue] | None:
         self.quick_run = self._quick()
         return self.quick_run
@@ -165,13 +176,17 @@ class NodeScript:
         self.quick_holds = self._quick(self._answer)
         return self.quick_holds
 
-    def _quick(self, condition: Callable[[ScriptValue], bool] | None = None) -> Callable[[], Any] | None:
+    def _quick(
+        self,
+        condition: Callable[[ScriptValue], bool] | None = None,
+        answers: tuple[object, object] | None = None,
+    ) -> Callable[[], Any] | None:
         """Return its quick form; None if it may be another one in the next tick, if entries are numbers, or if it is too long."""
         if self._code.entry is not None or self._board.is_numbered:
             return None
         script = self._code.get()
         usual = [functools.partial(self._evaluate, at) for at in range(len(script.statements))]
-        return quick_script(script, self._variables.entry, self._enums.numbers, usual, condition)
+        return quick_script(script, self._variables.entry, self._enums.numbers, usual, condition, answers)
 
     def _evaluate(self, at: int) -> ScriptValue:
         """Evaluate a statement in the usual way."""

@@ -184,3 +184,50 @@ def test_an_entry_that_holds_nothing_is_no_variable():
     stage = Stage(x=None)
     with pytest.raises(NodeScriptError, match="there is no variable 'x'"):
         run(stage, "y := x")
+
+
+@pytest.mark.parametrize(
+    ("leaf", "text"), [(RunScript, "n := n + 1; n"), (ScriptCondition, "(n := n + 1) > 0")]
+)
+def test_a_leaf_with_a_script_calls_nothing_but_its_quick_form_from_its_second_tick_on(
+    leaf, text, monkeypatch
+):
+    stage = Stage(n=1)
+    node = leaf("s", stage.code(text), stage.scope, stage.enums)
+    node.tick_once()
+    monkeypatch.setattr(leaf, "update", None)
+    node.tick_once()
+    assert (node.status, stage.values) == (Status.SUCCESS, {"n": 3})
+
+
+def test_a_condition_answers_anew_in_each_tick():
+    stage = Stage(n=1)
+    node = ScriptCondition("s", stage.code("n == 1"), stage.scope, stage.enums)
+    answers = []
+    for value in (1, 2, "2", 1):
+        stage.entry("n").write(value)
+        node.tick_once()
+        answers.append(node.status)
+    assert answers == [Status.SUCCESS, Status.FAILURE, Status.FAILURE, Status.SUCCESS]
+
+
+def test_whoever_has_put_something_around_the_update_of_a_script_stays_there(monkeypatch):
+    stage, called = Stage(n=1), []
+
+    class Telling(RunScript):
+        def update(self):
+            called.append("class")
+            return super().update()
+
+    derived = Telling("s", stage.code("n += 1"), stage.scope, stage.enums)
+    wrapped = RunScript("s", stage.code("n += 1"), stage.scope, stage.enums)
+    update = wrapped.update
+
+    def told():
+        called.append("object")
+        return update()
+
+    monkeypatch.setattr(wrapped, "update", told)
+    for node in (derived, derived, wrapped, wrapped):
+        node.tick_once()
+    assert (called, stage.values) == (["class"] * 2 + ["object"] * 2, {"n": 5})
