@@ -9,9 +9,9 @@ from typing import Protocol
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.runtime.skipping import SKIPPED
+from sar_compiler.runtime.answers import Outcome
 
-_WORDS = {Status.RUNNING: "RUNNING", Status.SUCCESS: "SUCCESS", Status.FAILURE: "FAILURE", SKIPPED: "SKIPPED"}
+_WORDS = {outcome.status: outcome.name for outcome in Outcome}
 
 
 class LeafEar(Protocol):

@@ -31,16 +31,6 @@ def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     return as_real(left) + as_real(right)
 
 
-def subtract(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Subtract numbers."""
-    return as_real(left) - as_real(right)
-
-
-def multiply(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Multiply numbers."""
-    return as_real(left) * as_real(right)
-
-
 def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Divide numbers; by zero gives an infinite number, or none (NaN) for zero by zero."""
     dividend, divisor = as_real(left), as_real(right)
@@ -58,49 +48,32 @@ def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     return _join(_written(left), _written(right))
 
 
-def both(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Return whether two values are true; both have been calculated."""
-    left_holds, right_holds = _truth(left), _truth(right)
-    return float(left_holds and right_holds)
-
-
-def either(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Return whether one of two values is true; both have been calculated."""
-    left_holds, right_holds = _truth(left), _truth(right)
-    return float(left_holds or right_holds)
-
-
-def negative(value: ScriptValue) -> ScriptValue:
-    """Change a number's sign."""
-    return -as_real(value)
-
-
 def complement(value: ScriptValue) -> ScriptValue:
     """Invert the bits of a number, of which only the whole part counts."""
     number = as_real(value)
     return float(~as_whole(float(math.trunc(number)) if math.isfinite(number) else number))
 
 
-def negation(value: ScriptValue) -> ScriptValue:
-    """Return whether a number is zero."""
-    return float(as_real(value) == 0)
-
-
 BINARY: Mapping[str, Callable[[ScriptValue, ScriptValue], ScriptValue]] = {
     "+": add,
-    "-": subtract,
-    "*": multiply,
+    "-": lambda left, right: as_real(left) - as_real(right),
+    "*": lambda left, right: as_real(left) * as_real(right),
     "/": divide,
     "..": join,
     "&": lambda left, right: float(_bits(left) & _bits(right)),
     "|": lambda left, right: float(_bits(left) | _bits(right)),
     "^": lambda left, right: float(_bits(left) ^ _bits(right)),
-    "&&": both,
-    "||": either,
+    # Both sides are calculated, and refused if they are no truth values, whatever the other is.
+    "&&": lambda left, right: float(_truth(left) & _truth(right)),
+    "||": lambda left, right: float(_truth(left) | _truth(right)),
 }
 """The operators between two values that are no comparisons."""
 
-PREFIX: Mapping[str, Callable[[ScriptValue], ScriptValue]] = {"-": negative, "~": complement, "!": negation}
+PREFIX: Mapping[str, Callable[[ScriptValue], ScriptValue]] = {
+    "-": lambda value: -as_real(value),
+    "~": complement,
+    "!": lambda value: float(as_real(value) == 0),
+}
 """The operators before a value."""
 
 

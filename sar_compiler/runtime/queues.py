@@ -4,13 +4,11 @@ from collections.abc import Iterable
 from typing import Any
 
 from sar_compiler.errors import NodeError
-from sar_compiler.runtime.entry_types import value_of
+from sar_compiler.runtime.entry_types import read_as, value_of
 from sar_compiler.runtime.variables import RefusedValueError, fit
 
 _SEPARATOR = ";"
 _LABELS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
-# As everywhere in tree files: true, True and TRUE.
-_BOOLS = frozenset({"True", "TRUE", "False", "FALSE"})
 
 
 class QueueError(NodeError):
@@ -44,8 +42,7 @@ def _item(held: object, kind: type) -> object:
     try:
         value = value_of(held)
         if value is not None:
-            spelt = kind is bool and isinstance(value, str) and value in _BOOLS
-            return fit(str(value).lower() if spelt else value, kind)
+            return read_as(value, kind) if kind is bool and isinstance(value, str) else fit(value, kind)
     except RefusedValueError:
         pass
     raise QueueError(f"{held!r} is not {_LABELS[kind]}") from None

@@ -147,8 +147,9 @@ class NodeScript:
         Raises:
             NodeScriptError: If it cannot be run; names the node, the attribute and the place.
         """
-        quick = self.quick_run or self._bind()
-        return self._recall(Program.run) if quick is None else quick()
+        if self.quick_run is None:
+            self.quick_run = self._quick()
+        return self._recall(Program.run) if self.quick_run is None else self.quick_run()
 
     def holds(self) -> bool:
         """Run it and return whether its value is true.
@@ -156,8 +157,9 @@ class NodeScript:
         Raises:
             NodeScriptError: As `run`, and if its value is neither true nor false.
         """
-        quick = self.quick_holds or self._bind_condition()
-        return self._recall(Program.holds) if quick is None else quick()
+        if self.quick_holds is None:
+            self.quick_holds = self._quick(self._answer)
+        return self._recall(Program.holds) if self.quick_holds is None else self.quick_holds()
 
     def quick_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
         """Return what runs it and answers with a status; None where `run` and `holds` have no quick form.
@@ -167,14 +169,6 @@ class NodeScript:
             failure: The status if it is false; None if the script is no condition, and any value a success.
         """
         return self._quick(None if failure is None else self._answer, (success, failure))
-
-    def _bind(self) -> Callable[[], ScriptValue] | None:
-        self.quick_run = self._quick()
-        return self.quick_run
-
-    def _bind_condition(self) -> Callable[[], bool] | None:
-        self.quick_holds = self._quick(self._answer)
-        return self.quick_holds
 
     def _quick(
         self,

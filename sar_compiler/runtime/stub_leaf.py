@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.answers import Answer, Outcome, nominal
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event, FactChanges, changes_in
@@ -19,7 +19,7 @@ from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.script_code import quick_script
 from sar_compiler.runtime.scripting import ScopeVariables
-from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
+from sar_compiler.runtime.skipping import SkippableLeaf
 from sar_compiler.runtime.variables import Enums, ScriptValue
 
 if TYPE_CHECKING:
@@ -27,12 +27,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-STATUSES: Mapping[str, Status] = {
-    "SUCCESS": Status.SUCCESS,
-    "FAILURE": Status.FAILURE,
-    "RUNNING": Status.RUNNING,
-    "SKIPPED": SKIPPED,
-}
+STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in Outcome}
 """The return value of `update` for the status of an answer."""
 
 

@@ -36,7 +36,8 @@ _OTHER_QUOTES = {'"': '"', "`": "`", "\u201c": "\u201d", "\u2018": "\u2019"}
 _STATEMENTS = frozenset(("if", "while", "for", "switch"))
 _CALLED = re.compile(r"\s*\(")
 _INSTEAD_OF_STATEMENTS = "decide with _skipIf or _while of the node, or choose a value: x ? a : b"
-_BOOLS = {"true": 1.0, "false": 0.0}
+BOOLS = {"true": 1.0, "false": 0.0}
+"""What words for truth values stand for."""
 _HINTS = {
     "%": "there is no remainder in scripts; let a leaf calculate it",
     ",": "separate expressions with ';'",
@@ -141,8 +142,8 @@ def _token(text: str, group: str, word: str, end: int) -> Token:
         if word in _STATEMENTS and _CALLED.match(text, end):
             raise ScriptError(f"there is no '{word}' in a script", start, end, hint=_INSTEAD_OF_STATEMENTS)
         return (
-            Token(_LITERAL, word, start, end, _BOOLS[word])
-            if word in _BOOLS
+            Token(_LITERAL, word, start, end, BOOLS[word])
+            if word in BOOLS
             else Token(_NAME_TOKEN, word, start, end)
         )
     if group == "text":

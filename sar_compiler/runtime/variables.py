@@ -8,7 +8,7 @@ from typing import Protocol
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.context import mission_context
-from sar_compiler.runtime.tokens import LARGEST_INTEGER, excerpt
+from sar_compiler.runtime.tokens import BOOLS, LARGEST_INTEGER, excerpt
 
 ScriptValue = int | float | str
 """A value in a script."""
@@ -23,7 +23,6 @@ _WHOLE = re.compile(r"-?[0-9]+")
 # No number of 64 bits has more digits.
 _LONGEST_WHOLE = len(str(LARGEST_INTEGER)) + 1
 _BITS = 64
-_BOOLS = {"true": 1.0, "false": 0.0}
 
 
 @mission_context
@@ -155,8 +154,8 @@ def whole_or_real(text: str, enums: Mapping[str, int]) -> int | float:
     Raises:
         RefusedValueError: If it says none.
     """
-    if text in _BOOLS:
-        return _BOOLS[text]
+    if text in BOOLS:
+        return BOOLS[text]
     if text in enums:
         return float(enums[text])
     return number_of(text)
