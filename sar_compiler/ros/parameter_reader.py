@@ -124,7 +124,10 @@ class ParameterReader:
 
     def report(self, key: str, text: str) -> None:
         """Note a mistake in a parameter."""
-        self.problems.append(Problem(key, text, self.place_of(key)))
+        problem = Problem(key, text, self.place_of(key))
+        # A mission may read what every run reads.
+        if problem not in self.problems:
+            self.problems.append(problem)
 
     def place_of(self, key: str) -> str:
         """Return the file that gives a parameter, or what is around a missing one, with line and column; empty if none does."""
@@ -146,16 +149,17 @@ class ParameterReader:
                 self.report(key, f"is not known there; {_did_you_mean(name, allowed)}")
         return groups
 
-    def places(self, noun: str) -> list[dict[str, Any]]:
+    def places(self, noun: str, more: tuple[str, ...] = ()) -> list[dict[str, Any]]:
         """Read poses that are visited in an order: for `point`, `point_order` and `points.<id>.{x,y,yaw}`.
 
         Args:
             noun: The noun for one of them.
+            more: What may stand beside a pose, for others to read.
 
         Returns:
             The poses, each with `id`, `x`, `y` (m) and `yaw` (rad), in the order of their visits.
         """
-        groups = self.group(f"{noun}s", _POSE)
+        groups = self.group(f"{noun}s", (*_POSE, *more))
         order = self._order(noun, groups)
         for key in [f"{noun}s.{name}" for name in groups if name not in order]:
             note = f"{key} is not in {noun}_order and is never visited"
@@ -268,6 +272,10 @@ class ParameterReader:
             self.report(key, f"must be above 0, is {value:g}")
         return value
 
+    def cruise_speed(self) -> float:
+        """Return how fast the robot drives, for estimates of time, m/s."""
+        return self.positive("cruise_speed_mps", RunParameters.cruise_speed_mps)
+
     def switch(self, key: str, *, default: bool) -> bool:
         """Return a Boolean."""
         value = self.parameters.get(key, default)
@@ -359,7 +367,7 @@ def read_run(reader: ParameterReader) -> RunParameters:
         startup_timeout_sec=reader.positive("startup_timeout_sec", RunParameters.startup_timeout_sec),
         time_limit_sec=reader.positive(limit, 0.0) if limit in reader.parameters else None,
         robot_radius_m=reader.positive("robot_radius_m", RunParameters.robot_radius_m),
-        cruise_speed_mps=reader.positive("cruise_speed_mps", RunParameters.cruise_speed_mps),
+        cruise_speed_mps=reader.cruise_speed(),
         settle_timeout_sec=reader.positive("settle_timeout_sec", RunParameters.settle_timeout_sec),
         georeference=_georeference(reader),
     )

@@ -120,7 +120,7 @@ FURTHER = [
     ("attic: {x: 3.5, y: 3.0}", "parameter zones.attic.yaw: is missing: give a number"),
     (
         "attic: {x: 3.5, y: 3.0, yaw: 1.57, z: 0.0}",
-        "parameter zones.attic.z: is not known there; there may be x, y, yaw",
+        "parameter zones.attic.z: is not known there; there may be x, y, yaw, poa, pod, look_sec",
     ),
     ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, is the text 'fast'"),
     ("set_initial_pose: 3", "parameter set_initial_pose: must be true or false, is the number 3"),

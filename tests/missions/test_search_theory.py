@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.search_theory import PoaMap
-from sar_compiler.missions.search_and_rescue.zone_order import EXACT_UP_TO, Tour, beam, exact, ordered
+from sar_compiler.missions.search_and_rescue.search_theory import PoaMap, Tour
+from sar_compiler.missions.search_and_rescue.zone_order import EXACT_UP_TO, beam, exact, ordered
 from tests.chance import rounds
 
 SIGMAS = 4

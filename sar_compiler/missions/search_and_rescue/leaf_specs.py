@@ -17,6 +17,7 @@ from sar_compiler.leaves import (
     leaf_spec,
     reference,
 )
+from sar_compiler.missions.search_and_rescue.search_theory import VisitingOrder
 
 _condition = partial(leaf_spec, kind=Kind.CONDITION)
 _HERE = "sar_compiler.missions.search_and_rescue"
@@ -206,6 +207,24 @@ SPECS = [
         ),
         facts={"zones_left": 3},
         writes=("at",),
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.zones:ChooseZone",
+        "Choose which of the zones that are left is the current one: RUNNING while that is computed, beside the ticks.",
+        handed_over("zone_manager", _ZONES, "The mission's zones, and where somebody may be."),
+        attribute(
+            "order",
+            VisitingOrder,
+            "How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.",
+            "listed",
+        ),
+        effects="makes one of the zones that are left the current one",
+        answers=(
+            Answer("SUCCESS", "chosen", "zones_left > 0"),
+            Answer("FAILURE", "no zone", "zones_left == 0"),
+            Answer("RUNNING", "choosing", "zones_left > 0"),
+        ),
+        facts={"zones_left": 3},
     ),
     leaf_spec(
         f"{_HERE}.actions.zones:PostponeZone",

@@ -9,7 +9,13 @@ from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, KeptReports, MissionRecord
 from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager, read_fence
+from sar_compiler.missions.search_and_rescue.zone_manager import (
+    AREA_KEYS,
+    Fence,
+    ZoneManager,
+    read_areas,
+    read_fence,
+)
 
 
 class SearchAndRescue(Mission):
@@ -33,9 +39,10 @@ class SearchAndRescue(Mission):
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Begin a run with no zone visited."""
-        zones, base = reader.places("zone"), reader.pose("base_station")
+        zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
-        return Search(ZoneManager(zones, base), MissionRecord(radius), fence=read_fence(reader))
+        plan = ZoneManager(zones, base, areas=read_areas(reader, zones), speed_mps=reader.cruise_speed())
+        return Search(plan, MissionRecord(radius), fence=read_fence(reader))
 
 
 MISSION = SearchAndRescue()

@@ -29,7 +29,7 @@ from sar_compiler.missions.search_and_rescue.record import (
     Standing,
     how_given_up,
 )
-from sar_compiler.missions.search_and_rescue.zone_manager import Fence, Zone, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import DETOUR, Fence, Zone, ZoneManager
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -76,19 +76,37 @@ class Search(MissionRun):
             "zones": zones.remaining_zones(),
             "base_station": zones.base_pose(),
         }
+        if zones.areas:
+            self._identity["areas"] = {name: list(area) for name, area in zones.areas.items()}
         self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
         self._share(Journal(apply=self.apply))
 
     def greeting(self) -> list[str]:
-        """Return the number of zones and the pose of the base station."""
+        """Return the number of zones, the pose of the base station, and with probabilities the order that finds soonest."""
         base = self.zones.base_pose()
         return [
             f"Loaded {self.zones.total_zones()} search zones from parameters.",
             f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).",
+            *(self._order_of_visits() if self.zones.areas else ()),
         ]
 
+    def _order_of_visits(self) -> list[str]:
+        """Return the order that `ChooseZone order="expected_find"` begins with: when each look ends, and what it brings."""
+        # Where no probabilities are given, nobody needs NumPy to begin.
+        from sar_compiler.missions.search_and_rescue.zone_order import ordered
+
+        zones = self.zones.remaining_zones()
+        tour = self.zones.tour(zones)
+        order = ordered("expected_find", tour)
+        pos, lines = 0.0, list[str]()
+        for area, end in zip(order, tour.ends(order), strict=True):
+            pos += tour.finds[area]
+            lines.append(f"  {zones[area]['id']}: searched after {end:.0f} s, POS {pos:.0%}")
+        soon = f"{tour.expected_find(order):.0f} s to the first find, if there is one"
+        return [f"By expected_find ({soon}; ways are straight lines times {DETOUR:g}):", *lines]
+
     def identity(self) -> dict[str, object]:
-        """Return the zones in their order, and the base station."""
+        """Return the zones in their order, with their probabilities if there are any, and the base station."""
         return self._identity
 
     def keep_in(self, journal: Journal) -> None:
@@ -121,11 +139,13 @@ class Search(MissionRun):
         survivors, zones = self.record.survivors, self.zones
         found = map(_survivor, survivors, count(1))
         landmarks = [*map(self._zone, self._plan.values()), *found, self._base(), *self._area()]
-        figures = (
+        figures = [
             Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
             Figure("survivors found", len(survivors)),
             Figure("survivors reported", sum(each.acknowledged for each in survivors)),
-        )
+        ]
+        if zones.areas:
+            figures.append(Figure("probability of success", round(100 * zones.poa_map().pos(), 1), unit="%"))
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         return Display(landmarks, figures, alarms=alarms, phase=self._phase())
 
@@ -156,6 +176,8 @@ class Search(MissionRun):
             "left": known.left,
             "somebody out of place": known.unplaced,
         }
+        if name in self.zones.areas:
+            details["probability now"] = f"{self.zones.poa_map().now()[name]:.1%}"
         # The state says the rest of the sentence.
         reason = known.given_up.removeprefix("given up: ").removeprefix("abandoned ")
         return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
@@ -285,6 +307,7 @@ def _judged(survivor: str, standing: str, same_as: str | None) -> str:
 _ORDERS = {"hold": "pause", "release": "resume", "recall": "go home"}
 _SENTENCES: Mapping[str, Callable[..., str]] = {
     "zone_added": lambda id, x, y, yaw: f"the operator: {id} was added at {_at(x, y)}",  # noqa: A006, ARG005
+    "zone_chosen": lambda zone: f"chose {zone}",
     "zone_started": lambda zone: f"set out for {zone}",
     "zone_searched": _searched,
     "survivor_unplaced": lambda zone, reason: f"somebody in {zone} at no usable position: {reason}",

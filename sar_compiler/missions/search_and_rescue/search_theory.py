@@ -3,11 +3,31 @@
 POA is how likely somebody is in an area, POD how likely a look there finds who is there, POS how likely a search succeeds.
 """
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
-_ROUNDING = 1e-9
+VisitingOrder = Literal["listed", "nearest", "expected_find"]
+"""How the next zone is chosen."""
+
+ROUNDING = 1e-9
+"""How much above 1 a sum of probabilities may be."""
+
+
+class Area(NamedTuple):
+    """What is expected of a look in an area.
+
+    Attributes:
+        poa: How likely somebody who is missing is there, before the first look, 0 to 1.
+        pod: How likely a look there finds who is there, 0 to 1.
+        look_sec: How long a look takes, seconds.
+    """
+
+    poa: float
+    pod: float
+    look_sec: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -36,8 +56,17 @@ class PoaMap:
         if lacking := sorted(set(self.poa) - set(self.pod)):
             raise ValueError(f"{lacking[0]} has no POD; write how likely a look there finds who is there")
         total = math.fsum(self.poa.values())
-        if total > 1.0 + _ROUNDING:
+        if total > 1.0 + ROUNDING:
             raise ValueError(f"the areas' POA sum to {total:g}; they can be 1 at most")
+
+    @classmethod
+    def of(cls, areas: Mapping[str, Area], looks: Mapping[str, int]) -> "PoaMap":
+        """Return the map of some areas after some looks."""
+        return cls(
+            {name: area.poa for name, area in areas.items()},
+            {name: area.pod for name, area in areas.items()},
+            looks,
+        )
 
     def missed(self, area: str) -> float:
         """Return how likely all looks in an area have missed who is there: (1 - POD) to the power of their number."""
@@ -53,3 +82,34 @@ class PoaMap:
     def pos(self) -> float:
         """Return how likely the looks so far find somebody: Σ POA · (1 - Π(1 - POD)), told before them."""
         return math.fsum(poa * (1.0 - self.missed(area)) for area, poa in self.poa.items())
+
+
+@dataclass(frozen=True)
+class Tour:
+    """What there is to choose an order by.
+
+    Args:
+        from_start: How long the way from where the robot is to each area takes, seconds.
+        between: How long the way from each area (row) to each other (column) takes, seconds.
+        looks: How long a look in each area takes, seconds.
+        finds: How likely the look in each area finds somebody: POA · POD.
+    """
+
+    from_start: Sequence[float]
+    between: Sequence[Sequence[float]]
+    looks: Sequence[float]
+    finds: Sequence[float]
+
+    def ends(self, order: Sequence[int]) -> list[float]:
+        """Return when each look of an order ends, seconds from now."""
+        steps = [self.from_start[order[0]]] if order else []
+        steps += [self.between[before][after] for before, after in itertools.pairwise(order)]
+        return list(
+            itertools.accumulate(step + self.looks[area] for step, area in zip(steps, order, strict=True))
+        )
+
+    def expected_find(self, order: Sequence[int]) -> float:
+        """Return the expected time to the first find of an order, if there is one, seconds; 0 where nothing can be found."""
+        pos = sum(self.finds[area] for area in order)
+        cost = sum(end * self.finds[area] for end, area in zip(self.ends(order), order, strict=True))
+        return cost / pos if pos else 0.0

@@ -1,6 +1,7 @@
 """The plan of the mission: the remaining zones, the base station, the geofence, the names assigned to survivors."""
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -14,12 +15,17 @@ from sar_compiler.missions import (
     mission_context,
     position,
 )
+from sar_compiler.missions.search_and_rescue.search_theory import ROUNDING, Area, PoaMap, Tour
 
 _GEOFENCE = "geofence"
 _LEAST_CORNERS = 3
 _POINT = ("x", "y")
+AREA_KEYS = ("poa", "pod", "look_sec")
+"""What may stand beside the pose of a zone."""
 _LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 
+DETOUR = 1.5
+"""How many times as long as the straight line a way is taken to be that nobody has planned."""
 MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
 
@@ -52,16 +58,31 @@ class ZoneManager:
     Args:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
         base_station: The pose to return to: `x`, `y` (metres), `yaw` (radians).
+        areas: What is expected of looks in the zones, by their ids; none where no probabilities are given.
+        speed_mps: How fast the robot drives, for estimates of time, m/s.
 
     Attributes:
-        journal: Where it is written what becomes of the zones: `zone_added`, `zone_visited`, `zone_postponed`,
-            `zone_abandoned`.
+        journal: Where it is written what becomes of the zones: `zone_added`, `zone_chosen`, `zone_visited`,
+            `zone_postponed`, `zone_abandoned`.
+        areas: What is expected of looks in the zones.
+        looks: How often it was looked in each zone.
     """
 
-    def __init__(self, zones: Sequence[Mapping[str, Any]], base_station: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        zones: Sequence[Mapping[str, Any]],
+        base_station: Mapping[str, Any],
+        *,
+        areas: Mapping[str, Area] | None = None,
+        speed_mps: float = 1.0,
+    ) -> None:
+        self.areas = dict(areas or {})
+        self.looks: Counter[str] = Counter()
+        self._speed_mps = speed_mps
         self.journal = Journal(apply=self.apply)
         self._zones = [cast("Zone", deepcopy(dict(zone))) for zone in zones]
         self._base_station = cast("MapPose", deepcopy(dict(base_station)))
+        self._here: MapPose = self._base_station
         self._index = 0
         self._survivors = 0
         self._postponed: Counter[str] = Counter()
@@ -88,6 +109,41 @@ class ZoneManager:
     def knows(self, zone_id: str) -> bool:
         """Return whether there is, or was, a zone of this name."""
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
+
+    def eligible_zones(self) -> list[Zone]:
+        """Return the zones among which the next one may be chosen: those left that were postponed least, the current one first.
+
+        So a zone that was postponed comes again only when all others have been tried as often.
+        """
+        left = self.remaining_zones()
+        fewest = min((self._postponed[zone["id"]] for zone in left), default=0)
+        return [zone for zone in left if self._postponed[zone["id"]] == fewest]
+
+    def choose(self, zone_id: str) -> None:
+        """Make one of the zones that are left the current one; the others keep their order."""
+        self.journal.note("zone_chosen", zone=zone_id)
+
+    def poa_map(self) -> PoaMap:
+        """Return where somebody may be, after the looks so far; with no areas where no probabilities are given."""
+        return PoaMap.of(self.areas, self.looks)
+
+    def tour(self, zones: Sequence[Zone]) -> Tour:
+        """Return what there is to choose an order of some zones by, from where the robot has looked last, or the base station.
+
+        Where no probabilities are given, zones count alike, and looks as nothing.
+        """
+        now = self.poa_map().now()
+        areas = [self.areas.get(zone["id"], Area(0.0, 0.0)) for zone in zones]
+        return Tour(
+            [self._travel_sec(self._here, zone) for zone in zones],
+            [[self._travel_sec(before, after) for after in zones] for before in zones],
+            [area.look_sec for area in areas],
+            [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)],
+        )
+
+    def _travel_sec(self, start: MapPose, target: MapPose) -> float:
+        line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
+        return DETOUR * line / self._speed_mps
 
     def add(self, zone: Zone) -> None:
         """Put a further zone behind all others."""
@@ -150,7 +206,20 @@ class ZoneManager:
             LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
         data = fact.data
-        if fact.kind == "zone_added":
+        if fact.kind == "zone_chosen":
+            index = next(
+                (at for at, zone in enumerate(self.remaining_zones()) if zone["id"] == data["zone"]), None
+            )
+            if index is None:
+                raise ValueError(f"{data['zone']} is not left then")
+            self._zones.insert(self._index, self._zones.pop(self._index + index))
+        elif fact.kind == "zone_searched":
+            self.looks[data["zone"]] += 1
+            places = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] == data["zone"])
+            self._here = next(places, self._here)
+        elif fact.kind == "base_reached":
+            self._here = self._base_station
+        elif fact.kind == "zone_added":
             x, y = position(data["x"], data["y"])
             self._zones.append(Zone(id=data["id"], x=x, y=y, yaw=position(data["yaw"], 0.0)[0]))
         elif fact.kind in _LEAVING:
@@ -216,6 +285,33 @@ def read_fence(reader: ParameterReader) -> Fence:
         reader.report(_GEOFENCE, text)
         return Fence()
     return Fence(corners)
+
+
+def read_areas(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, Area]:
+    """Read what is expected of looks in zones, `zones.<id>.{poa,pod,look_sec}`; of all zones, or of none."""
+    keys = [f"zones.{zone['id']}.{name}" for zone in zones for name in AREA_KEYS]
+    if not any(key in reader.parameters for key in keys):
+        return {}
+    areas, mistakes = dict[str, Area](), len(reader.problems)
+    for zone in zones:
+        prefix = f"zones.{zone['id']}"
+        poa, pod = (_probability(reader, f"{prefix}.{name}") for name in ("poa", "pod"))
+        look_sec = reader.number(f"{prefix}.look_sec", 0.0)
+        if look_sec < 0:
+            reader.report(f"{prefix}.look_sec", f"must be 0 or above, is {look_sec:g}")
+        areas[zone["id"]] = Area(poa, pod, look_sec)
+    total = math.fsum(area.poa for area in areas.values())
+    if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
+        text = f"the zones' poa sum to {total:g}: write 1 at most, less if somebody may be elsewhere"
+        reader.report(f"zones.{zones[0]['id']}.poa", text)
+    return areas
+
+
+def _probability(reader: ParameterReader, key: str) -> float:
+    value = reader.number(key)
+    if not 0.0 <= value <= 1.0:
+        reader.report(key, f"must be a probability from 0 to 1, is {value:g}")
+    return value
 
 
 def read_survivors(

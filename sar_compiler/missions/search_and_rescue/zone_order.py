@@ -7,14 +7,11 @@ before it and on the last of them alone: a dynamic programme over subsets is exa
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-VisitingOrder = Literal["listed", "nearest", "expected_find"]
-"""How the next zone is chosen."""
+from sar_compiler.missions.search_and_rescue.search_theory import Tour, VisitingOrder
 
 EXACT_UP_TO = 14
 """The most areas of which the best order is certain; beyond, it is sought with a beam."""
@@ -23,47 +20,6 @@ _BEAM_WIDTH = 400
 _FEWEST_FINDS = 1e-9
 
 _Durations = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Tour:
-    """What there is to choose an order by.
-
-    Args:
-        from_start: How long the way from where the robot is to each area takes, seconds.
-        between: How long the way from each area (row) to each other (column) takes, seconds.
-        looks: How long a look in each area takes, seconds.
-        finds: How likely the look in each area finds somebody: POA · POD.
-    """
-
-    from_start: Sequence[float]
-    between: Sequence[Sequence[float]]
-    looks: Sequence[float]
-    finds: Sequence[float]
-
-    def ends(self, order: Sequence[int]) -> list[float]:
-        """Return when each look of an order ends, seconds from now."""
-        steps = [self.from_start[order[0]]] if order else []
-        steps += [self.between[before][after] for before, after in itertools.pairwise(order)]
-        return list(
-            itertools.accumulate(step + self.looks[area] for step, area in zip(steps, order, strict=True))
-        )
-
-    def expected_find(self, order: Sequence[int]) -> float:
-        """Return the expected time to the first find of an order, if there is one, seconds; 0 where nothing can be found."""
-        pos = sum(self.finds[area] for area in order)
-        cost = sum(end * self.finds[area] for end, area in zip(self.ends(order), order, strict=True))
-        return cost / pos if pos else 0.0
-
-    def steps(self) -> tuple[_Durations, _Durations, _Durations]:
-        """Return the durations from the start, those between areas, looks included, and what a find there weighs.
-
-        Where hardly anything can be found, areas weigh a little all the same: so the shorter way to them is taken.
-        """
-        looks = np.array(self.looks, dtype=float)
-        weights = np.array(self.finds, dtype=float)
-        weights = weights + _FEWEST_FINDS * (weights.sum() or 1.0)
-        return np.array(self.from_start) + looks, np.array(self.between) + looks, weights
 
 
 def ordered(order: VisitingOrder, tour: Tour) -> list[int]:
@@ -87,7 +43,7 @@ def _nearest(tour: Tour) -> list[int]:
 
 def exact(tour: Tour) -> list[int]:
     """Return the best order of all, by a dynamic programme: each area more takes twice as long and twice the memory."""
-    start, between, weights = tour.steps()
+    start, between, weights = _steps(tour)
     count = len(weights)
     sets = np.arange(1 << count)
     has = (sets[:, None] >> np.arange(count)) & 1
@@ -118,7 +74,7 @@ def beam(tour: Tour, width: int = _BEAM_WIDTH) -> list[int]:
         tour: What there is to choose it by.
         width: How many beginnings are kept of each length.
     """
-    start, between, weights = tour.steps()
+    start, between, weights = _steps(tour)
     count = len(weights)
     # The least that each area can take, the most worth while first: no end of a beginning costs less than these in a row.
     least = np.minimum(start, np.where(np.eye(count, dtype=bool), np.inf, between).min(axis=0))
@@ -176,3 +132,14 @@ def _mended(order: list[int], start: _Durations, between: _Durations, weights: _
         if cost(best) >= least * (1.0 - _FEWEST_FINDS):
             return order
         order, least = best, cost(best)
+
+
+def _steps(tour: Tour) -> tuple[_Durations, _Durations, _Durations]:
+    """Return the durations from the start, those between areas, looks included, and what a find there weighs.
+
+    Where hardly anything can be found, areas weigh a little all the same: so the shorter way to them is taken.
+    """
+    looks = np.array(tour.looks, dtype=float)
+    weights = np.array(tour.finds, dtype=float)
+    weights = weights + _FEWEST_FINDS * (weights.sum() or 1.0)
+    return np.array(tour.from_start) + looks, np.array(tour.between) + looks, weights

@@ -1,12 +1,14 @@
 """Going through the list of zones: visited, postponed, and finally abandoned."""
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Annotated
 
 from py_trees.common import Status
 
 from sar_compiler.leaves import RosLeaf, at_least
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.search_theory import VisitingOrder
+from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
 
 Attempts = Annotated[int, at_least(1)]
 
@@ -30,6 +32,57 @@ class AdvanceZone(RosLeaf):
         self._zones.advance()
         self._wake()
         return self.answer(Status.SUCCESS, "advanced")
+
+
+class ChooseZone(RosLeaf):
+    """Choose which of the zones that are left is the current one: RUNNING while that is computed, beside the ticks.
+
+    `listed` keeps the order of the plan. `nearest` takes the zone that is reached first. `expected_find` takes the first zone of the order
+    in which the expected time to the first find is least, by the probabilities as they are now. Zones that were postponed come again
+    when all others have been tried as often.
+
+    Args:
+        zone_manager: The mission's zones, and where somebody may be.
+        order: How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager, *, order: VisitingOrder = "listed") -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+        self._order: VisitingOrder = order
+        self._under_way: tuple[list[Zone], Future[list[int]]] | None = None
+
+    def update(self) -> Status:
+        """Begin to compute, or choose by what has come of it."""
+        if not self._zones.has_remaining():
+            return self.answer(Status.FAILURE, "no zone")
+        if self._order == "listed":
+            return self.answer(Status.SUCCESS, "chosen")
+        zones = self._zones.eligible_zones()
+        if self._under_way is None or self._under_way[0] != zones:
+            self._under_way = zones, self._begin(zones)
+            return self.answer(Status.RUNNING, "choosing")
+        if not self._under_way[1].done():
+            return self.answer(Status.RUNNING, "choosing")
+        first, self._under_way = zones[self._under_way[1].result()[0]]["id"], None
+        self._zones.choose(first)
+        self.say(f"Next zone by {self._order}: {first}.")
+        return self.answer(Status.SUCCESS, "chosen")
+
+    def terminate(self, new_status: Status) -> None:
+        """Forget what is computed, if the leaf is stopped."""
+        if new_status is Status.INVALID:
+            self._under_way = None
+
+    def _begin(self, zones: list[Zone]) -> Future[list[int]]:
+        # A laptop that proves trees needs no NumPy.
+        from sar_compiler.missions.search_and_rescue.zone_order import ordered
+
+        worker = ThreadPoolExecutor(1, "order of zones")
+        future = worker.submit(ordered, self._order, self._zones.tour(zones))
+        worker.shutdown(wait=False)
+        future.add_done_callback(lambda _: self._wake())
+        return future
 
 
 class PostponeZone(RosLeaf):
