@@ -277,10 +277,11 @@ def ended_run(status: int, last: str, complaints: str) -> EndedRun:
     """
     if status == OK:
         return EndedRun("SUCCESS", last)
-    if not last.startswith("{"):
+    try:
+        reason = str(json.loads(last)["reason"])
+    except (ValueError, TypeError, KeyError):  # it has not begun, or was killed
         was_stopped = status < 0 or status > _SIGNALLED
-        return EndedRun("IDLE", "it was stopped before it had begun" if was_stopped else complaints)
-    reason = str(json.loads(last)["reason"])
+        return EndedRun("IDLE", "it was stopped before its end" if was_stopped else complaints)
     return EndedRun("FAILURE" if status == FINDINGS else "IDLE", reason or "it was stopped")
 
 

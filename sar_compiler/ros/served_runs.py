@@ -1,13 +1,17 @@
 """Runs that are started for others: what their server asks of who starts them, and what comes with a goal."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+
+# How many names of a parameter stand below each other, at most.
+_DEEPEST = 20
 
 
 class PayloadError(SarError):
@@ -87,17 +91,20 @@ def parameters_of(payload: str) -> Mapping[str, object]:
         return {}
     try:
         found = json.loads(payload)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise PayloadError(f"the payload is no JSON: {error}") from error
     if not isinstance(found, dict):
         raise PayloadError(
             'the payload is a JSON object with parameters of the mission, such as {"max_mission_sec": 600.0}'
         )
-    return _flat(found, "")
+    return dict(_flat(found, "", _DEEPEST))
 
 
-def _flat(found: Mapping[str, object], before: str) -> dict[str, object]:
-    flat: dict[str, object] = {}
+def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tuple[str, object]]:
+    if not levels:
+        raise PayloadError("the payload is nested too deeply for parameters")
     for name, value in found.items():
-        flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
-    return flat
+        if isinstance(value, dict):
+            yield from _flat(value, f"{before}{name}.", levels - 1)
+        else:
+            yield f"{before}{name}", value
