@@ -13,6 +13,8 @@ COUNT ?= 60
 ONLY ?=
 QUICK ?=
 SAVE ?=
+# For which Pythons `make release` makes wheels, where pythonX.Y starts them.
+RELEASED ?= 3.10 3.11 3.12 3.13
 # For `make nav2-test`: where Nav2 is installed.
 NAV2_PREFIX ?=
 # Each cell is Python/py_trees: the versions of a robot's apt with the Python that is here, and every Python
@@ -33,7 +35,7 @@ PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test nav2-test test-matrix lint format lock schemas golden pictures site bench soak mutants wheels clean require
+.PHONY: help env demo test nav2-test test-matrix lint format lock schemas golden pictures site bench soak mutants wheels release clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
@@ -49,6 +51,7 @@ help:
 	@echo "make pictures     draw the pictures of the documentation anew, from a mission in the simulator too"
 	@echo "make site         the documentation as a site, into build/site, with the API's pages"
 	@echo "make wheels       dist/: wheels of the package and of the interfaces, for Python $(WANTED); pip alone installs them elsewhere"
+	@echo "make release      dist/: a source distribution, wheels for $(RELEASED); the changelog's section, a commit and a tag. Nothing is uploaded"
 	@echo "make lock         renew $(LOCK): the newest versions that pyproject.toml allows, for every Python, with hashes"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
@@ -227,6 +230,23 @@ wheels: env
 	@$(call colcon,build/wheels,)
 	@$(BIN)/python pip_interfaces/wheels.py build/wheels dist
 	$(SAY) "done:" && ls dist && echo "pip install --find-links dist 'sar_compiler[ros,sim,interfaces]' installs them, see docs/installing.md"
+
+# From a clean checkout. The environments are those of `make test-matrix`. What fails can be begun again: what is committed is not done twice,
+# and the tag comes last. The source distribution has no compiled kernel: who installs it has a compiler, or does without.
+release: env
+	@$(BIN)/python .ci/release.py prepare
+	@rm -rf build/release && mkdir -p build/release
+	$(SAY) "the source distribution (some seconds)"
+	@SAR_KERNEL=python $(BIN)/uv build --quiet --no-config --sdist --out-dir build/release
+	@for python in $(RELEASED); do \
+	  python$$python -c '' 2>/dev/null || { left="$$left $$python"; continue; }; \
+	  echo "make: wheels for Python $$python"; \
+	  $(MAKE) --no-print-directory wheels VENV=build/matrix/$$python PYTHON=python$$python && mv dist/*.whl build/release || exit 1; \
+	  made="$$made $$python"; \
+	done; \
+	rm -rf dist && mv build/release dist && rm -f dist/.gitignore && $(BIN)/python .ci/release.py tag dist $$made && \
+	echo "make: made for$${made:- no Python}; not on this machine:$${left:- none}; done:" && ls dist && \
+	echo "make: nothing is uploaded. To publish: git push --follow-tags, and the project's own files of dist by twine"
 
 # What the project is compared with, and the project as it is installed without ROS. A library that cannot be installed is left
 # out, and the benchmarks say so. What setuptools leaves in build/ would be installed the next time.

@@ -1,0 +1,136 @@
+"""`make release`: what it asks for, what it commits, and what it tags."""
+
+import os
+import re
+import runpy
+import subprocess
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from tests.packaging.test_workspace import files_below
+from tests.packaging.workspace import clone
+
+RELEASE = runpy.run_path(".ci/release.py")
+NotReadyError = RELEASE["NotReadyError"]
+TEXT = "# Changelog\n\n## [Unreleased]\n\nSoon.\n\n### Added\n\n- **A**\n\n### Fixed\n\n- b\n"
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A new repository with the files that a release changes or reads, in which the test stands."""
+    for name in ("CHANGELOG.md", "CITATION.cff", "package.xml", "pyproject.toml"):
+        (tmp_path / name).write_bytes(Path(name).read_bytes())
+    (tmp_path / "CHANGELOG.md").write_text(TEXT, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for key in ("AUTHOR", "COMMITTER"):
+        monkeypatch.setenv(f"GIT_{key}_NAME", "Somebody")
+        monkeypatch.setenv(f"GIT_{key}_EMAIL", "somebody@example.org")
+    git("init", "--quiet")
+    git("add", ".")
+    git("commit", "--quiet", "--message", "Begin")
+    return tmp_path
+
+
+def git(*arguments):
+    run = subprocess.run(("git", *arguments), check=True, capture_output=True, text=True)  # noqa: S607
+    return run.stdout
+
+
+def made(folder, *pythons):
+    """Lay out what is built for some Pythons."""
+    name = RELEASE["version"]()
+    files = [
+        f"sar_compiler-{name}.tar.gz",
+        *(f"sar_compiler-{name}-cp{each}-cp{each}-linux.whl" for each in pythons),
+    ]
+    for each in files:
+        (folder / each).touch()
+
+
+def test_what_is_not_released_comes_under_the_version_and_older_sections_stay():
+    with_section = RELEASE["with_section"]
+    first = with_section(TEXT, "0.1.0", "2026-12-01")
+    kinds = "### Added\n\n- **A**\n\n### Fixed\n\n- b\n"
+    assert first == f"# Changelog\n\n## [Unreleased]\n\n## [0.1.0] - 2026-12-01\n\n{kinds}"
+    later = first.replace("## [Unreleased]\n", "## [Unreleased]\n\n### Added\n\n- c\n")
+    second = with_section(later, "0.2.0", "2027-01-01")
+    head = "# Changelog\n\n## [Unreleased]\n\n## [0.2.0] - 2027-01-01\n\n### Added\n\n- c\n\n"
+    assert second == f"{head}## [0.1.0] - 2026-12-01\n\n{kinds}"
+
+
+def test_nothing_is_released_where_nothing_has_changed():
+    released = RELEASE["with_section"](TEXT, "0.1.0", "2026-12-01")
+    with pytest.raises(NotReadyError, match="nothing under 'Unreleased'"):
+        RELEASE["with_section"](released, "0.1.1", "2026-12-02")
+
+
+def test_the_section_and_the_day_of_the_citation_are_committed_once(checkout):
+    RELEASE["prepare"]()
+    RELEASE["prepare"]()
+    assert git("log", "--format=%s").splitlines() == [f"Release {RELEASE['version']()}", "Begin"]
+    assert git("status", "--porcelain") == ""
+    [day] = re.findall(
+        r"^## \[0\.1\.0\] - (\d{4}-\d\d-\d\d)$", Path("CHANGELOG.md").read_text(), re.MULTILINE
+    )
+    assert f"version: 0.1.0\ndate-released: {day}\n" in Path("CITATION.cff").read_text()
+
+
+def test_a_checkout_with_changes_is_not_released(checkout):
+    (checkout / "notes.txt").touch()
+    with pytest.raises(NotReadyError, match=r"notes\.txt"):
+        RELEASE["prepare"]()
+    assert "[0.1.0]" not in Path("CHANGELOG.md").read_text()
+
+
+def test_files_that_disagree_about_the_version_are_named(checkout):
+    text = Path("package.xml").read_text().replace("<version>0.1.0<", "<version>0.2.0<")
+    Path("package.xml").write_text(text)
+    git("commit", "--quiet", "--all", "--message", "Forget a file")
+    with pytest.raises(NotReadyError, match=r"package\.xml has \['0\.2\.0'\]"):
+        RELEASE["prepare"]()
+
+
+def test_the_tag_comes_when_all_files_are_there_and_then_the_version_is_released(checkout, tmp_path_factory):
+    RELEASE["prepare"]()
+    folder = tmp_path_factory.mktemp("dist")
+    made(folder, "312")
+    with pytest.raises(NotReadyError, match=r"lacks sar_compiler-0\.1\.0-cp310-"):
+        RELEASE["tag"](folder, ["3.10", "3.12"])
+    assert git("tag") == ""
+    RELEASE["tag"](folder, ["3.12"])
+    assert git("tag", "--points-at", "HEAD") == "v0.1.0\n"
+    with pytest.raises(NotReadyError, match=r"v0\.1\.0 is released"):
+        RELEASE["prepare"]()
+
+
+def test_a_checkout_that_building_has_changed_gets_no_tag(checkout, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dist")
+    made(folder)
+    (checkout / "left.txt").touch()
+    with pytest.raises(NotReadyError, match=r"left\.txt"):
+        RELEASE["tag"](folder, [])
+    assert git("tag") == ""
+
+
+def test_the_source_distribution_has_every_file_that_the_package_is_made_of(tmp_path):
+    clone(tmp_path / "repository")
+    [line] = re.findall(
+        r"^\t@SAR_KERNEL=python \$\(BIN\)/(uv build .*)$", Path("Makefile").read_text(), re.MULTILINE
+    )
+    command = [*line.replace("build/release", str(tmp_path / "made")).split(), "--no-build-isolation"]
+    uv = Path(".venv/bin").absolute()
+    environment = {**os.environ, "SAR_KERNEL": "python", "PATH": f"{uv}:{os.environ['PATH']}"}
+    subprocess.run(command, check=True, cwd=tmp_path / "repository", env=environment)
+    [archive] = (tmp_path / "made").glob("*.tar.gz")
+    with tarfile.open(archive) as opened:
+        opened.extractall(tmp_path / "unpacked", filter="data")
+    [unpacked] = (tmp_path / "unpacked").iterdir()
+    assert files_below(unpacked) == files_below(tmp_path / "repository")
+    kept = {".py", ".yaml", ".css", ".xsd", ".typed"}
+    sources = [
+        {path.relative_to(folder) for path in (folder / "sar_compiler").rglob("*") if path.suffix in kept}
+        for folder in (unpacked, tmp_path / "repository")
+    ]
+    assert sources[0] == sources[1]
