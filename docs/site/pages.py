@@ -36,7 +36,7 @@ _LANGUAGES = {
     ".cff": "yaml",
     ".toml": "toml",
 }
-_AS_THEY_ARE = {".pgm", ".png", ".svg"}
+_AS_THEY_ARE = {".html", ".pgm", ".png", ".svg"}
 _FENCE = re.compile(r"^\s*```")
 _CODE = re.compile(r"(`+)(?:(?!\1).)+\1(?!`|\])")
 _LINK = re.compile(r"(\]\()(?!https?:|mailto:|#)([^)\s#]+)((?:#[^)\s]*)?\))")

@@ -6,9 +6,10 @@ is a module in `rules`; its functions `check_...` are rules.
 
 import bisect
 import functools
+import importlib.util
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -104,6 +105,20 @@ def context_of(
     return CheckContext(forest, registry, palettes, btcpp)
 
 
+def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
+    """Return what the schema refuses, beside what the rules have found; nothing in a browser, for which there is no lxml."""
+    if importlib.util.find_spec("lxml") is None:
+        return []
+    from sar_compiler.checks.schema_validation import check_schema
+
+    forest, registry, findings = context.forest, context.registry, [*found]
+    described = described_specs([*forest.files, *context.palettes], registry)
+    for tree_file in forest.files:
+        schema = functools.partial(check_schema, tree_file, registry, described, findings)
+        findings += itertools.islice(_guard(check_schema.__name__, schema, forest, findings), MOST)
+    return findings[len(found) :]
+
+
 def check_context(context: CheckContext) -> list[Diagnostic]:
     """Return everything that is wrong with a forest; see `check`."""
     forest, registry, palettes = context.forest, context.registry, context.palettes
@@ -113,13 +128,9 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
         found = list(_guard(rule.__name__, functools.partial(rule, context), forest, findings))
         is_all = is_all and sum(each.severity is Severity.ERROR for each in found) < MOST
         findings += found
-    from sar_compiler.checks.schema_validation import check_schema
-
     # The rules say it better; the schema speaks only where they found nothing, and had nothing more to say.
-    described = described_specs([*forest.files, *palettes], registry)
-    for tree_file in forest.files if is_all else ():
-        schema = functools.partial(check_schema, tree_file, registry, described, findings)
-        findings += itertools.islice(_guard(check_schema.__name__, schema, forest, findings), MOST)
+    if is_all:
+        findings += _of_schema(context, findings)
     files = (*reversed(forest.files), *forest.others)
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 

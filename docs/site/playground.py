@@ -1,0 +1,96 @@
+"""The playground of the site: `python docs/site/playground.py FOLDER CACHE`, see `make site`.
+
+Everything comes from the site itself: the page, Pyodide from npm, and one archive of the package and what it needs. What is fetched
+stays in the cache.
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib.metadata import distribution
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "playground"
+PYODIDE = "314.0.7"
+_OF_PYODIDE = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")
+_OF_THE_PAGE = ("index.html", "playground.js", "worker.js", "engine.mjs")
+# What checking, proving and playing read.
+_SHIPPED = ("config", "schemas", "trees")
+
+
+def assemble(folder: Path, cache: Path) -> None:
+    """Write the playground into a new folder.
+
+    Args:
+        folder: The folder.
+        cache: Where Pyodide and wheels are kept.
+    """
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "pyodide").mkdir(parents=True)
+    for name in _OF_THE_PAGE:
+        shutil.copy(PAGE / name, folder / name)
+    for name in _OF_PYODIDE:
+        shutil.copy(_pyodide(cache) / name, folder / "pyodide" / name)
+    with zipfile.ZipFile(folder / "packages.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        for wheel in _wheels(cache):
+            with zipfile.ZipFile(wheel) as opened:
+                for name in opened.namelist():
+                    archive.writestr(name, opened.read(name))
+        for path in sorted(Path(yaml.__file__).parent.glob("*.py")):
+            archive.write(path, f"yaml/{path.name}")
+        for path in _package():
+            archive.write(path, path.relative_to(ROOT))
+        for path in (ROOT / "package.xml", *(path for top in _SHIPPED for path in (ROOT / top).rglob("*.*"))):
+            archive.write(path, Path("share/sar_compiler") / path.relative_to(ROOT))
+        for name in ("METADATA", "entry_points.txt"):
+            text = distribution("sar_compiler").read_text(name)
+            archive.writestr(f"sar_compiler-0.dist-info/{name}", text or "")
+        archive.write(PAGE / "play.py", "play.py")
+
+
+def _package() -> "list[Path]":
+    """Return the files of the package, without what is compiled."""
+    kinds = {".py", ".css", ".xsd", ".yaml"}
+    return sorted(path for path in (ROOT / "sar_compiler").rglob("*") if path.suffix in kinds)
+
+
+def _pyodide(cache: Path) -> Path:
+    folder = cache / f"pyodide-{PYODIDE}"
+    if not folder.is_dir():
+        made = cache / "npm"
+        npm = shutil.which("npm") or "npm"
+        done = ("--prefix", str(made), "--no-save", "--ignore-scripts", "--no-fund", "--no-audit", "--silent")
+        made.mkdir(parents=True, exist_ok=True)
+        subprocess.run((npm, "install", *done, f"pyodide@{PYODIDE}"), check=True)  # noqa: S603 - as asked
+        (made / "node_modules" / "pyodide").rename(folder)
+    return folder
+
+
+def _wheels(cache: Path) -> "list[Path]":
+    needs = PAGE / "requirements.txt"
+    folder = cache / "wheels"
+    names = re.findall(r"^(\w+)==(\S+)", needs.read_text(encoding="utf-8"), re.MULTILINE)
+    wanted = [f"{name}-{version}-*none-any.whl" for name, version in names]
+    if not all([*folder.glob(each)] for each in wanted):
+        options = (
+            "--quiet",
+            "--no-deps",
+            "--require-hashes",
+            "--only-binary",
+            ":all:",
+            "--platform",
+            "any",
+            "--dest",
+            str(folder),
+        )
+        subprocess.run((sys.executable, "-m", "pip", "download", *options, "-r", str(needs)), check=True)  # noqa: S603 - as asked
+    return [wheel for each in wanted for wheel in folder.glob(each)]
+
+
+if __name__ == "__main__":
+    assemble(Path(sys.argv[1]), Path(sys.argv[2]))
