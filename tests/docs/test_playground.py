@@ -6,6 +6,7 @@ import json
 import runpy
 import shutil
 import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -37,6 +38,13 @@ def test_a_slip_is_found_where_it_is_with_what_was_meant_and_there_is_no_picture
     assert (finding["line"], finding["column"], finding["code"]) == (16, 9, "unknown-node")
     assert finding["suggestion"] == "DetectSurvivor"
     assert ask("look", SHIPPED.read_text().replace(*SLIP))["svg"] == ""
+
+
+def test_where_there_is_no_lxml_the_rules_speak_without_the_schema(monkeypatch):
+    monkeypatch.setitem(sys.modules, "lxml", None)
+    monkeypatch.delitem(sys.modules, "sar_compiler.checks.schema_validation", raising=False)
+    assert ask("look", SHIPPED.read_text())["findings"] == []
+    assert "sar_compiler.checks.schema_validation" not in sys.modules
 
 
 def test_a_file_that_is_no_tree_is_a_finding_for_each_question():
