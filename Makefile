@@ -153,8 +153,8 @@ site: env
 	$(BIN)/python docs/site/pages.py build/pages
 	@$(BIN)/zensical build --strict --clean > build/site.log 2>&1 || { cat build/site.log; exit 1; }
 	@! grep -E "^(griffe|mkdocstrings)" build/site.log
-	@if command -v npm >/dev/null; then $(BIN)/python docs/site/playground.py build/site/playground build/playground; \
-	  else rm -rf build/site/playground; echo "make: no playground: that needs npm (apt install npm)"; fi
+	@command -v npm >/dev/null && $(BIN)/python docs/site/playground.py build/site/playground build/playground \
+	  || { rm -rf build/site/playground; echo "make: no playground: that needs npm (apt install npm), and what it fetches"; }
 	$(SAY) "done: build/site/index.html"
 
 clean:
