@@ -121,7 +121,7 @@ def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagn
 
 def check_context(context: CheckContext) -> list[Diagnostic]:
     """Return everything that is wrong with a forest; see `check`."""
-    forest, registry, palettes = context.forest, context.registry, context.palettes
+    forest = context.forest
     findings = [*forest.findings, *_recoveries(forest.files)]
     is_all = True
     for rule in RULES:
