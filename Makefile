@@ -223,10 +223,10 @@ $(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
 # What setuptools leaves in build/ would be installed the next time. A kernel that could not be compiled is no failure of a build, and
 # would be missed only by who has no compiler.
 wheels: env
-	@rm -rf dist build/wheels build/lib build/bdist.*
+	@rm -rf dist build/wheels build/lib build/bdist.* *.egg-info
 	$(SAY) "the package with its compiled kernel (about a minute)"
 	@$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
-	@rm -rf build/lib build/bdist.*
+	@rm -rf build/lib build/bdist.* *.egg-info
 	@$(BIN)/python -c 'import sys, zipfile; sys.exit("__mypyc" not in str(zipfile.ZipFile(sys.argv[1]).namelist()))' dist/sar_compiler-*.whl || { echo "make: the kernel is not compiled in $$(echo dist/sar_compiler-*.whl)"; exit 1; }
 	$(SAY) "the interface packages (half a minute)"
 	@$(call colcon,build/wheels,)
@@ -257,5 +257,5 @@ $(PEERS)/.installed: pyproject.toml setup.py $(shell find sar_compiler schemas t
 	$(PYTHON) -m venv $(PEERS)
 	-for library in py_trees behaviortreepy; do $(PEERS)/bin/python -m pip install --quiet $$library; done
 	SAR_KERNEL=python $(PEERS)/bin/python -m pip install --quiet .
-	rm -rf build/lib build/bdist.*
+	rm -rf build/lib build/bdist.* *.egg-info
 	touch $@

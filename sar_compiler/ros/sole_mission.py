@@ -22,6 +22,9 @@ from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 LOOK_SEC = 1.0
 # Where nodes keep coming, so many times that.
 _LONGEST_LOOK = 10.0
+CLAIMS = "/_mission"
+"""How the topic of claims to an action ends."""
+
 # What somebody else writes is shown up to this length.
 _SHOWN = 80
 # So many other missions are kept and told: whoever is in the domain can claim as often as he likes.
@@ -110,7 +113,7 @@ class SoleMission(Requirement):
             pid=os.getpid(),
         )
         # The action is among the services; names of topics are resolved by other rules.
-        topics = {f"{node.resolve_service_name(action)}/_mission" for action in actions}
+        topics = {f"{node.resolve_service_name(action)}{CLAIMS}" for action in actions}
         self._publishers = (
             {topic: node.create_publisher(String, topic, own) for topic in topics} if claims else {}
         )
@@ -183,11 +186,11 @@ class SoleMission(Requirement):
 
     def _publish(self) -> None:
         for topic, publisher in self._publishers.items():
-            action = topic.removesuffix("/_mission")
+            action = topic.removesuffix(CLAIMS)
             publisher.publish(String(data=json.dumps(self._mine._replace(action=action)._asdict())))
 
     def _take(self, message: String) -> None:
-        claim = _parse_claim(message.data)
+        claim = parse_claim(message.data)
         if claim is None or claim.key == self._mine.key:
             return
         if len(self._others) >= _MOST and claim.key not in self._others:
@@ -199,7 +202,7 @@ class SoleMission(Requirement):
         self._others[claim.key] = claim
 
 
-def _parse_claim(text: str) -> MissionClaim | None:
+def parse_claim(text: str) -> MissionClaim | None:
     """Return the claim that a message holds; None if it holds none."""
     try:
         said: Any = json.loads(text)

@@ -1,0 +1,118 @@
+"""`ros2 mission`: this project's commands beside ROS's own, and orders to missions that run."""
+
+import argparse
+import getpass
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from functools import partial
+
+from ros2cli.command import CommandExtension
+
+from sar_compiler.commands import OK, USAGE
+from sar_compiler.ros.mission_graph import OrderError, give_order, missions_in_sight, orders_of
+from sar_compiler.ros.serving import spinning_node
+
+_LOOK_SEC = 2.0
+_ORDERS = {
+    "pause": "have a mission hold its robot where it is",
+    "resume": "have it go on",
+    "skip": "have it give up what it is at",
+    "abort": "end it where the robot stands",
+}
+# No option begins like that: so all that follows is the command's own.
+_NO_PREFIX = "\0"
+
+
+class MissionCommand(CommandExtension):
+    """Check and run missions, and give orders to those that run."""
+
+    def add_arguments(
+        self,
+        parser: argparse.ArgumentParser,
+        cli_name: str,  # noqa: ARG002 - as ros2cli has it
+        *,
+        argv: Sequence[str] | None = None,  # noqa: ARG002 - likewise
+    ) -> None:
+        """Add the verbs."""
+        verbs = parser.add_subparsers(dest="_verb", metavar="VERB")
+        for name, text in (
+            ("validate", "check trees, as sar-compile validate does"),
+            ("run", "fly a mission, as sar-run does"),
+        ):
+            passed = verbs.add_parser(name, help=text, prefix_chars=_NO_PREFIX, add_help=False)
+            passed.add_argument("rest", nargs=argparse.REMAINDER)
+        verbs.add_parser("list", help="list the missions that drive a robot, and their orders")
+        for name, text in (*_ORDERS.items(), ("order", "give any order without values")):
+            order = verbs.add_parser(name, help=text)
+            if name == "order":
+                order.add_argument("order", metavar="ORDER", help="its name, or how that begins")
+            order.add_argument("--node", help="the mission's node (default: the only mission)")
+
+    def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:
+        """Do what is asked for, and return the exit status."""
+        if args._verb is None:  # noqa: SLF001 - our own
+            parser.print_help()
+            return OK
+        return _main(args._verb, args)  # noqa: SLF001 - our own
+
+
+def _main(verb: str, args: argparse.Namespace) -> int:
+    if verb == "validate":
+        from sar_compiler.cli.compile import main as sar_compile
+
+        return sar_compile(["validate", *args.rest])
+    if verb == "run":
+        from sar_compiler.cli.run import main as sar_run
+
+        return sar_run(args.rest)
+    if verb == "list":
+        return _list()
+    try:
+        print(_give(args.order if verb == "order" else verb, args.node))
+    except OrderError as error:
+        print(f"ros2 mission {verb}: {error}", file=sys.stderr)
+        return USAGE
+    return OK
+
+
+def _list() -> int:
+    with spinning_node("sar_mission_list") as node:
+        claims = missions_in_sight(node, _LOOK_SEC)
+        for claim in claims:
+            since = time.strftime("%H:%M:%S", time.localtime(claim.since / 1e9))
+            state = "flying" if claim.runs else "waiting"
+            print(f"{claim.describe()}: {state} since {since}, drives {claim.action}")
+            if orders := orders_of(node, claim.node):
+                print(f"  orders: {', '.join(orders)}")
+    if not claims:
+        print("No mission that drives a robot is in sight.")
+    return OK
+
+
+def _give(name: str, of: str | None) -> str:
+    from sar_compiler.missions.order_record import RemoteSignature
+
+    with spinning_node("sar_mission_order") as node:
+        claims = missions_in_sight(node, _LOOK_SEC)
+        known = {claim.node for claim in claims}
+        if of is None and len(known) != 1:
+            which = (
+                f"several missions run ({', '.join(sorted(known))}): say --node"
+                if known
+                else "no mission is in sight"
+            )
+            raise OrderError(which)
+        full = f"/{of.lstrip('/')}" if of is not None else known.pop()
+        orders = orders_of(node, full)
+        meant = [each for each in orders if each == name] or [
+            each for each in orders if each.startswith(name)
+        ]
+        if len(meant) != 1:
+            raise OrderError(
+                f"{full} heeds no order '{name}'; it heeds {', '.join(orders) or 'none without values'}"
+            )
+        by = f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}"
+        signature = RemoteSignature(node, full)
+        return give_order(node, full, meant[0], partial(signature.sign, meant[0], by)) or f"{meant[0]}: done"

@@ -1,0 +1,95 @@
+"""The missions that run somewhere in the ROS graph, and what can be ordered of them."""
+
+import time
+from collections.abc import Callable
+from threading import Event
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.sole_mission import CLAIMS, MissionClaim, parse_claim
+
+_TRIGGER = "std_srvs/srv/Trigger"
+_TURN_SEC = 0.1
+# How long an order may take to be answered, steady seconds.
+_ANSWER_SEC = 10.0
+
+Signer = Callable[[str, str, Callable[[], None]], object]
+"""Says to a mission which order is about to be given by whom, then calls what gives it."""
+
+
+class OrderError(SarError):
+    """An order that could not be given, or was not carried out."""
+
+
+def missions_in_sight(node: Node, look_sec: float) -> list[MissionClaim]:
+    """Return the missions that drive a robot, by what they claim; those that drive none claim nothing.
+
+    Args:
+        node: The node that listens, which somebody spins.
+        look_sec: How long to look, steady seconds.
+    """
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    claims: dict[str, MissionClaim] = {}
+
+    def take(message: String) -> None:
+        claim = parse_claim(message.data)
+        if claim is not None:
+            claims[claim.key] = claim
+
+    heard: set[str] = set()
+    until = time.monotonic() + look_sec
+    while time.monotonic() < until:
+        for topic, _ in node.get_topic_names_and_types():
+            if topic.endswith(CLAIMS) and topic not in heard:
+                heard.add(topic)
+                node.create_subscription(String, topic, take, latched)
+        time.sleep(_TURN_SEC)
+    return sorted(claims.values(), key=lambda claim: (claim.node, claim.since))
+
+
+def orders_of(node: Node, of: str) -> list[str]:
+    """Return the orders without values that a mission's node heeds now, by the names of their services.
+
+    Args:
+        node: The node that asks.
+        of: The full name of the mission's node.
+    """
+    before = f"{of}/"
+    found = [name for name, types in node.get_service_names_and_types() if _TRIGGER in types]
+    return sorted(name.removeprefix(before) for name in found if name.startswith(before))
+
+
+def give_order(node: Node, of: str, order: str, sign: Callable[[Callable[[], None]], object]) -> str:
+    """Give an order, and return what is said to it.
+
+    Args:
+        node: The node that orders, which somebody spins.
+        of: The full name of the mission's node.
+        order: The name of its service.
+        sign: Says who orders, then calls what gives the order.
+
+    Raises:
+        OrderError: If it is not answered, or not carried out.
+    """
+    client: Any = node.create_client(Trigger, f"{of}/{order}")
+    answered, answers = Event(), list[Any]()
+
+    def take(answer: Any) -> None:
+        answers.append(answer.result())
+        answered.set()
+
+    if not client.wait_for_service(_ANSWER_SEC):
+        raise OrderError(f"{of} does not heed '{order}' any more")
+    sign(lambda: client.call_async(Trigger.Request()).add_done_callback(take))
+    if not answered.wait(_ANSWER_SEC):
+        raise OrderError(
+            f"{of} has not answered within {_ANSWER_SEC:g} s; whether it heeds '{order}' is not known"
+        )
+    if not answers[0].success:
+        raise OrderError(f"not carried out: {answers[0].message}")
+    return str(answers[0].message)
