@@ -112,3 +112,9 @@ def test_a_node_says_that_it_can_answer_what_its_record_allows(tag, variant):
         count = form.count(2)
         allowed |= possible_of(form)([S | F | R] * count, ALLOWED)
     assert bits(own[0].spec.outcomes) == allowed & ~K
+
+
+def test_of_a_queue_that_is_written_in_the_file_everything_is_known():
+    answers = answers_of('<StatusQueue queue="RUNNING;SUCCESS" eventually="SUCCESS"/>')
+    assert answers is not None
+    assert answers.seen == answers.may == answers.known == {"RUNNING", "SUCCESS"}
