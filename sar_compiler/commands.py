@@ -95,9 +95,13 @@ def _done(command: Callable[[], int]) -> int:
 
 
 def print_error(text: str) -> None:
-    """Print a text on standard error, made visible; does nothing where that is closed."""
+    """Print a text on standard error, made visible; does nothing where that is closed, or cannot be written."""
     with suppress(OSError, UnicodeError):  # nobody can be told
-        print(f"{_visible(text)}\n", end="", file=sys.stderr, flush=True)
+        try:
+            print(f"{_visible(text)}\n", end="", file=sys.stderr, flush=True)
+        except OSError:
+            # Python would try again at its end, and change the exit status.
+            _discard(sys.stderr)
 
 
 def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
@@ -126,8 +130,12 @@ def interruptible() -> None:
 
 def discard_output() -> None:
     """Discard what is still in the buffer of standard output, and all that is written to it from here on."""
+    _discard(sys.stdout)
+
+
+def _discard(stream: TextIO) -> None:
     with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - os.devnull is no path of a file
-        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _not_written(error: OSError | UnicodeEncodeError) -> str | None:

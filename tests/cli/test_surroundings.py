@@ -77,8 +77,9 @@ def test_a_closed_standard_error_sends_nothing_to_standard_output():
     assert "in 1 file" not in Path("out.txt").read_text(encoding="utf-8")
 
 
-def test_where_nobody_can_be_told_the_status_tells():
-    assert typed("sar-compile validate tree.xml > /dev/full 2>&1")[0] == 2
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_where_nobody_can_be_told_the_status_tells(unbuffered):
+    assert typed("sar-compile validate tree.xml > /dev/full 2>&1", PYTHONUNBUFFERED=unbuffered)[0] == 2
 
 
 def test_a_closed_standard_input_is_told():
