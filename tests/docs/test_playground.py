@@ -40,11 +40,16 @@ def test_a_slip_is_found_where_it_is_with_what_was_meant_and_there_is_no_picture
     assert ask("look", SHIPPED.read_text().replace(*SLIP))["svg"] == ""
 
 
-def test_where_there_is_no_lxml_the_rules_speak_without_the_schema(monkeypatch):
-    monkeypatch.setitem(sys.modules, "lxml", None)
-    monkeypatch.delitem(sys.modules, "sar_compiler.checks.schema_validation", raising=False)
+def test_in_a_browser_for_which_there_is_no_lxml_the_rules_speak_without_the_schema(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sar_compiler.checks.schema_validation", None)
+    monkeypatch.setattr(sys, "platform", "emscripten")
     assert ask("look", SHIPPED.read_text())["findings"] == []
-    assert "sar_compiler.checks.schema_validation" not in sys.modules
+
+
+def test_elsewhere_a_schema_that_cannot_be_asked_is_no_clean_file(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sar_compiler.checks.schema_validation", None)
+    with pytest.raises(ImportError):
+        ask("look", SHIPPED.read_text())
 
 
 def test_a_file_that_is_no_tree_is_a_finding_for_each_question():
