@@ -3,7 +3,7 @@
 py_trees has checks and assignments of single blackboard variables, but no expressions.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -46,10 +46,13 @@ class _ScriptLeaf(Behaviour):
     def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
         super().__init__(name)
         self.script = NodeScript(code, name, "code", scope, enums)
+        self._quick: Callable[[], Status] | None = None
 
     def update(self) -> Status:
         """Run the script; where its quick form is known by then, that stands in for this method from now on."""
-        quick = self.script.quick_update(_SUCCESS, _FAILURE if self.is_condition else None)
+        if self._quick is None:
+            self._quick = self.script.quick_update(_SUCCESS, _FAILURE if self.is_condition else None)
+        quick = self._quick
         if quick is not None:
             # Somebody else's may be around this one.
             if type(self).update is _ScriptLeaf.update and "update" not in vars(self):

@@ -5,9 +5,11 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.answers import Outcome
 from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 from sar_compiler.runtime.language_nodes import RunScript, ScriptCondition
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.script_code import quick_script
 from sar_compiler.runtime.scripting import NodeScriptError
 from tests.runtime.own import own
 from tests.runtime.stage import Stage
@@ -231,3 +233,18 @@ def test_whoever_has_put_something_around_the_update_of_a_script_stays_there(mon
     for node in (derived, derived, wrapped, wrapped):
         node.tick_once()
     assert (called, stage.values) == (["class"] * 2 + ["object"] * 2, {"n": 5})
+
+
+def test_a_script_around_whose_update_somebody_has_put_something_is_made_code_once(monkeypatch):
+    stage, made = Stage(n=1), []
+
+    def counted(*given):
+        made.append(given)
+        return quick_script(*given)
+
+    monkeypatch.setattr("sar_compiler.runtime.scripting.quick_script", counted)
+    node = RunScript("s", stage.code("n += 1"), stage.scope, stage.enums)
+    monkeypatch.setattr(node, "update", StrictUpdate(node))
+    for _ in range(3):
+        node.tick_once()
+    assert (len(made), stage.values) == (1, {"n": 4})
