@@ -14,7 +14,6 @@ from sar_compiler.commands import OK, USAGE
 from sar_compiler.ros.mission_graph import OrderError, give_order, missions_in_sight, orders_of
 from sar_compiler.ros.serving import spinning_node
 
-_LOOK_SEC = 2.0
 _ORDERS = {
     "pause": "have a mission hold its robot where it is",
     "resume": "have it go on",
@@ -79,7 +78,7 @@ def _main(verb: str, args: argparse.Namespace) -> int:
 
 def _list() -> int:
     with spinning_node("sar_mission_list") as node:
-        claims = missions_in_sight(node, _LOOK_SEC)
+        claims = missions_in_sight(node)
         for claim in claims:
             since = time.strftime("%H:%M:%S", time.localtime(claim.since / 1e9))
             state = "flying" if claim.runs else "waiting"
@@ -95,7 +94,7 @@ def _give(name: str, of: str | None) -> str:
     from sar_compiler.missions.order_record import RemoteSignature
 
     with spinning_node("sar_mission_order") as node:
-        claims = missions_in_sight(node, _LOOK_SEC)
+        claims = missions_in_sight(node)
         known = {claim.node for claim in claims}
         if of is None and len(known) != 1:
             which = (

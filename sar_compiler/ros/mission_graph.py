@@ -15,6 +15,8 @@ from sar_compiler.ros.sole_mission import CLAIMS, MissionClaim, parse_claim
 
 _TRIGGER = "std_srvs/srv/Trigger"
 _TURN_SEC = 0.1
+# How long to look for missions from when the last node came into sight, and at most; steady seconds.
+_LOOK_SEC, _LONGEST_LOOK_SEC = 2.0, 15.0
 # How long an order may take to be answered, steady seconds.
 _ANSWER_SEC = 10.0
 
@@ -26,30 +28,41 @@ class OrderError(SarError):
     """An order that could not be given, or was not carried out."""
 
 
-def missions_in_sight(node: Node, look_sec: float) -> list[MissionClaim]:
+def missions_in_sight(node: Node) -> list[MissionClaim]:
     """Return the missions that drive a robot, by what they claim; those that drive none claim nothing.
+
+    On a busy machine nodes meet late: it looks on where one has come into sight, or a claim is not heard yet, for some time.
 
     Args:
         node: The node that listens, which somebody spins.
-        look_sec: How long to look, steady seconds.
     """
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     claims: dict[str, MissionClaim] = {}
+    heard: dict[str, bool] = {}
 
-    def take(message: String) -> None:
-        claim = parse_claim(message.data)
-        if claim is not None:
-            claims[claim.key] = claim
+    def listen(topic: str) -> None:
+        def take(message: String) -> None:
+            heard[topic] = True
+            claim = parse_claim(message.data)
+            if claim is not None:
+                claims[claim.key] = claim
 
-    heard: set[str] = set()
-    until = time.monotonic() + look_sec
-    while time.monotonic() < until:
+        heard[topic] = False
+        node.create_subscription(String, topic, take, latched)
+
+    began = changed = time.monotonic()
+    seen: set[tuple[str, str]] = set()
+    while True:
+        now, nodes = time.monotonic(), set(node.get_node_names_and_namespaces())
+        if nodes - seen:
+            seen, changed = seen | nodes, now
         for topic, _ in node.get_topic_names_and_types():
             if topic.endswith(CLAIMS) and topic not in heard:
-                heard.add(topic)
-                node.create_subscription(String, topic, take, latched)
+                listen(topic)
+        is_over = now - changed > _LOOK_SEC and all(heard.values())
+        if is_over or now - began > _LONGEST_LOOK_SEC:
+            return sorted(claims.values(), key=lambda claim: (claim.node, claim.since))
         time.sleep(_TURN_SEC)
-    return sorted(claims.values(), key=lambda claim: (claim.node, claim.since))
 
 
 def orders_of(node: Node, of: str) -> list[str]:
