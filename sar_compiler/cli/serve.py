@@ -132,8 +132,12 @@ class Runs:
         try:
             loaded = workspace.load(name)
             for element in loaded.forest.executable:
-                tree_id = element.attributes["ID"]
+                tree_id = element.attributes.get("ID")
                 binding = loaded.binding(tree_id)
+                if tree_id is None:
+                    raise ServedTreesError(
+                        f"the tree in {name} has no ID, by which a goal could name it: give it one"
+                    )
                 mission = loaded.mission(binding)
                 node = _given_name(ros) or node_name(mission)
                 files = parameter_files(ros, self._options.params)

@@ -209,7 +209,6 @@ def test_a_mission_is_held_while_its_server_is_not_active(client, start, tmp_pat
     assert change(client, "deactivate")
     client.hear("NotHeld? FAILURE (held)")
     assert change(client, "activate")
-    client.hear("NotHeld? SUCCESS (free)")
     assert client.end(goal)[:2] == (SUCCEEDED, SUCCESS)
     server.send(signal.SIGINT)
     assert server.end() == 0
@@ -226,6 +225,12 @@ def test_a_tree_that_is_wrong_is_told_of_before_anybody_can_start_it(serve):
     assert server.end() == 2
     assert "tree_1.xml cannot be run like this:" in server.output
     assert "missing-attribute" in server.output
+
+
+def test_a_tree_without_a_name_is_refused(serve):
+    server = serve(SHORT.replace(' ID="Short"', ""))
+    assert server.end() == 2
+    assert "has no ID, by which a goal could name it: give it one" in server.output
 
 
 def test_two_trees_of_one_name_are_refused(serve):
