@@ -157,6 +157,11 @@ def test_the_plan_is_told_before_the_flight_with_its_times_and_chances() -> None
     ]
 
 
+def test_a_way_that_nobody_has_planned_is_the_straight_line_with_detours() -> None:
+    zones = searching().zones
+    assert zones.way_m(zones.base_pose(), {"x": 3.0, "y": -4.0, "yaw": 1.0}) == 7.5
+
+
 def test_ways_begin_where_it_was_looked_last() -> None:
     search = searching()
     assert search.zones.tour(search.zones.remaining_zones()).from_start == [3.0, 6.0, 9.0]

@@ -141,9 +141,12 @@ class ZoneManager:
             [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)],
         )
 
+    def way_m(self, start: MapPose, target: MapPose) -> float:
+        """Return how long the way from one pose to another is taken to be, metres: the straight line times `DETOUR`."""
+        return DETOUR * math.dist((start["x"], start["y"]), (target["x"], target["y"]))
+
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
-        line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
-        return DETOUR * line / self._speed_mps
+        return self.way_m(start, target) / self._speed_mps
 
     def add(self, zone: Zone) -> None:
         """Put a further zone behind all others."""
