@@ -34,6 +34,7 @@ MAY_IMPORT = {
     "views": {"tree", "runtime", "nodes", "compiler", "checks", "journal"},
     "web": {"journal"},
     "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros", "missions", "views"},
+    "agent": {"tree", "checks", "views", "project"},
     "lsp": {"tree", "runtime", "nodes", "checks", "views", "project"},
     "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
 }

@@ -44,6 +44,7 @@ _COMMANDS = {
     "verify": "Explore all possible runs of a tree, and prove what holds in every one.",
     "predict": "Compute how likely a tree is to succeed and to keep its properties, how long it takes, and what matters most.",
     "conform": "Compare flights by their journals with all possible runs of their tree: what was otherwise, and which properties were broken.",
+    "approve": "Approve a tree file as it is, for sar-run --approved.",
     "explain": "Explain a finding, with an example.",
     "nodes": "List the nodes of tree files, or describe one with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",

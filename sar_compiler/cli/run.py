@@ -301,6 +301,8 @@ def _add_safety(parser: Parser, group: "_ArgumentGroup") -> None:
     add("--journal", type=FILE, metavar="FILE", help=text)
     text = "watch the run for the properties of this file (default with the option alone: the mission's own): what breaks one is an alarm"
     add("--properties", nargs="?", const=True, type=YAML_FILE, metavar="FILE", help=text)
+    text = "start the tree only if it is exactly as somebody has approved it with sar-compile approve"
+    add("--approved", action="store_true", help=text)
     begun = group.add_mutually_exclusive_group()
     text = "go on with the mission in the journal; goals still under way are cancelled first"
     begun.add_argument("--resume", action="store_true", help=text)

@@ -13,6 +13,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from sar_compiler.agent.approval import require_approval
 from sar_compiler.cli.companions import Companions, RunSetup, companions_asked_for
 from sar_compiler.cli.loading import additions, tell_note
 from sar_compiler.cli.run_journal import RunJournal
@@ -64,6 +65,8 @@ def run_mission(
     make_engine = find_engine(options.engine)
     asked_for = list(companions_asked_for(options))  # what they lack is said before anything starts
     loaded = Workspace(additions(options), note=tell_note).load(options.tree)
+    if options.approved:
+        require_approval(loaded)
     binding = loaded.binding(options.tree_id)
     require_classes(binding)
     mission = loaded.mission(binding)

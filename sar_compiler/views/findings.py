@@ -26,10 +26,11 @@ _IN_PROPERTIES = str.maketrans({**_ALWAYS, ":": "%3A", ",": "%2C"})
 
 def findings_as_json(findings: Iterable[Diagnostic]) -> str:
     """Return findings as a JSON array; lines and columns from 1, the end exclusive."""
-    return as_json([_as_dict(finding) for finding in findings])
+    return as_json([*map(finding_data, findings)])
 
 
-def _as_dict(finding: Diagnostic) -> dict[str, object]:
+def finding_data(finding: Diagnostic) -> dict[str, object]:
+    """Return a finding as data for JSON; see `findings_as_json`."""
     return {
         "file": finding.source.path,
         **finding.span._asdict(),

@@ -40,10 +40,14 @@ def verification_as_text(verification: Verification, seconds: float) -> str:
 
 def verification_as_json(verification: Verification, seconds: float) -> str:
     """Return the results as a JSON object; see `verification_as_text`."""
-    data = {
+    return as_json({**verification_data(verification), "seconds": round(seconds, 3)})
+
+
+def verification_data(verification: Verification) -> dict[str, object]:
+    """Return the results as data for JSON."""
+    return {
         "proved": verification.proved,
         **_numbers(verification),
-        "seconds": round(seconds, 3),
         "questions": [
             {"question": verdict.question, **_as_dict(verdict)} for verdict in verification.verdicts
         ],
@@ -51,7 +55,6 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
             {"property": each.name, "missing": list(each.missing)} for each in verification.left_out
         ],
     }
-    return as_json(data)
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:

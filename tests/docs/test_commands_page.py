@@ -41,6 +41,7 @@ MORE = {
     "sar-compile verify": ["verify.md"],
     "sar-compile predict": ["predict.md"],
     "sar-compile conform": ["conform.md"],
+    "sar-compile approve": ["agents.md#the-gate"],
     "sar-compile explain": ["findings/README.md"],
     "sar-compile nodes --from-use": [
         "getting_started.md#the-first-five-minutes-with-somebody-elses-workspace"
@@ -60,6 +61,7 @@ MORE = {
     "sar-run --executor": ["getting_started.md#what-ticks-the-tree"],
     "sar-run --journal": ["journal.md"],
     "sar-run --properties": ["watched_properties.md"],
+    "sar-run --approved": ["agents.md#the-gate"],
     "sar-run --supervise": ["journal.md#a-supervisor"],
     "sar-run --report": ["reports.md"],
     "sar-run --fault": ["running.md#rehearsing-faults"],

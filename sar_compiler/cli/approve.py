@@ -1,0 +1,105 @@
+"""`sar-compile approve`: a person says that a tree may be flown as it is, or an agent proposes one."""
+
+import argparse
+import getpass
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import TREE, YAML_FILE
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, workspace
+from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.verify import MAX_STATES
+from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, print_error, print_text
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from sar_compiler.agent.approval import Approval
+    from sar_compiler.project import LoadedTree
+
+
+def add_approve(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `approve`."""
+    add = parser.add_argument
+    add("file", nargs="?", type=TREE, metavar="FILE", help=FILE_HELP)
+    other = parser.add_mutually_exclusive_group()
+    text = "approve nothing, but print for a person what there is to know, as JSON: findings, proofs, and the digest of all files"
+    other.add_argument("--propose", action="store_true", help=text)
+    other.add_argument("--list", action="store_true", help="list what is approved, by whom and since when")
+    text = "approve this file no more, whatever it has become"
+    other.add_argument("--revoke", action="store_true", help=text)
+    add("--by", metavar="NAME", help="who approves it (default: the name of the user)")
+    text = "approve it only if the digest of all files is this one, which a proposal says"
+    add("--digest", metavar="HEX", help=text)
+    text = "with --propose: a file of properties to prove (default: what the mission brings)"
+    add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
+    add_project_options(parser)
+    add_mission(parser)
+    parser.set_defaults(run=approve_file)
+
+
+def approve_file(arguments: argparse.Namespace) -> int:
+    """Approve a tree file, propose one, list what is approved, or revoke it, and return the exit status.
+
+    Raises:
+        SarError: If there is no such file or approval, or it is not what was proposed.
+        TreeError: If the configuration or a file of properties is wrong.
+    """
+    if arguments.list:
+        return _list()
+    if not arguments.file:
+        raise SarError("name the tree file to approve (or --list what is approved)")
+    if arguments.revoke:
+        return _revoke(arguments.file)
+    tree = workspace(arguments).load(arguments.file)
+    return _propose(tree, arguments.properties) if arguments.propose else _approve(tree, arguments)
+
+
+def _list() -> int:
+    from sar_compiler.agent.approval import approvals
+
+    for each in approvals():
+        print_text(_told(each))
+    return OK
+
+
+def _revoke(name: str) -> int:
+    from sar_compiler.agent.approval import revoke
+    from sar_compiler.resources import find
+
+    print_text(f"no more: {_told(revoke(find('trees', name, '.xml')))}")
+    return OK
+
+
+def _propose(tree: "LoadedTree", properties: Path | None) -> int:
+    from sar_compiler.agent.proposal import proposal
+    from sar_compiler.views.plain import as_json
+
+    proposed = proposal(tree, properties, MAX_STATES)
+    print(as_json(proposed))
+    return OK if proposed["is_proved"] else FINDINGS
+
+
+def _approve(tree: "LoadedTree", arguments: argparse.Namespace) -> int:
+    from sar_compiler.agent.approval import Fingerprint, approve
+    from sar_compiler.agent.proposal import all_findings, has_errors
+
+    findings = all_findings(tree)
+    if findings:
+        print(findings_as_text(findings, sys.stdout))
+    if has_errors(findings):
+        sys.stdout.flush()
+        print_error(f"sar-compile: {tree.path} is not approved: it has errors")
+        return RULE_FAILED if any(each.code == "internal-error" for each in findings) else FINDINGS
+    fingerprint = Fingerprint.of(tree)
+    if arguments.digest not in (None, fingerprint.digest):
+        raise SarError(
+            f"{tree.path} is not approved: it is not what was proposed; its digest is {fingerprint.digest}"
+        )
+    approval = approve(fingerprint, arguments.by or getpass.getuser())
+    print_text(_told(approval))
+    return OK
+
+
+def _told(approval: "Approval") -> str:
+    return f"{approval.file}: approved by {approval.by} on {approval.when}, digest {approval.digest}"
