@@ -43,7 +43,7 @@ def test_a_folder_in_the_current_folder_does_not_hide_a_shipped_file(tmp_path, m
 def test_a_name_that_means_nothing_gets_those_that_do():
     assert not_found("worlds", "emty", ".yaml") == (
         "there is no world file 'emty', nor a shipped world of that name "
-        "(there are: disaster_zone, empty); did you mean 'empty'?"
+        "(there are: disaster_zone, empty, offices); did you mean 'empty'?"
     )
 
 

@@ -1,0 +1,42 @@
+"""The shipped floor of offices: its parameters fit its world, and the robot gets to each area."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.ros.parameter_file import read_parameter_file
+from sar_compiler.ros.parameter_reader import ParameterReader, RunParameters, read_run
+from sar_compiler.sim.occupancy import read_map
+from sar_compiler.sim.planner import plan_route
+from sar_compiler.sim.world import World, find_world
+
+PARAMS = Path("config/offices_params.yaml")
+
+
+def begun() -> tuple[Search, RunParameters]:
+    reader = ParameterReader(read_parameter_file(PARAMS, "/search_and_rescue"))
+    search, run = MISSION.begin(reader), read_run(reader)
+    reader.complain()
+    return search, run
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return find_world("offices")
+
+
+def test_the_areas_are_the_zones_of_the_world_and_the_robot_starts_where_it_stands(world: World) -> None:
+    search, run = begun()
+    assert search.places() == dict(world.places)
+    assert run.initial_pose == (world.start.x, world.start.y, world.start.yaw)
+    assert (run.robot_radius_m, len(search.zones.areas)) == (world.robot_radius, 10)
+
+
+def test_a_way_leads_to_each_area_and_home(world: World) -> None:
+    search, run = begun()
+    assert world.map_path is not None
+    start = (run.initial_pose[0], run.initial_pose[1])
+    legs = plan_route(read_map(world.map_path), world.robot_radius, start, search.route())
+    assert [leg.trouble for leg in legs] == [""] * 11
