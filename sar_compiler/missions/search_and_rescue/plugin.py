@@ -6,6 +6,7 @@ from pathlib import Path
 from sar_compiler.missions import Mission, ParameterReader, shipped
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
+from sar_compiler.missions.search_and_rescue.homing import ENERGY, Homing, read_homing
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, KeptReports, MissionRecord
 from sar_compiler.missions.search_and_rescue.search import Search
@@ -22,8 +23,16 @@ class SearchAndRescue(Mission):
     """Search zones for survivors, report them, come home."""
 
     name = "search_and_rescue"
-    context_types = (ZoneManager, MissionRecord, KeptReports, OperatorOrders, Fence)
-    parameter_names = ("zone_order", "zones", "base_station", "survivors", "geofence", "duplicate_radius_m")
+    context_types = (ZoneManager, MissionRecord, KeptReports, OperatorOrders, Fence, Homing)
+    parameter_names = (
+        "zone_order",
+        "zones",
+        "base_station",
+        "survivors",
+        "geofence",
+        "duplicate_radius_m",
+        ENERGY,
+    )
     faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
     default_tree = "search_and_rescue"
     is_resumable = True
@@ -41,8 +50,10 @@ class SearchAndRescue(Mission):
         """Begin a run with no zone visited."""
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
-        plan = ZoneManager(zones, base, areas=read_areas(reader, zones), speed_mps=reader.cruise_speed())
-        return Search(plan, MissionRecord(radius), fence=read_fence(reader))
+        speed = reader.cruise_speed()
+        plan = ZoneManager(zones, base, areas=read_areas(reader, zones), speed_mps=speed)
+        homing = read_homing(reader, plan, speed)
+        return Search(plan, MissionRecord(radius), fence=read_fence(reader), homing=homing)
 
 
 MISSION = SearchAndRescue()

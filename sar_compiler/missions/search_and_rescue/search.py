@@ -19,6 +19,7 @@ from sar_compiler.missions import (
     Verb,
     clock_text,
 )
+from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.orders import VERBS, OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import (
     UNSEARCHED,
@@ -58,6 +59,7 @@ class Search(MissionRun):
         record: What has happened.
         orders: What the operator has ordered.
         fence: The geofence.
+        homing: What it takes to come home; with the default rates if None.
     """
 
     zones: ZoneManager
@@ -65,13 +67,16 @@ class Search(MissionRun):
     orders: OperatorOrders = field(default_factory=OperatorOrders)
     _: KW_ONLY
     fence: Fence = field(default_factory=Fence)
+    homing: Homing | None = None
 
     kinds = KINDS
 
     def __post_init__(self) -> None:
         self.kept = KeptReports()
         zones = self.zones
-        self.context = {type(part): part for part in (zones, self.record, self.kept, self.orders, self.fence)}
+        self._home = self.homing or Homing(zones)
+        parts = (zones, self.record, self.kept, self.orders, self.fence, self._home)
+        self.context = {type(part): part for part in parts}
         self._identity: dict[str, object] = {
             "zones": zones.remaining_zones(),
             "base_station": zones.base_pose(),
@@ -146,6 +151,7 @@ class Search(MissionRun):
         ]
         if zones.areas:
             figures.append(Figure("probability of success", round(100 * zones.poa_map().pos(), 1), unit="%"))
+        figures += self._home.figures()
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         return Display(landmarks, figures, alarms=alarms, phase=self._phase())
 

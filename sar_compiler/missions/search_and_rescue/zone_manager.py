@@ -145,6 +145,10 @@ class ZoneManager:
         """Return how long the way from one pose to another is taken to be, metres: the straight line times `DETOUR`."""
         return DETOUR * math.dist((start["x"], start["y"]), (target["x"], target["y"]))
 
+    def here(self) -> MapPose:
+        """Return where the robot has looked last, or the base station if it was there since."""
+        return deepcopy(self._here)
+
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
         return self.way_m(start, target) / self._speed_mps
 

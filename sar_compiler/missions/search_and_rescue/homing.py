@@ -1,0 +1,129 @@
+"""Whether the robot can go on and come home again: what legs take of the battery and of the time."""
+
+import math
+
+from sar_compiler.missions import Figure, ParameterReader, mission_context
+from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
+from sar_compiler.missions.search_and_rescue.search_theory import Area
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+
+ENERGY = "energy"
+"""The group of parameters."""
+RESERVE = 0.15
+"""What is to be left in the battery at home, of 1 for a full one, where the parameters do not say it."""
+PRIOR = Rates(per_m=0.0005, per_sec=0.0001)
+"""What a robot is expected to use, where the parameters do not say it."""
+_WRONG_BY = EnergyModel.wrong_by
+_NAMES = (*Rates._fields, "wrong_by", "reserve")
+
+
+def _preview() -> "Homing":
+    base = MapPose(x=0.0, y=0.0, yaw=0.0)
+    return Homing(ZoneManager([{"id": "zone_a", **base}], base))
+
+
+@mission_context(preview=_preview)
+class Homing:
+    """What it takes to come home, now and after the next leg. Ways are as long as the `ZoneManager` takes them to be.
+
+    Args:
+        zones: The mission's zones and base station.
+        energy: What is known of the robot's battery.
+        reserve: What is to be left in it at home, of 1 for a full one.
+        speed_mps: How fast the robot drives, for estimates of time, m/s.
+
+    Attributes:
+        energy: What is known of the robot's battery.
+        reserve: What is to be left in it.
+        place: Where the robot is, as far as anybody has said it.
+        is_asked: Whether the tree asks for this, so that it is to be shown.
+    """
+
+    def __init__(
+        self,
+        zones: ZoneManager,
+        energy: EnergyModel | None = None,
+        *,
+        reserve: float = RESERVE,
+        speed_mps: float = 1.0,
+    ) -> None:
+        self._zones, self._speed_mps = zones, speed_mps
+        self.energy, self.reserve = energy or EnergyModel(PRIOR), reserve
+        self.place: MapPose | None = None
+        self.is_asked = False
+
+    def home(self) -> Trip:
+        """Return the way home."""
+        return self._drive(self._zones.way_m(self._here(), self._zones.base_pose()))
+
+    def leg(self) -> Trip:
+        """Return the way to the current zone, a look there and the way home from it.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        zone = self._zones.current_zone()
+        metres = self._zones.way_m(self._here(), zone) + self._zones.way_m(zone, self._zones.base_pose())
+        look_sec = self._zones.areas.get(zone["id"], Area(0.0, 0.0)).look_sec
+        return self._drive(metres, look_sec)
+
+    def _here(self) -> MapPose:
+        return self.place or self._zones.here()
+
+    def _drive(self, metres: float, waited_sec: float = 0.0) -> Trip:
+        return Trip(metres, metres / self._speed_mps + waited_sec)
+
+    @property
+    def spare(self) -> float:
+        """What is in the battery above the reserve, of 1 for a full one."""
+        return self.energy.share - self.reserve
+
+    def shortage(self) -> str:
+        """Return in words that the battery does not suffice for the next leg and the way home; empty if it does.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        trip = self.leg()
+        need = self.energy.need(trip)
+        if need <= self.spare:
+            return ""
+        return (
+            f"{self._zones.current_zone()['id']} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
+            f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}"
+        )
+
+    def figures(self) -> list[Figure]:
+        """Return what the way home takes, and how far and how long the robot can go on before it only just comes home.
+
+        None before it is asked for, or anything is known of the battery.
+        """
+        if not self.is_asked or not math.isfinite(self.energy.share):
+            return []
+        need = self.energy.need(self.home())
+        left = max(0.0, self.spare - need)
+        # What is driven away from home has to be driven back.
+        metres = left / (2 * self.energy.need(self._drive(1.0)))
+        seconds = left / self.energy.need(Trip(0.0, 1.0))
+        return [
+            Figure("battery to come home", round(100 * need, 1), unit="%"),
+            Figure("metres to the point of no return", round(metres), unit="m"),
+            Figure("seconds to the point of no return", round(seconds), unit="s"),
+        ]
+
+
+def read_homing(reader: ParameterReader, zones: ZoneManager, speed_mps: float) -> Homing:
+    """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, all of which have a default."""
+    reader.only(ENERGY, _NAMES)
+    prior = Rates(*(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in Rates._fields))
+    wrong_by = _share(reader, "wrong_by", _WRONG_BY)
+    return Homing(
+        zones, EnergyModel(prior, wrong_by), reserve=_share(reader, "reserve", RESERVE), speed_mps=speed_mps
+    )
+
+
+def _share(reader: ParameterReader, name: str, default: float) -> float:
+    value = reader.number(f"{ENERGY}.{name}", default)
+    if not 0.0 <= value < 1.0:
+        reader.report(f"{ENERGY}.{name}", f"must be a share from 0 to below 1, is {value:g}")
+    return value

@@ -1,0 +1,170 @@
+"""What a robot uses of its battery is learned, and no battery that was swapped teaches anything."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
+from tests.chance import rounds
+
+PRIOR = Rates(per_m=0.0005, per_sec=0.0001)
+TRIP = Trip(100.0, 250.0)
+
+
+class Robot:
+    """A robot on the x axis, whose battery is read once a second.
+
+    Args:
+        model: What learns of it.
+        times: How many times the prior it uses for metres, and for seconds.
+        grain: What its battery rounds to.
+    """
+
+    def __init__(
+        self, model: EnergyModel, times: tuple[float, float] = (1.0, 1.0), grain: float = 0.01
+    ) -> None:
+        self.model, self._grain = model, grain
+        self.rates = Rates(PRIOR.per_m * times[0], PRIOR.per_sec * times[1])
+        self.now, self.x, self.share = 0.0, 0.0, 1.0
+
+    def go(self, seconds: int, speed: float = 0.4) -> "Robot":
+        for _ in range(seconds):
+            self.now, self.x = self.now + 1.0, self.x + speed
+            self.share -= speed * self.rates.per_m + self.rates.per_sec
+            self.model.moved(self.x, 0.0)
+            self.model.read(self.now, round(self.share / self._grain) * self._grain)
+        return self
+
+    def used(self, trip: Trip) -> float:
+        return trip.metres * self.rates.per_m + trip.seconds * self.rates.per_sec
+
+
+def test_before_the_flight_the_prior_counts_with_all_by_which_it_can_be_wrong() -> None:
+    model = EnergyModel(PRIOR, wrong_by=0.25)
+    assert model.rates == PRIOR
+    assert model.need(TRIP) == pytest.approx(1.25 * (0.05 + 0.025))
+    assert EnergyModel(PRIOR, wrong_by=0.0).need(TRIP) == pytest.approx(0.075)
+    assert math.isnan(model.share)
+
+
+@pytest.mark.parametrize("times", [(1.25, 1.25), (0.75, 1.25), (1.25, 0.75), (0.75, 0.75)])
+def test_both_rates_are_learned_where_the_robot_drives_and_stands(times: tuple[float, float]) -> None:
+    robot = Robot(EnergyModel(PRIOR), times, grain=0.001)
+    for _ in range(4):
+        robot.go(400).go(500, speed=0.0)
+    assert robot.model.rates.per_m == pytest.approx(robot.rates.per_m, rel=0.12)
+    assert robot.model.rates.per_sec == pytest.approx(robot.rates.per_sec, rel=0.12)
+
+
+def test_what_was_learned_makes_the_margin_smaller() -> None:
+    robot = Robot(EnergyModel(PRIOR))
+    before = robot.model.need(TRIP)
+    after = robot.go(1500).model.need(TRIP)
+    assert robot.used(TRIP) < after < 1.1 * robot.used(TRIP) < before
+
+
+@pytest.mark.parametrize("times", [(2.0, 2.0), (0.3, 1.0), (1.0, 3.0), (0.0, 1.0)])
+def test_a_prior_that_is_quite_wrong_is_left(times: tuple[float, float]) -> None:
+    robot = Robot(EnergyModel(PRIOR), times)
+    while robot.share > 0.2:
+        robot.go(200).go(50, speed=0.0)
+    told = robot.model.rates
+    error = abs(told.per_m * 100 + told.per_sec * 250 - robot.used(TRIP))
+    assert error < 0.5 * abs(PRIOR.per_m * 100 + PRIOR.per_sec * 250 - robot.used(TRIP))
+    assert min(told) >= 0.0
+
+
+def test_no_rate_becomes_negative_where_nothing_is_used() -> None:
+    model = EnergyModel(PRIOR, wrong_by=0.0)
+    robot = Robot(model, (0.0, 10.0))
+    robot.go(300, speed=0.0).go(300, speed=1.0)
+    assert min(model.rates) >= 0.0
+    robot = Robot(other := EnergyModel(PRIOR, wrong_by=0.0), (10.0, 0.0))
+    robot.go(150, speed=1.0).go(3000, speed=0.01)
+    assert min(other.rates) >= 0.0
+
+
+def test_with_no_more_error_than_said_a_need_is_never_too_low() -> None:
+    for seed in range(rounds(60)):
+        chance = np.random.default_rng(seed)
+        times = chance.uniform(0.75, 1.25), chance.uniform(0.75, 1.25)
+        robot = Robot(EnergyModel(PRIOR, wrong_by=0.25), times, grain=1e-6)
+        while robot.share > 0.2:
+            trip = Trip(chance.uniform(0.0, 200.0), chance.uniform(0.0, 900.0))
+            assert robot.model.need(trip) >= robot.used(trip) * (1 - 1e-3), seed
+            robot.go(int(chance.integers(10, 300)), float(chance.choice([0.0, 0.2, 0.4])))
+
+
+def test_a_swapped_battery_is_noticed_and_teaches_nothing() -> None:
+    robot = Robot(EnergyModel(PRIOR)).go(1000)
+    known = robot.model.rates
+    robot.share = 0.95
+    robot.go(3)
+    assert (robot.model.charges, robot.model.rates) == (1, known)
+    assert robot.model.share == pytest.approx(0.95, abs=0.01)
+
+
+def test_a_battery_that_is_charged_slowly_is_noticed_and_teaches_nothing() -> None:
+    robot = Robot(EnergyModel(PRIOR), grain=0.001).go(1000)
+    known, begun = robot.model.rates, robot.share
+    robot.rates = Rates(0.0, -0.0001)
+    while robot.share < begun + 0.1:
+        robot.go(60, speed=0.0)
+    assert robot.model.charges == 3
+    assert robot.model.rates.per_sec == pytest.approx(known.per_sec, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.0])
+def test_a_fall_that_no_drive_explains_teaches_nothing(share: float) -> None:
+    robot = Robot(EnergyModel(PRIOR)).go(1000)
+    known = robot.model.rates
+    robot.share = share + 0.05
+    robot.go(90)
+    assert robot.model.rates.per_m == pytest.approx(known.per_m, rel=0.1)
+    assert robot.model.share == pytest.approx(share + 0.02, abs=0.01)
+
+
+def test_one_reading_that_is_wrong_counts_for_nothing() -> None:
+    robot = Robot(EnergyModel(PRIOR)).go(1000)
+    known = robot.model.rates
+    robot.model.read(robot.now + 0.5, 0.0)
+    assert robot.model.share == pytest.approx(robot.share, abs=0.01)
+    robot.go(2)
+    assert (robot.model.charges, robot.model.rates) == (0, known)
+
+
+def test_what_two_leaves_hear_counts_once() -> None:
+    model = EnergyModel(PRIOR)
+    model.read(1.0, 0.5)
+    model.read(1.1, 0.9)
+    assert model.share == 0.5
+    model.read(0.0, 0.9)
+    assert model.share == pytest.approx(0.7)
+
+
+def test_a_robot_that_stands_drives_no_metres_by_an_odometry_that_trembles() -> None:
+    def standing(tremble: float) -> EnergyModel:
+        robot = Robot(EnergyModel(PRIOR), (1.0, 2.0), grain=0.001)
+        for second in range(3000):
+            robot.x = tremble * (second % 2)
+            robot.go(1, speed=0.0)
+        return robot.model
+
+    assert standing(0.02).rates == standing(0.0).rates
+    assert standing(0.0).rates.per_sec == pytest.approx(2 * PRIOR.per_sec, rel=0.15)
+
+
+def test_an_odometry_that_begins_anew_teaches_nothing() -> None:
+    robot = Robot(EnergyModel(PRIOR), (1.0, 3.0), grain=0.001).go(20)
+    robot.x += 1000.0
+    robot.go(30)
+    assert robot.model.rates == PRIOR
+
+
+def test_a_clock_that_begins_anew_teaches_nothing() -> None:
+    robot = Robot(EnergyModel(PRIOR), (3.0, 3.0), grain=0.001).go(25)
+    robot.now = 0.0
+    robot.go(5)
+    assert robot.model.rates == PRIOR
+    assert robot.go(60).model.rates != PRIOR

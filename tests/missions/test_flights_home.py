@@ -1,0 +1,155 @@
+"""Flights without ROS: whoever asks before each leg whether he comes home keeps half of the reserve, within the bounds that the page names."""
+
+import math
+import statistics
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
+from sar_compiler.missions.search_and_rescue.homing import Homing
+from sar_compiler.missions.search_and_rescue.search_theory import Area
+from sar_compiler.missions.search_and_rescue.zone_manager import DETOUR, MapPose, ZoneManager
+from tests.chance import rounds
+
+PRIOR = Rates(per_m=0.0015, per_sec=0.0003)
+SPEED_MPS, RESERVE = 0.4, 0.15
+STEP_SEC = 1.0
+
+
+@dataclass
+class World:
+    """What the robot does not know.
+
+    Attributes:
+        rates: What it uses.
+        speed_mps: How fast it drives.
+        detour: How many times as long as the straight line its ways are, at most and at least.
+    """
+
+    rates: Rates
+    speed_mps: float
+    detour: tuple[float, float]
+
+
+class Flight:
+    """A flight that asks before each leg, and swaps the battery at home.
+
+    Args:
+        chance: Where zones, ways, looks and readings come from.
+        world: What the robot does not know.
+        wrong_by: How wrong the prior is said to be at most.
+    """
+
+    def __init__(self, chance: np.random.Generator, world: World, wrong_by: float = 0.25) -> None:
+        self._chance, self._world = chance, world
+        base = MapPose(x=0.0, y=0.0, yaw=0.0)
+        count = int(chance.integers(4, 13))
+        places = [(chance.uniform(-80, 80), chance.uniform(-80, 80)) for _ in range(count)]
+        zones = [{"id": f"zone_{i}", "x": x, "y": y, "yaw": 0.0} for i, (x, y) in enumerate(places)]
+        areas = {f"zone_{i}": Area(0.05, 0.8, chance.uniform(5, 90)) for i in range(count)}
+        self.zones = ZoneManager(zones, base, areas=areas, speed_mps=SPEED_MPS)
+        self.homing = Homing(self.zones, EnergyModel(PRIOR, wrong_by), reserve=RESERVE, speed_mps=SPEED_MPS)
+        self.share = self.lowest = 1.0
+        self.at_home: list[float] = []
+        self._now = self._metres = 0.0
+        self.homing.place = base
+        self._read()
+
+    def fly(self) -> "Flight":
+        while self.zones.has_remaining():
+            if self.homing.shortage():
+                self._swap()
+            if self.homing.shortage():
+                self.zones.abandon("it is out of reach of any battery")
+                continue
+            zone = self.zones.current_zone()
+            self._drive(zone)
+            self._wait(self.zones.areas[zone["id"]].look_sec)
+            self.zones.advance()
+        self._go_home()
+        return self
+
+    def _swap(self) -> None:
+        self._go_home()
+        self.share = self._chance.uniform(0.9, 1.0)
+        for _ in range(3):
+            self._use(0.0, STEP_SEC)
+
+    def _go_home(self) -> None:
+        self._drive(self.zones.base_pose())
+        self.at_home.append(self.share)
+
+    def _drive(self, target: MapPose) -> None:
+        here = self.homing.place
+        assert here is not None
+        line = math.dist((here["x"], here["y"]), (target["x"], target["y"]))
+        left = line * self._chance.uniform(*self._world.detour)
+        step = self._world.speed_mps * STEP_SEC
+        while left > 0.0:
+            self._use(min(step, left), STEP_SEC)
+            left -= step
+        self.homing.place = target
+
+    def _wait(self, seconds: float) -> None:
+        while seconds > 0.0:
+            self._use(0.0, STEP_SEC)
+            seconds -= STEP_SEC
+
+    def _use(self, metres: float, seconds: float) -> None:
+        self.share -= metres * self._world.rates.per_m + seconds * self._world.rates.per_sec
+        self.lowest = min(self.lowest, self.share)
+        self._now += seconds
+        self._metres += metres
+        self._read()
+
+    def _read(self) -> None:
+        """Tell what a battery tells, in percent, and the odometry."""
+        self.homing.energy.moved(self._metres, 0.0)
+        self.homing.energy.read(self._now, round(self.share, 2))
+
+
+def unlike(chance: np.random.Generator, wrong_by: float = 0.25) -> World:
+    """Return a world within the bounds that docs/search.md names."""
+    rates = (rate * chance.uniform(1 - wrong_by, 1 + wrong_by) for rate in PRIOR)
+    return World(Rates(*rates), SPEED_MPS * chance.uniform(0.9, 1.0), (1.0, DETOUR))
+
+
+def test_in_a_thousand_flights_half_of_the_reserve_is_always_left() -> None:
+    lowest = [
+        Flight(chance := np.random.default_rng(seed), unlike(chance)).fly().lowest
+        for seed in range(rounds(100))
+    ]
+    assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
+
+
+def test_in_the_worst_world_of_all_half_of_the_reserve_is_always_left() -> None:
+    worst = World(Rates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    lowest = [Flight(np.random.default_rng(seed), worst).fly().lowest for seed in range(rounds(50))]
+    assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
+
+
+def test_whoever_takes_a_prior_that_is_half_wrong_for_right_uses_the_reserve_up() -> None:
+    worst = World(Rates(*(1.5 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    lowest = [Flight(np.random.default_rng(seed), worst, wrong_by=0.0).fly().lowest for seed in range(50)]
+    assert min(lowest) < RESERVE / 2
+
+
+def test_the_battery_is_used_and_not_only_spared() -> None:
+    flights = [
+        Flight(np.random.default_rng(seed), unlike(np.random.default_rng(seed))).fly() for seed in range(50)
+    ]
+    swapped = [share for flight in flights for share in flight.at_home[:-1]]
+    given_up = sum(len(flight.zones.abandoned_zones()) for flight in flights)
+    assert len(swapped) > 50
+    assert statistics.median(swapped) < 0.5
+    assert given_up < 0.1 * sum(flight.zones.total_zones() for flight in flights)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_zone_is_given_up_only_where_no_battery_suffices(seed: int) -> None:
+    flight = Flight(np.random.default_rng(seed), unlike(np.random.default_rng(seed))).fly()
+    for zone in flight.zones.abandoned_zones():
+        there_and_back = 2 * flight.zones.way_m(flight.zones.base_pose(), zone)
+        assert there_and_back * (PRIOR.per_m + PRIOR.per_sec / SPEED_MPS) > 0.5

@@ -1,0 +1,128 @@
+"""What coming home takes: its parameters, the next leg, and how far the robot can still go on."""
+
+from typing import Any
+
+import pytest
+
+from sar_compiler.missions import ParameterError, ParameterReader
+from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
+from sar_compiler.missions.search_and_rescue.homing import PRIOR, RESERVE, Homing
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.search_theory import Area
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+
+BASE = MapPose(x=0.0, y=0.0, yaw=0.0)
+
+
+def pose(x: float) -> MapPose:
+    return MapPose(x=x, y=0.0, yaw=0.0)
+
+
+def homing(share: float | None = 0.5, **options: Any) -> Homing:
+    """Return what coming home takes with zones 10 and 20 m away, where a metre takes 1 % and the time nothing to speak of."""
+    zones = [{"id": "a", **pose(10.0)}, {"id": "b", **pose(20.0)}]
+    areas = {"a": Area(0.5, 0.5, 8.0), "b": Area(0.5, 0.5, 0.0)}
+    energy = EnergyModel(Rates(0.01, 1e-9), wrong_by=0.0)
+    made = Homing(ZoneManager(zones, BASE, areas=areas), energy, speed_mps=0.5, **options)
+    if share is not None:
+        energy.read(0.0, share)
+    return made
+
+
+def begun(**energy: object) -> Homing:
+    given = {"zone_order": ["a"], "zones.a.x": 1.0, "zones.a.y": 0.0, "zones.a.yaw": 0.0}
+    reader = ParameterReader({**given, **{f"energy.{name}": value for name, value in energy.items()}})
+    search = MISSION.begin(reader)
+    reader.complain()
+    found = search.context[Homing]
+    assert isinstance(found, Homing)
+    return found
+
+
+def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
+    made = begun(per_m=0.002, per_sec=0.001, wrong_by=0.5, reserve=0.3)
+    assert (made.energy.prior, made.energy.wrong_by, made.reserve) == (Rates(0.002, 0.001), 0.5, 0.3)
+    plain = begun()
+    assert (plain.energy.prior, plain.energy.wrong_by, plain.reserve) == (PRIOR, 0.25, RESERVE)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"per_m": 0}, "energy.per_m: must be above 0, is 0"),
+        ({"per_sec": -1}, "energy.per_sec: must be above 0, is -1"),
+        ({"reserve": 15}, "energy.reserve: must be a share from 0 to below 1, is 15"),
+        ({"wrong_by": -0.1}, "energy.wrong_by: must be a share from 0 to below 1, is -0.1"),
+        ({"per_metre": 0.1}, "energy.per_metre: is not known there; did you mean 'per_m'?"),
+        ({"reserve": "much"}, "energy.reserve: must be a number"),
+    ],
+)
+def test_each_mistake_in_them_is_named_before_the_flight(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        begun(**given)
+    assert said in str(refused.value)
+
+
+def test_a_leg_is_the_way_out_the_look_and_the_way_home() -> None:
+    made = homing()
+    # Ways are straight lines times 1.5.
+    assert made.leg() == Trip(30.0, 30.0 / 0.5 + 8.0)
+    made.place = pose(-10.0)
+    assert made.leg() == Trip(45.0, 45.0 / 0.5 + 8.0)
+    assert made.home() == Trip(15.0, 30.0)
+
+
+def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last() -> None:
+    search = Search(ZoneManager([{"id": "a", **pose(10.0)}], BASE))
+    found = search.context[Homing]
+    assert isinstance(found, Homing)
+    assert found.home().metres == 0.0
+    search.record.zone_searched("a", None)
+    assert found.home().metres == 15.0
+    search.record.base_reached()
+    assert found.home().metres == 0.0
+
+
+def test_what_a_leg_lacks_is_told_with_figures() -> None:
+    assert homing(share=0.46).shortage() == ""
+    assert (
+        homing(share=0.44).shortage()
+        == "a needs 30% for 30 m and 68 s, the battery is at 44%, the reserve is 15%"
+    )
+    assert homing(share=0.44, reserve=0.1).shortage() == ""
+
+
+def test_a_robot_that_is_not_asked_shows_nothing_of_it() -> None:
+    assert homing().figures() == []
+    silent = homing(share=None)
+    silent.is_asked = True
+    assert silent.figures() == []
+
+
+def test_the_point_of_no_return_is_where_the_robot_only_just_comes_home() -> None:
+    made = homing(share=0.55)
+    made.place = pose(10.0)
+    made.is_asked = True
+    # 15 m home; of 55 % the reserve and the way home leave 25 %: 12.5 m away and back.
+    assert [each.text.rpartition(" ")[0] for each in made.figures()[:2]] == [
+        "battery to come home 15",
+        "metres to the point of no return 12",
+    ]
+    assert made.figures()[2].value == pytest.approx(0.25 / 1e-9)
+    made.place = pose(50.0)
+    assert [each.value for each in made.figures()[1:]] == [0, 0]
+
+
+def test_a_search_shows_it_where_it_is_asked() -> None:
+    plan = ZoneManager([{"id": "a", **pose(10.0)}], BASE)
+    made = Homing(plan)
+    search = Search(plan, homing=made)
+    made.energy.read(0.0, 1.0)
+    before = [each.name for each in search.display().figures]
+    made.is_asked = True
+    assert [each.name for each in search.display().figures[len(before) :]] == [
+        "battery to come home",
+        "metres to the point of no return",
+        "seconds to the point of no return",
+    ]
