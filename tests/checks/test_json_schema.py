@@ -3,10 +3,10 @@
 import json
 import re
 from pathlib import Path
-from urllib.parse import unquote
 
 import jsonschema
 import pytest
+import referencing
 import yaml
 from hypothesis import given
 
@@ -69,9 +69,8 @@ def references_in(part):
 
 def target_of(reference, schema):
     """Return what a reference leads to."""
-    for name in unquote(reference).removeprefix("#/").split("/"):
-        schema = schema[name]
-    return schema
+    resource = referencing.Resource.from_contents(schema)
+    return referencing.Registry().with_resource("", resource).resolver().lookup(reference).contents
 
 
 def test_every_reference_is_a_uri_that_leads_to_a_definition():

@@ -12,6 +12,7 @@ from sar_compiler.documents.toml_files import read_toml
 from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
 from sar_compiler.testing import RENEW
 from sar_compiler.tree.kinds import ERRORS, KINDS
+from tests.checks.test_json_schema import FRAGMENT, references_in, target_of
 from tests.docs.markdown import blocks, codes, tables
 
 
@@ -55,6 +56,13 @@ def parts(schema):
         yield from parts(schema.get(keyword))
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_every_reference_is_a_uri_that_leads_to_a_definition(name):
+    references = set(references_in(SCHEMAS[name]))
+    assert [each for each in references if not FRAGMENT.fullmatch(each)] == []
+    assert [each for each in references if not isinstance(target_of(each, SCHEMAS[name]), dict)] == []
+
+
 def types_of(schema):
     types = schema.get("type", [])
     return {types} if isinstance(types, str) else set(types)
@@ -86,7 +94,7 @@ def test_every_key_of_a_file_is_described_for_editors(name):
 def test_what_two_files_have_in_common_is_the_same_in_both():
     scenario, properties = SCHEMAS["scenario"], SCHEMAS["properties"]
     shared = scenario["definitions"].keys() & properties["definitions"].keys()
-    common = {"chance", "event", "events", "fact", "possible answer", "possible answers", "status", "time"}
+    common = {"chance", "event", "events", "fact", "possible_answer", "possible_answers", "status", "time"}
     assert shared == common
     assert all(scenario["definitions"][each] == properties["definitions"][each] for each in shared)
     for key in ("facts", "answers", "parameters"):

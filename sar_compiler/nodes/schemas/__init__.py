@@ -1,8 +1,8 @@
 """Schemas for editors and validators, generated from a registry."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
-from sar_compiler.nodes.spec import NodeSpec, Parameter
+from sar_compiler.nodes.spec import NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 
 
@@ -13,6 +13,19 @@ def attributes_by_name(specs: Iterable[NodeSpec]) -> dict[str, list[tuple[NodeSp
         for parameter in spec.attributes:
             written.setdefault(parameter.name, []).append((spec, parameter))
     return written
+
+
+def required_names(specs: Sequence[NodeSpec]) -> list[str]:
+    """Return the names of the attributes that must be written, whichever of a tag's variants is meant."""
+    return [
+        name
+        for name, choices in attributes_by_name(specs).items()
+        if len(choices) == len(specs) and all(_must_be_written(*each) for each in choices)
+    ]
+
+
+def _must_be_written(spec: NodeSpec, parameter: Parameter) -> bool:
+    return parameter.required and parameter.role is Role.ATTRIBUTE and parameter.name not in spec.fixed
 
 
 def value_types(tags: Mapping[str, Iterable[NodeSpec]]) -> list[ValueType]:

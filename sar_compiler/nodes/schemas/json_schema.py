@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.schemas import attributes_by_name, value_types
+from sar_compiler.nodes.schemas import attributes_by_name, required_names, value_types
 from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.runtime.expressions import Script
@@ -128,12 +128,7 @@ def _tag(specs: list[NodeSpec]) -> Schema:
     kind = specs[0].kind
     written = attributes_by_name(specs)
     attributes = {name: _attribute(*choices[0]) for name, choices in written.items()}
-    required = [
-        name
-        for name, choices in written.items()
-        if len(choices) == len(specs)
-        and all(_must_be_written(spec, parameter) for spec, parameter in choices)
-    ]
+    required = required_names(specs)
     attributes |= {name: _ref(name) for name in _COMMON}
     if kind.is_leaf:
         schema = {**_mapping({**attributes, CHILDREN_KEY: _nodes(0, 0)}, required), **_NOTES}
@@ -144,10 +139,6 @@ def _tag(specs: list[NodeSpec]) -> Schema:
     if specs[0].doc:
         schema["description"] = specs[0].doc
     return schema
-
-
-def _must_be_written(spec: NodeSpec, parameter: Parameter) -> bool:
-    return parameter.required and parameter.role is Role.ATTRIBUTE and parameter.name not in spec.fixed
 
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
