@@ -79,8 +79,14 @@ class RunJournal(Companion):
             ParameterError: If the journal is of another mission by its parameters.
             JournalError: If the facts are not the mission's.
         """
-        if not self.journal.is_wanted:
-            return
+        if self.journal.is_wanted:
+            self._identify(run, parameters)
+        # Where nobody reads the facts, they have their times all the same, which the mission may show.
+        if self._mission is not None:
+            run.keep_in(self.journal)
+
+    def _identify(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
+        """Note what makes it this mission, and that it is the one that is gone on with."""
         from sar_compiler.missions.resuming import as_data, require_same_identity
 
         self._run_about["parameters"] = as_data(parameters)
@@ -92,7 +98,6 @@ class RunJournal(Companion):
             self._tell_lost()
         if self._mission is not None:
             self._run_about["facts"] = as_data(run.facts())
-            run.keep_in(self.journal)
 
     def _tell_lost(self) -> None:
         if count := sum(
@@ -128,15 +133,17 @@ class RunJournal(Companion):
         Raises:
             JournalError: If the file cannot be written.
         """
+        from sar_compiler.ros.clock import mission_clock
+
+        self.journal.clock = mission_clock(self._node)
         if not self.journal.is_wanted:
+            self.journal.begin({}, {})
             return
         from sar_compiler.journal.status_watch import StatusWatch
-        from sar_compiler.ros.clock import mission_clock
         from sar_compiler.ros.left_goals import note_goals
         from sar_compiler.ros.robot_observer import RobotObserver
 
         logger = self._node.get_logger()
-        self.journal.clock = mission_clock(self._node)
         self.journal.on_failure, self.journal.on_recovery = logger.error, logger.info
         self.journal.begin(self._about, self._run_about)
         if self.journal.aside is not None:

@@ -213,7 +213,7 @@ def _simulation(
 
     stepped = executor if isinstance(executor, SteppedExecutor) else None
     options, node = setup.options, setup.node
-    plan = FaultPlan(faults, setup.mission.places())
+    plan = FaultPlan(faults, setup.mission.places(), options.seed)
     settings = {"context": node.context, "parameter_overrides": _simulated_time(options)}
     servers = setup.mission.servers(plan, **settings)
     try:

@@ -179,7 +179,7 @@ class MissionRun:
         """Create the nodes that a simulation must serve in addition to the world's own.
 
         Args:
-            faults: The faults of their services (`faults.for_service`).
+            faults: The faults of their services (`faults.for_service`), and the run's seed (`faults.seed`).
             options: Keyword arguments of `rclpy.node.Node` for each of them: its context, `use_sim_time`.
         """
         return []

@@ -211,17 +211,23 @@ class FaultPlan:
     Args:
         faults: The requested faults, in any order.
         places: Positions of places (metres, frame `map`) by which goals are told apart; the world's markers if None.
+        seed: The run's seed, for servers that leave something to chance.
 
     Attributes:
         faults: The requested faults.
         places: The place positions, or None.
+        seed: The seed.
     """
 
     def __init__(
-        self, faults: Sequence[Fault] = (), places: Mapping[str, tuple[float, float]] | None = None
+        self,
+        faults: Sequence[Fault] = (),
+        places: Mapping[str, tuple[float, float]] | None = None,
+        seed: int = 0,
     ) -> None:
         self.faults = tuple(faults)
         self.places = places
+        self.seed = seed
 
     def for_service(self, name: str) -> ServiceFaults:
         """Return the unused faults of the service *name*."""

@@ -1,8 +1,10 @@
 """The table of a sweep, as text and as JSON."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import sqrt
 from pathlib import Path
-from statistics import fmean
+from statistics import NormalDist, fmean, stdev
+from typing import NamedTuple
 
 from sar_compiler.checks.sweep import Played, StoppingRule, SweptRow
 from sar_compiler.views.plain import as_json
@@ -63,7 +65,7 @@ def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, st
         confidence: f"{100 * interval.low:.1f} to {100 * interval.high:.1f}",
         "time (median)": f"{quantile(times, 0.5):.1f} s" if times else "",
         "(95th percentile)": f"{quantile(times, 0.95):.1f} s" if times else "",
-        **{name: f"{mean:.2f}" for name, mean in _means(row.outcomes).items()},
+        **{name: _with_margin(*mean) for name, mean in _means(row.outcomes, rule.confidence).items()},
     }
 
 
@@ -82,6 +84,7 @@ def sweep_as_json(
 
 def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
     times, failed = _times(row.outcomes), [each for each in row.outcomes if each.failure]
+    means = _means(row.outcomes, rule.confidence)
     return {
         "labels": row.labels,
         "runs": len(row.outcomes),
@@ -89,7 +92,8 @@ def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
         "rate": _rate(row.outcomes) if row.outcomes else None,
         "interval": list(rule.interval(row.outcomes)),
         "time": {"median": quantile(times, 0.5), "p95": quantile(times, 0.95)} if times else None,
-        "means": _means(row.outcomes),
+        "means": {name: mean.value for name, mean in means.items()},
+        "margins": {name: mean.margin for name, mean in means.items()},
         "failures": [{"seed": each.seed, "failure": each.failure} for each in failed],
     }
 
@@ -98,9 +102,26 @@ def _rate(outcomes: Sequence[Played]) -> float:
     return sum(not each.failure for each in outcomes) / len(outcomes)
 
 
-def _means(outcomes: Sequence[Played]) -> dict[str, float]:
+class _Mean(NamedTuple):
+    """A mean of runs, and half the width of its confidence interval; None for one run, which says nothing of others."""
+
+    value: float
+    margin: float | None
+
+
+def _means(outcomes: Sequence[Played], confidence: float) -> dict[str, _Mean]:
+    """Return the mean of each count, of the runs that have it: when something was first has no value where it never was."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
-    return {name: fmean(each.counts.get(name, 0.0) for each in outcomes) for name in names}
+    counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
+    z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    return {
+        name: _Mean(fmean(values), z * stdev(values) / sqrt(len(values)) if len(values) > 1 else None)
+        for name, values in counts.items()
+    }
+
+
+def _with_margin(value: float, margin: float | None) -> str:
+    return f"{value:.2f}" if margin is None else f"{value:.2f} ± {margin:.2f}"
 
 
 def _times(outcomes: Sequence[Played]) -> list[float]:

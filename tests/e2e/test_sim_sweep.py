@@ -9,10 +9,15 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.sim import main
+from sar_compiler.missions.search_and_rescue.hiding import Hiding
+from sar_compiler.missions.search_and_rescue.search_theory import Area
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 from sar_compiler.sim import flights
 from tests.processes import children_of
 from tests.waiting import News
 
+AREAS = Path("config/search_areas_params.yaml").resolve()
+POSE = {"zone_c": MapPose(x=4.0, y=-3.0, yaw=3.14)}
 REFUSED = "report_survivor:refuse=1"
 
 
@@ -68,6 +73,23 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
     # A tick is half a second.
     assert outcomes[0].time_sec == pytest.approx(outcomes[2].time_sec, abs=1.0)
     assert len(flights._waiting) == 1
+
+
+@pytest.mark.ros
+def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
+    arguments = ("search_areas", "--sim", "--speed", "1000", "--params", str(AREAS))
+    only = ("-p", "zone_order:=[zone_c]", "-p", "hidden_survivor:=true")
+    area = {"zone_c": Area(0.5, 0.7)}
+    seeds = [
+        next(seed for seed in range(99) if (Hiding(POSE, area, seed).look("zone_c") is not None) is is_found)
+        for is_found in (True, False)
+    ]
+    with flights.in_threads(1):
+        found, missed = flights.Flights(arguments, ros=only)(seeds)
+    assert (found.counts["survivors found"], missed.counts["survivors found"]) == (1, 0)
+    # 5 m at 0.6 m/s, and never the time of the wall, which is a fraction of it.
+    assert 8.0 < found.counts["first find after"] < found.time_sec
+    assert "first find after" not in missed.counts
 
 
 @pytest.mark.ros

@@ -2,9 +2,17 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.record import FoundSurvivor, MissionRecord, SurvivorReport
+from sar_compiler.missions import Journal, JournalEntry
+from sar_compiler.missions.search_and_rescue.record import (
+    FoundSurvivor,
+    MissionRecord,
+    Standing,
+    SurvivorReport,
+)
 from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.search_theory import Area
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.context import preview_of
 
 
@@ -124,3 +132,48 @@ def test_an_acknowledgement_of_somebody_unknown_changes_nothing(record: MissionR
 
 def test_a_tree_can_be_looked_at_without_a_mission() -> None:
     assert isinstance(preview_of(MissionRecord), MissionRecord)
+
+
+def found_after(journal: Journal, search: Search, seconds: float) -> None:
+    """Let a search begin at second 50 of its clock, and find somebody so many seconds later."""
+    journal.clock = clock = ManualClock()
+    search.keep_in(journal)
+    clock.advance(50.0)
+    journal.begin({}, {})
+    clock.advance(seconds)
+    search.record.zone_searched("zone_a", (1.0, 2.0))
+
+
+def test_the_first_find_is_counted_from_the_beginning_of_the_mission(search: Search) -> None:
+    assert search.record.first_find_sec is None
+    found_after(Journal(), search, 12.5)
+    search.record.zone_searched("zone_b", (3.0, 4.0))
+    assert search.record.first_find_sec == 12.5
+
+
+def test_who_was_no_survivor_was_no_first_find(search: Search) -> None:
+    found_after(Journal(), search, 12.5)
+    search.record.survivor_named("survivor_1", 1.0, 2.0)
+    search.record.survivor_judged("survivor_1", Standing.REJECTED)
+    assert search.record.first_find_sec is None
+
+
+def test_a_find_of_a_later_run_is_counted_by_the_clock_of_the_wall(search: Search) -> None:
+    for number, kind, run, wall, data in (
+        (1, "run_began", 1, 1000.0, {}),
+        (2, "run_ended", 1, 1030.0, {}),
+        (3, "run_began", 2, 1060.0, {}),
+        (4, "zone_searched", 2, 1100.0, {"zone": "zone_a", "survivor": (1.0, 2.0)}),
+    ):
+        search.apply(JournalEntry(number, run, wall, 5.0, kind, data))
+    assert search.record.first_find_sec == 100.0
+
+
+def test_only_a_search_with_probabilities_shows_when_somebody_was_found_first() -> None:
+    shown = {}
+    for name, areas in (("without", {}), ("with", {"zone_a": Area(0.5, 0.8)})):
+        plan = [{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}]
+        search = Search(ZoneManager(plan, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas))
+        found_after(Journal(), search, 12.5)
+        shown[name] = [each.text for each in search.display().figures if "first" in each.name]
+    assert shown == {"without": [], "with": ["first find after 12.5 s"]}

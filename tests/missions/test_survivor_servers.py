@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from sar_compiler.missions.search_and_rescue.hiding import Hiding
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search_theory import Area
 from sar_compiler.missions.search_and_rescue.server_commands import detect, report
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 from tests.processes import Command
 from tests.waiting import SILENCE_SEC
 
@@ -94,6 +97,19 @@ class TestDetecting:
         answer = caller.detect("zone_b")
         assert (answer.found, answer.survivor_x, answer.survivor_y) == (True, 1.0, -2.5)
         assert not caller.detect("zone_a").found
+
+    def test_finds_only_who_hides_from_it(self, ros: Ros) -> None:
+        from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer
+
+        poses = {name: MapPose(x=1.0, y=2.0, yaw=0.0) for name in ("cave", "zone_a")}
+        hiding = Hiding(poses, {"cave": Area(1.0, 1.0), "zone_a": Area(0.0, 1.0)}, 0)
+        ros.add(DetectSurvivorServer(None, hiding, context=ros.context))
+        caller = Caller(ros)
+        answers = [caller.detect(name) for name in ("zone_a", "cave")]
+        assert [(a.found, a.survivor_x, a.survivor_y) for a in answers] == [
+            (False, 0.0, 0.0),
+            (True, 2.0, 2.0),
+        ]
 
     def test_refuses_a_table_that_is_none(self, ros: Ros) -> None:
         from sar_compiler.ros.parameter_reader import ParameterError

@@ -6,6 +6,7 @@ from pathlib import Path
 from sar_compiler.missions import Mission, ParameterReader, shipped
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
+from sar_compiler.missions.search_and_rescue.hiding import HIDDEN, read_hiding
 from sar_compiler.missions.search_and_rescue.homing import ENERGY, Homing, read_homing
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, KeptReports, MissionRecord
@@ -32,6 +33,7 @@ class SearchAndRescue(Mission):
         "geofence",
         "duplicate_radius_m",
         ENERGY,
+        HIDDEN,
     )
     faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
     default_tree = "search_and_rescue"
@@ -50,10 +52,10 @@ class SearchAndRescue(Mission):
         """Begin a run with no zone visited."""
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
-        speed = reader.cruise_speed()
-        plan = ZoneManager(zones, base, areas=read_areas(reader, zones), speed_mps=speed)
-        homing = read_homing(reader, plan, speed)
-        return Search(plan, MissionRecord(radius), fence=read_fence(reader), homing=homing)
+        areas, speed = read_areas(reader, zones), reader.cruise_speed()
+        plan = ZoneManager(zones, base, areas=areas, speed_mps=speed)
+        homing, hides = read_homing(reader, plan, speed), read_hiding(reader, areas)
+        return Search(plan, MissionRecord(radius), fence=read_fence(reader), homing=homing, hides=hides)
 
 
 MISSION = SearchAndRescue()

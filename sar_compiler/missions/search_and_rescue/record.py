@@ -256,6 +256,7 @@ class MissionRecord:
         self._duplicate_radius_m = duplicate_radius_m
         self._zones: dict[str, ZoneRecord] = {}
         self._survivors: list[FoundSurvivor] = []
+        self._began: FactTime | None = None
         self.zones_visited: tuple[str, ...] = ()
         self.alarms: tuple[str, ...] = ()
         self.zone = self.navigation_lost = ""
@@ -285,6 +286,16 @@ class MissionRecord:
     def survivors(self) -> tuple[FoundSurvivor, ...]:
         """The survivors in the order in which they were found."""
         return tuple(self._survivors)
+
+    @property
+    def first_find_sec(self) -> float | None:
+        """How long the mission had gone on when somebody was found first, seconds; None if nobody was."""
+        found = next((each.found_at for each in self._survivors if each.counts), None)
+        if found is None or self._began is None:
+            return None
+        # Each run may have a clock of its own.
+        same = found.run == self._began.run
+        return found.time - self._began.time if same else found.wall - self._began.wall
 
     @property
     def alarm(self) -> str:
@@ -439,10 +450,11 @@ class MissionRecord:
     def _take_base_reached(self, _: FactTime) -> None:
         self.home, self.zone = True, ""
 
-    def _take_run_began(self, _: FactTime, **_run: object) -> None:
-        self.zone = ""
+    def _take_run_began(self, at: FactTime, **_run: object) -> None:
+        self._began, self.zone = self._began or at, ""
 
-    _take_run_ended = _take_run_began
+    def _take_run_ended(self, _: FactTime, **_run: object) -> None:
+        self.zone = ""
 
     def _take_alarmed(self, _: FactTime, reason: str) -> None:
         self.alarms = (*self.alarms, str(reason))

@@ -60,6 +60,7 @@ class Search(MissionRun):
         orders: What the operator has ordered.
         fence: The geofence.
         homing: What it takes to come home; with the default rates if None.
+        hides: Whether somebody hides in the simulator, instead of the survivors of its table.
     """
 
     zones: ZoneManager
@@ -68,6 +69,7 @@ class Search(MissionRun):
     _: KW_ONLY
     fence: Fence = field(default_factory=Fence)
     homing: Homing | None = None
+    hides: bool = False
 
     kinds = KINDS
 
@@ -151,6 +153,8 @@ class Search(MissionRun):
         ]
         if zones.areas:
             figures.append(Figure("probability of success", round(100 * zones.poa_map().pos(), 1), unit="%"))
+            if (first := self.record.first_find_sec) is not None:
+                figures.append(Figure("first find after", round(first, 1), unit="s"))
         figures += self._home.figures()
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         return Display(landmarks, figures, alarms=alarms, phase=self._phase())
@@ -227,10 +231,12 @@ class Search(MissionRun):
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
         """Create the two servers."""
+        from sar_compiler.missions.search_and_rescue.hiding import Hiding
         from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer, ReportSurvivorServer
 
+        hiding = Hiding(self._plan, self.zones.areas, faults.seed) if self.hides else None
         return [
-            DetectSurvivorServer(faults=faults.for_service("detect_survivor"), **options),
+            DetectSurvivorServer(faults.for_service("detect_survivor"), hiding, **options),
             ReportSurvivorServer(faults=faults.for_service("report_survivor"), **options),
         ]
 

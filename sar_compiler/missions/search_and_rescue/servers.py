@@ -1,6 +1,7 @@
 """The two servers of the mission: `detect_survivor`, which looks for survivors, and `report_survivor`, the base station."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
@@ -13,6 +14,7 @@ from sar_compiler.missions import (
     lookalikes,
     short_line,
 )
+from sar_compiler.missions.search_and_rescue.hiding import Hiding
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, read_survivors
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
@@ -24,6 +26,7 @@ class DetectSurvivorServer(DataNode):
 
     Args:
         faults: The faults to inject.
+        hiding: Who hides from it; then there is no table.
         options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
 
     Raises:
@@ -31,17 +34,20 @@ class DetectSurvivorServer(DataNode):
         RosArgumentError: If a name or a value in its arguments is not allowed for a node.
     """
 
-    def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:
+    def __init__(
+        self, faults: ServiceFaults | None = None, hiding: Hiding | None = None, **options: Any
+    ) -> None:
         super().__init__("detect_survivor_server", **options)
         parameters = flat_parameters(self)
-        self._survivors = read_survivors(parameters, SURVIVORS)
+        table = read_survivors(parameters, SURVIVORS)
+        self._look: Callable[[str], tuple[float, float] | None] = hiding.look if hiding else table.get
         for note in lookalikes(parameters, ["survivors"]):
             self.get_logger().warning(note)
         create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
         self.get_logger().info("DetectSurvivor service ready.")
 
     def _answer(self, request: Any, response: Any) -> Any:
-        survivor, zone = self._survivors.get(request.zone_id), short_line(request.zone_id)
+        survivor, zone = self._look(request.zone_id), short_line(request.zone_id)
         if survivor is None:
             self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
             return response

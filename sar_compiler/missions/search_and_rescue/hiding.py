@@ -1,0 +1,57 @@
+"""Somebody who hides in a simulated search: where, and which looks find who is there, by the probabilities of the areas."""
+
+import math
+import random
+from collections.abc import Mapping
+
+from sar_compiler.missions import ParameterReader
+from sar_compiler.missions.search_and_rescue.search_theory import Area
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+
+HIDDEN = "hidden_survivor"
+"""The parameter that has somebody hide."""
+# How far ahead of the robot somebody is found, metres: what is seen does not stand where the robot stands.
+_AHEAD_M = 1.0
+
+
+class Hiding:
+    """Somebody who is in each area as likely as its POA says, and is found by a look there as likely as its POD says.
+
+    A seed has somebody in the same area whatever the order of the areas, and found by the same look there whatever the
+    order of the looks.
+
+    Args:
+        poses: From where the robot looks into each area.
+        areas: What is expected of looks there.
+        seed: The seed of the flight.
+
+    Attributes:
+        area: Where somebody is; None if that is elsewhere.
+    """
+
+    def __init__(self, poses: Mapping[str, MapPose], areas: Mapping[str, Area], seed: int) -> None:
+        self._chance = random.Random(seed)  # noqa: S311 - nothing to guess
+        self._poses, self._areas = poses, areas
+        names = sorted(areas)
+        shares = [areas[name].poa for name in names]
+        elsewhere = max(0.0, 1.0 - math.fsum(shares))
+        (self.area,) = self._chance.choices([*names, None], [*shares, elsewhere])
+
+    def look(self, area: str) -> tuple[float, float] | None:
+        """Return where a look in an area finds somebody, metres, frame `map`; None if nobody is found."""
+        if area != self.area or self._chance.random() >= self._areas[area].pod:
+            return None
+        pose = self._poses[area]
+        return pose["x"] + _AHEAD_M * math.cos(pose["yaw"]), pose["y"] + _AHEAD_M * math.sin(pose["yaw"])
+
+
+def read_hiding(reader: ParameterReader, areas: Mapping[str, Area]) -> bool:
+    """Read `hidden_survivor`: whether somebody hides in the simulator, by what is expected of looks in the areas."""
+    hides = reader.switch(HIDDEN, default=False)
+    if hides and not areas:
+        reader.report(HIDDEN, "needs poa and pod beside the zones, which say where somebody hides")
+    if hides and any(key.partition(".")[0] == "survivors" for key in reader.parameters):
+        reader.report(
+            HIDDEN, "has somebody hide by chance, and survivors says where somebody is: leave one out"
+        )
+    return hides

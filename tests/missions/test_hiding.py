@@ -1,0 +1,124 @@
+"""Somebody who hides in a simulated search: as likely where it is said, found as soon and as often as was told before."""
+
+import json
+import math
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import yaml
+
+from sar_compiler.cli.compile import main
+from sar_compiler.missions import ParameterReader
+from sar_compiler.missions.search_and_rescue.hiding import Hiding, read_hiding
+from sar_compiler.missions.search_and_rescue.search_theory import Area, Tour
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+from sar_compiler.missions.search_and_rescue.zone_order import ordered
+from sar_compiler.ros.parameter_reader import ParameterError
+from tests.chance import rounds
+from tests.missions.test_offices import begun
+
+SIGMAS = 4
+AREAS = {"hall": Area(0.5, 0.8), "attic": Area(0.3, 0.5), "yard": Area(0.0, 1.0)}
+POSES = {name: MapPose(x=float(at), y=2.0, yaw=math.pi / 2) for at, name in enumerate(AREAS)}
+
+
+def told() -> tuple[list[str], list[float], list[float], Tour, list[int]]:
+    """Return the areas of the offices in the order that finds soonest, when each is searched, what it brings, and the tour."""
+    zones = begun()[0].zones
+    tour = zones.tour(zones.remaining_zones())
+    order = ordered("expected_find", tour)
+    names = [zones.remaining_zones()[area]["id"] for area in order]
+    return names, tour.ends(order), [tour.finds[area] for area in order], tour, order
+
+
+def test_somebody_is_in_each_area_and_elsewhere_as_often_as_is_said() -> None:
+    count = rounds(10_000)
+    where = Counter(Hiding(POSES, AREAS, seed).area for seed in range(count))
+    for area, share in (("hall", 0.5), ("attic", 0.3), ("yard", 0.0), (None, 0.2)):
+        assert abs(where[area] / count - share) <= SIGMAS * math.sqrt(share * (1 - share) / count), area
+
+
+def test_searches_in_the_offices_find_as_soon_and_as_often_as_was_told() -> None:
+    names, ends, finds, tour, order = told()
+    search, _ = begun()
+    poses = {zone["id"]: zone for zone in search.zones.remaining_zones()}
+    times, count = [], rounds(10_000)
+    for seed in range(count):
+        hiding = Hiding(poses, search.zones.areas, seed)
+        times += [end for name, end in zip(names, ends, strict=True) if hiding.look(name)]
+    mean, pos = sum(times) / len(times), sum(finds)
+    error = math.sqrt(sum((time - mean) ** 2 for time in times) / len(times) / len(times))
+    assert abs(mean - tour.expected_find(order)) < SIGMAS * error
+    assert abs(len(times) / count - pos) < SIGMAS * math.sqrt(pos * (1 - pos) / count)
+
+
+def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, _, finds, _, _ = told()
+    missed = [1 - sum(finds[:looks]) for looks in range(len(finds) + 1)]
+    steps = [
+        {
+            "answer": "found",
+            "chance": find / missed[looks],
+            "when": f"zones_left == {10 - looks}",
+            "times": "always",
+        }
+        for looks, find in enumerate(finds)
+    ]
+    scenario = tmp_path / "looks.yaml"
+    said = {
+        "facts": {"zones_left": 10},
+        "leaves": {"DetectSurvivor": [*steps, {"answer": "nothing", "times": "always"}]},
+        "expect": {"root": "SUCCESS", "count": {"DetectSurvivor found": "at least 1"}},
+    }
+    scenario.write_text(yaml.safe_dump(said), encoding="utf-8")
+    count = rounds(1000)
+    options = ("--runs", str(count), "--half-width", "0", "--jobs", "1", "--format", "json")
+    assert main(["sweep", "trees/search_areas.xml", "--scenario", str(scenario), *options]) == 1
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    pos = 1 - missed[-1]
+    assert abs(row["successes"] / count - pos) < SIGMAS * math.sqrt(pos * (1 - pos) / count)
+
+
+def test_who_is_found_stands_a_metre_ahead_of_the_robot() -> None:
+    seed = next(seed for seed in range(99) if Hiding(POSES, AREAS, seed).look("attic"))
+    assert Hiding(POSES, AREAS, seed).look("attic") == pytest.approx((1.0, 3.0))
+
+
+def test_neither_the_order_of_the_areas_nor_looks_elsewhere_change_what_a_seed_makes() -> None:
+    turned = dict(reversed(AREAS.items()))
+    for seed in range(50):
+        one, other = Hiding(POSES, AREAS, seed), Hiding(POSES, turned, seed)
+        looks = [one.look("attic") for _ in range(3)]
+        others = []
+        for _ in range(3):
+            assert other.look("unknown") is None
+            others.append(other.look("attic"))
+        assert (one.area, looks) == (other.area, others)
+
+
+def read(**parameters: object) -> bool:
+    reader = ParameterReader(parameters)
+    hides = read_hiding(reader, AREAS if "zones.hall.poa" in parameters else {})
+    reader.complain()
+    return hides
+
+
+def test_nobody_hides_unless_that_is_said() -> None:
+    assert not read()
+    assert read(hidden_survivor=True, **{"zones.hall.poa": 0.5})
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({}, "hidden_survivor: needs poa and pod beside the zones"),
+        ({"zones.hall.poa": 0.5, "survivors.hall.x": 1.0}, "hidden_survivor: .* leave one out"),
+        ({"zones.hall.poa": 0.5, "hidden_survivor": 1}, "must be true or false"),
+    ],
+)
+def test_what_does_not_go_with_hiding_is_said(parameters: dict[str, object], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        read(**{"hidden_survivor": True, **parameters})
