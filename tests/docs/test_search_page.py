@@ -15,9 +15,9 @@ PARAMS = Path("config/search_areas_params.yaml").resolve()
 
 
 @pytest.mark.ros
-def test_the_plan_that_the_page_shows_is_what_is_told(tmp_path: Path) -> None:
+def test_the_page_shows_the_plan_that_is_told_and_what_is_proved(tmp_path: Path) -> None:
     typed, otherwise = follow(PAGE, tmp_path)
-    assert typed == 1
+    assert typed == 2
     assert otherwise == [], "\n".join(otherwise)
 
 

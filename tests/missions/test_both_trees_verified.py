@@ -35,8 +35,9 @@ def broken(output: str) -> set[str]:
     return {question for question, outcome in table if outcome != HOLDS}
 
 
-def test_the_resilient_tree_is_proved_for_two_zones() -> None:
-    status, output = verify(RESILIENT, "--set", "zones_left=2")
+@pytest.mark.parametrize("tree", [RESILIENT, "trees/search_areas.xml"])
+def test_the_resilient_tree_and_the_one_that_chooses_are_proved_for_two_zones(tree: str) -> None:
+    status, output = verify(tree, "--set", "zones_left=2")
     assert (status, broken(output)) == (0, set())
 
 
