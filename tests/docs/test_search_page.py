@@ -39,6 +39,7 @@ def test_the_page_names_every_order_and_how_far_it_is_exact() -> None:
 
 
 def test_the_lines_of_the_tree_are_those_of_the_shipped_one() -> None:
-    (shown,) = [block.text for block in blocks(PAGE) if block.language == "xml"]
+    shown = [line for block in blocks(PAGE) if block.language == "xml" for line in block.text.splitlines()]
     tree = Path("trees/search_areas.xml").read_text(encoding="utf-8")
-    assert [line for line in shown.splitlines() if line.strip() not in tree] == []
+    assert len(shown) > 5
+    assert [line for line in shown if line.strip() not in tree] == []

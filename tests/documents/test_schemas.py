@@ -26,7 +26,7 @@ SHIPPED = {
     **dict.fromkeys(sorted(Path("examples/scenarios").glob("*.yaml")), "scenario"),
     **dict.fromkeys(sorted(Path("worlds").glob("*.yaml")), "world"),
     **dict.fromkeys(sorted(Path("maps").glob("*.yaml")), "map"),
-    Path("config/mission_properties.yaml"): "properties",
+    **dict.fromkeys(sorted(Path("config").glob("*_properties.yaml")), "properties"),
 }
 PAGES = {"simulate": "scenario", "verify": "properties", "world": "world", "configuration": "settings"}
 # This one shows mistakes.

@@ -37,6 +37,7 @@ class Homing:
         reserve: What is to be left in it.
         place: Where the robot is, as far as anybody has said it.
         is_asked: Whether the tree asks for this, so that it is to be shown.
+        ends_at: When the mission's time is up, seconds of the mission's clock.
     """
 
     def __init__(
@@ -51,6 +52,31 @@ class Homing:
         self.energy, self.reserve = energy or EnergyModel(PRIOR), reserve
         self.place: MapPose | None = None
         self.is_asked = False
+        self.ends_at = math.inf
+        self._charges = 0
+
+    @property
+    def has_next(self) -> bool:
+        """Whether there is a zone to go on to."""
+        return self._zones.has_remaining()
+
+    @property
+    def next_zone(self) -> str:
+        """The zone to go on to.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        return self._zones.current_zone()["id"]
+
+    def await_charge(self) -> None:
+        """Begin to look whether the battery is charged or swapped."""
+        self._charges = self.energy.charges
+
+    @property
+    def is_charged(self) -> bool:
+        """Whether the battery was charged or swapped since then."""
+        return self.energy.charges > self._charges
 
     def home(self) -> Trip:
         """Return the way home."""
@@ -78,8 +104,25 @@ class Homing:
         """What is in the battery above the reserve, of 1 for a full one."""
         return self.energy.share - self.reserve
 
-    def shortage(self) -> str:
-        """Return in words that the battery does not suffice for the next leg and the way home; empty if it does.
+    def late(self, now: float) -> str:
+        """Return in words that the mission's time does not suffice for the next leg and the way home; empty if it does.
+
+        Args:
+            now: Seconds of the mission's clock.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        needed, left = self.leg().seconds, self.ends_at - now
+        if needed <= left:
+            return ""
+        return f"{self.next_zone} needs {needed:.0f} s out and home, of the mission's time {max(0.0, left):.0f} s are left"
+
+    def shortage(self, now: float = 0.0) -> str:
+        """Return in words that battery or time do not suffice for the next leg and the way home; empty if they do.
+
+        Args:
+            now: Seconds of the mission's clock.
 
         Raises:
             IndexError: If every zone is visited.
@@ -87,11 +130,25 @@ class Homing:
         trip = self.leg()
         need = self.energy.need(trip)
         if need <= self.spare:
-            return ""
+            return self.late(now)
         return (
-            f"{self._zones.current_zone()['id']} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
+            f"{self.next_zone} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
             f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}"
         )
+
+    def weighed(self) -> dict[str, float | None]:
+        """Return the figures behind a shortage: what the leg needs of the battery, metres and seconds, and what is in it.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        trip, share = self.leg(), self.energy.share
+        return {
+            "need": round(self.energy.need(trip), 4),
+            "metres": round(trip.metres, 1),
+            "seconds": round(trip.seconds, 1),
+            "share": None if math.isnan(share) else round(share, 4),
+        }
 
     def figures(self) -> list[Figure]:
         """Return what the way home takes, and how far and how long the robot can go on before it only just comes home.

@@ -27,6 +27,7 @@ _KEPT_REPORTS = f"{_HERE}.record:KeptReports"
 _ORDERS = f"{_HERE}.orders:OperatorOrders"
 _SEARCH = f"{_HERE}.actions.survivors:DetectSurvivor"
 _FENCE = f"{_HERE}.zone_manager:Fence"
+_HOMING = f"{_HERE}.homing:Homing"
 
 _NAMED = "named_by_{detect_node} = true; kept_by_{detect_node} = false"
 _ACKNOWLEDGED = (
@@ -225,6 +226,50 @@ SPECS = [
             Answer("RUNNING", "choosing", "zones_left > 0"),
         ),
         facts={"zones_left": 3},
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.coming_home:ReturnInReach",
+        "Is enough left for the current zone and the way home? SUCCESS if so; FAILURE if the robot is to come home first.",
+        handed_over("homing", _HOMING, "What it takes to come home."),
+        handed_over("clock", Clock, "The mission's clock."),
+        handed_over("record", _RECORD, "Where it is noted that the robot comes home first.", required=False),
+        attribute(
+            "limit",
+            Seconds,
+            "How long the mission may take, seconds of the mission's clock from the first tick on; 0 for no limit.",
+            0.0,
+        ),
+        attribute(
+            "max_age_sec", Seconds, "How long the battery may be silent, seconds of the node's clock.", 30.0
+        ),
+        uses=(Use.topic("battery_state"),),
+        answers=(
+            Answer("SUCCESS", "in reach", "zones_left > 0"),
+            Answer("FAILURE", "out of reach", "zones_left > 0"),
+            Answer("FAILURE", "no zone", "zones_left == 0"),
+            Answer("RUNNING", "battery unknown", "zones_left > 0"),
+        ),
+        facts={"zones_left": 3},
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.coming_home:AwaitCharge",
+        "Wait at home until the battery was charged or swapped and suffices for the current zone: RUNNING meanwhile, then SUCCESS.",
+        handed_over("homing", _HOMING, "What it takes to come home."),
+        handed_over("clock", Clock, "The clock of the patience."),
+        handed_over(
+            "record",
+            _RECORD,
+            "Knows whether the robot is home; where it is noted what has come of it.",
+            required=False,
+        ),
+        attribute("patience", Seconds, "How long to wait, seconds of the mission's clock.", 900.0),
+        uses=(Use.topic("battery_state"),),
+        answers=(
+            Answer("SUCCESS", "charged", "zones_left > 0 && at == 'base'"),
+            Answer("FAILURE", "not charged"),
+            Answer("RUNNING", "waiting", "zones_left > 0 && at == 'base'"),
+        ),
+        facts={"zones_left": 3, "at": ""},
     ),
     leaf_spec(
         f"{_HERE}.actions.zones:PostponeZone",

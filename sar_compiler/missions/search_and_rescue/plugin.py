@@ -4,6 +4,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from sar_compiler.missions import Mission, ParameterReader, shipped
+from sar_compiler.missions.search_and_rescue.actions.coming_home import ReturnInReach
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.hiding import HIDDEN, read_hiding
@@ -44,9 +45,11 @@ class SearchAndRescue(Mission):
         return shipped("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the shipped file for a tree that visits the zones and returns home."""
-        fits = {ZonesRemaining, NavigateToBase} <= set(leaves)
-        return shipped("config", "mission_properties.yaml") if fits else None
+        """Return the shipped file for a tree that visits the zones and returns home; another one if it may return early, and go on."""
+        if not {ZonesRemaining, NavigateToBase} <= set(leaves):
+            return None
+        kind = "search_areas" if ReturnInReach in leaves else "mission"
+        return shipped("config", f"{kind}_properties.yaml")
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Begin a run with no zone visited."""

@@ -247,6 +247,7 @@ class MissionRecord:
         zone: The zone that was set out for and not left yet; empty if there is none.
         home: Whether the robot has returned to the base station and not left it for a zone since.
         alarms: The reasons to cut the mission short, in words, the latest last.
+        homing_for: Why the robot comes home before it goes on, in words; empty if it does not, or the battery was charged since.
         navigation_lost: Why nobody can judge a drive, in words; empty while somebody can. It is no fact.
     """
 
@@ -259,7 +260,7 @@ class MissionRecord:
         self._began: FactTime | None = None
         self.zones_visited: tuple[str, ...] = ()
         self.alarms: tuple[str, ...] = ()
-        self.zone = self.navigation_lost = ""
+        self.zone = self.homing_for = self.navigation_lost = ""
         self.home = False
 
     def apply(self, fact: JournalEntry) -> None:
@@ -328,6 +329,20 @@ class MissionRecord:
     def alarmed(self, reason: str) -> None:
         """Note a reason to cut the mission short, in words."""
         self.journal.note("alarmed", reason=reason)
+
+    def home_first(self, zone_id: str, reason: str, **figures: float | None) -> None:
+        """Note that the robot comes home before it goes on to a zone.
+
+        Args:
+            zone_id: The zone.
+            reason: Why, in words.
+            figures: What was weighed.
+        """
+        self.journal.note("home_first", zone=zone_id, reason=reason, **figures)
+
+    def charged(self, share: float) -> None:
+        """Note that the battery suffices again, at a share of a full one."""
+        self.journal.note("charged", share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Note the assigned name of the survivor at a position (replaces an earlier one)."""
@@ -455,6 +470,12 @@ class MissionRecord:
 
     def _take_run_ended(self, _: FactTime, **_run: object) -> None:
         self.zone = ""
+
+    def _take_home_first(self, _: FactTime, reason: str, **_figures: object) -> None:
+        self.homing_for = str(reason)
+
+    def _take_charged(self, _: FactTime, share: float) -> None:  # noqa: ARG002 - as the fact has it
+        self.homing_for = ""
 
     def _take_alarmed(self, _: FactTime, reason: str) -> None:
         self.alarms = (*self.alarms, str(reason))

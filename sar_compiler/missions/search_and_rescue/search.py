@@ -46,6 +46,8 @@ KINDS = (
     LandmarkKind("geofence", "geofence"),
 )
 """What a search shows on the map."""
+# As of a log line: it comes home, and means to go on.
+_WARNING = 30
 BASE = "base station"
 """The base station's name."""
 
@@ -157,6 +159,8 @@ class Search(MissionRun):
                 figures.append(Figure("first find after", round(first, 1), unit="s"))
         figures += self._home.figures()
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
+        if self.record.homing_for:
+            alarms.append(Alarm(f"{self.record.homing_for}: home first", level=_WARNING))
         return Display(landmarks, figures, alarms=alarms, phase=self._phase())
 
     def _phase(self) -> MissionPhase:
@@ -332,6 +336,8 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     "report_kept": lambda survivor, **_place: f"the report of {survivor} is kept",
     "report_acknowledged": lambda survivor: f"base has acknowledged {survivor}",
     "operator_ordered": lambda order: f"the operator: {_ORDERS.get(order, order)}",
+    "home_first": lambda zone, reason, **_figures: f"{reason}: home first",  # noqa: ARG005
+    "charged": lambda share: f"the battery is at {share:.0%}, and suffices",
     "alarmed": lambda reason: f"alarm: {reason}",
     "base_reached": lambda: "reached the base station",
 }

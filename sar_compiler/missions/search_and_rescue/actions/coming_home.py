@@ -1,0 +1,194 @@
+"""Asking before each leg whether the robot comes home again, and waiting at home for a battery that suffices."""
+
+import math
+from dataclasses import KW_ONLY, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import Clock, RosLeaf, Seconds, of_node, qos_profile, robot_estimate
+from sar_compiler.missions.search_and_rescue.homing import Homing
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+BATTERY_TOPIC = "battery_state"
+"""Where the battery is told: `sensor_msgs/msg/BatteryState`, of which the `percentage` counts."""
+
+
+class BatteryMeter:
+    """Tells what is known of coming home what the robot says: its battery, its odometry, and where it is.
+
+    It listens as long as the node exists, also while no leaf is ticked: a drive is what is to be learned of.
+
+    Args:
+        node: The mission's node.
+        homing: What is told.
+    """
+
+    def __init__(self, node: "Node", homing: Homing) -> None:
+        from sensor_msgs.msg import BatteryState
+
+        self._node, self._homing, self._robot = node, homing, robot_estimate(node)
+        self._robot.listen_to_odometry(self._on_odometry)
+        qos = qos_profile(type(self).__name__, "sensor_data")
+        node.create_subscription(BatteryState, BATTERY_TOPIC, self._on_battery, qos)
+        homing.is_asked = True
+
+    @property
+    def age_sec(self) -> float:
+        """How long ago the battery was told, seconds of the node's clock; endless before."""
+        return self._now() - self._homing.energy.read_sec
+
+    def look(self) -> None:
+        """Look where the robot is."""
+        place = self._robot.place()
+        if place is not None:
+            self._homing.place = MapPose(x=place[0], y=place[1], yaw=place[2])
+
+    def _on_odometry(self) -> None:
+        if self._robot.odometry is not None:
+            self._homing.energy.moved(*self._robot.odometry[:2])
+
+    def _on_battery(self, message: Any) -> None:
+        share = float(message.percentage)
+        # What is no share says nothing; whoever says nothing else counts as silent.
+        if 0.0 <= share <= 1.0:
+            self._homing.energy.read(self._now(), share)
+        self.look()
+
+    def _now(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds) / 1e9
+
+
+@dataclass(eq=False, repr=False)
+class _HomingLeaf(RosLeaf):
+    """The common base of these leaves, which listen to battery and robot from the setup on.
+
+    Args:
+        homing: What it takes to come home.
+        clock: The mission's clock.
+        record: Where it is noted.
+    """
+
+    name: str
+    homing: Homing
+    clock: Clock
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Begin to listen."""
+        super().setup(**kwargs)
+        self._meter.look()
+
+    @property
+    def _meter(self) -> BatteryMeter:
+        return of_node(self.node, BatteryMeter, lambda: BatteryMeter(self.node, self.homing))
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class ReturnInReach(_HomingLeaf):
+    """Is enough left for the current zone and the way home? SUCCESS if so; FAILURE if the robot is to come home first.
+
+    Out to the zone, the look there and the way home must leave the reserve in the battery, and end before the mission's time is up. It is
+    RUNNING while the battery has not been told yet, for `max_age_sec` at most; a battery that is silent for longer suffices for nothing.
+
+    Args:
+        homing: What it takes to come home.
+        clock: The mission's clock.
+        record: Where it is noted that the robot comes home first.
+        limit: How long the mission may take, seconds of the mission's clock from the first tick on; 0 for no limit.
+        max_age_sec: How long the battery may be silent, seconds of the node's clock.
+    """
+
+    limit: Seconds = 0.0
+    max_age_sec: Seconds = 30.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._began = math.nan
+
+    def update(self) -> Status:
+        """Weigh the leg."""
+        now = self.clock.now()
+        if math.isnan(self._began):
+            self._began = now
+            self.homing.ends_at = now + self.limit if self.limit else math.inf
+        if not self.homing.has_next:
+            return self.answer(Status.FAILURE, "no zone")
+        if self._meter.age_sec > self.max_age_sec:
+            return self._on_silence(now)
+        self._meter.look()
+        reason = self.homing.shortage(now)
+        return self._refuse(reason) if reason else self._go()
+
+    def _on_silence(self, now: float) -> Status:
+        self.feedback_message = f"nothing on '{BATTERY_TOPIC}' yet"
+        if math.isnan(self.homing.energy.share) and now - self._began <= self.max_age_sec:
+            return self.answer(Status.RUNNING, "battery unknown")
+        return self._refuse(f"no share of the battery on '{BATTERY_TOPIC}' for {self.max_age_sec:g} s")
+
+    def _refuse(self, reason: str) -> Status:
+        self.complain(f"{reason}: home first.")
+        self.homing.await_charge()
+        self.record.home_first(self.homing.next_zone, reason, **self.homing.weighed())
+        return self.answer(Status.FAILURE, "out of reach")
+
+    def _go(self) -> Status:
+        if self.record.homing_for:
+            # The battery was swapped while no run was there to see it.
+            self.record.charged(self.homing.energy.share)
+        self.feedback_message = f"{self.homing.energy.share:.0%} in the battery suffice"
+        return self.answer(Status.SUCCESS, "in reach")
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class AwaitCharge(_HomingLeaf):
+    """Wait at home until the battery was charged or swapped and suffices for the current zone: RUNNING meanwhile, then SUCCESS.
+
+    FAILURE if the robot is not at home, if that has not happened when the patience is over, or if no battery helps because the mission's
+    time is short.
+
+    Args:
+        homing: What it takes to come home.
+        clock: The clock of the patience.
+        record: Knows whether the robot is home; where it is noted what has come of it.
+        patience: How long to wait, seconds of the mission's clock.
+    """
+
+    patience: Seconds = 900.0
+
+    def initialise(self) -> None:
+        """Begin to wait."""
+        self._began = self.clock.now()
+
+    def update(self) -> Status:
+        """Look at the battery."""
+        now, share = self.clock.now(), self.homing.energy.share
+        if not (self.homing.has_next and self.record.home):
+            self.complain(
+                f"'{self.name}' has nothing to wait for: the robot is not at home, or no zone is left."
+            )
+            return self.answer(Status.FAILURE, "not charged")
+        lacking = self.homing.shortage(now)
+        if self.homing.is_charged and not lacking:
+            self.say(f"The battery is at {share:.0%}: on to {self.homing.next_zone}.")
+            self.record.charged(share)
+            return self.answer(Status.SUCCESS, "charged")
+        if self.homing.late(now):
+            return self._give_up(lacking)
+        if now - self._began > self.patience:
+            return self._give_up(f"the battery was not charged within {self.patience:g} s at home")
+        self.feedback_message = f"waiting for a charge, the battery is at {share:.0%}"
+        return self.answer(Status.RUNNING, "waiting")
+
+    def _give_up(self, reason: str) -> Status:
+        self.complain(f"{reason[:1].upper()}{reason[1:]}.")
+        self.record.alarmed(reason)
+        return self.answer(Status.FAILURE, "not charged")

@@ -1,0 +1,315 @@
+"""The leaves that bring the robot home before it goes on, what is remembered of that, and what the shipped tree is proved to do."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+from py_trees.common import Status
+
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.missions.search_and_rescue.actions.coming_home import AwaitCharge, ReturnInReach
+from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
+from sar_compiler.missions.search_and_rescue.homing import Homing
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.runtime.clock import ManualClock
+from tests.missions.test_both_trees_verified import broken, verify
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import Stage
+
+BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+TREE = Path("trees/search_areas.xml")
+# 10 m away: 15 m with the detour, twice; at 1 % a metre and 1 m/s.
+SHORT = "zone_a needs 30% for 30 m and 30 s, the battery is at 40%, the reserve is 15%"
+
+
+class Robot:
+    """A search of one zone, with the leaves on a stage, and the battery that is told on its topic."""
+
+    def __init__(self, stage: "Stage", **ports: Any) -> None:
+        from sensor_msgs.msg import BatteryState
+
+        self._stage, self._message = stage, BatteryState
+        self.clock = ManualClock(100.0)
+        plan = ZoneManager([{"id": "zone_a", "x": 10.0, "y": 0.0, "yaw": 0.0}], BASE)
+        self.homing = Homing(plan, EnergyModel(Rates(0.01, 1e-9), wrong_by=0.0))
+        self.search = Search(plan, homing=self.homing)
+        shared: Any = {"homing": self.homing, "clock": self.clock, "record": self.search.record}
+        self._publisher = stage.host().node.create_publisher(BatteryState, "battery_state", 10)
+        self.asks = stage.take(ReturnInReach("InReach?", **shared, **ports))
+        self.waits = stage.take(AwaitCharge("Await", **shared, patience=60.0))
+
+    def tells(self, share: float) -> None:
+        """Tell of the battery until that is known: the model takes the median of three readings."""
+
+        def is_known() -> bool:
+            self._publisher.publish(self._message(percentage=share))
+            return math.isclose(self.homing.energy.share, share, abs_tol=1e-6)
+
+        self._stage.until(is_known, f"a battery at {share:.0%}")
+
+    def comes_home(self) -> None:
+        self.search.record.base_reached()
+
+    def answer(self, leaf: ReturnInReach | AwaitCharge) -> str:
+        leaf.tick_once()
+        return leaf.answer_label
+
+    @property
+    def facts(self) -> list[str]:
+        return [each.text for each in self.search.display().alarms]
+
+
+@pytest.fixture
+def robot(stage: "Stage") -> Robot:
+    return Robot(stage)
+
+
+@pytest.mark.ros
+class TestReturnInReach:
+    def test_a_battery_that_suffices_lets_the_robot_go(self, stage: "Stage", robot: Robot) -> None:
+        robot.tells(0.9)
+        assert robot.answer(robot.asks) == "in reach"
+        assert robot.asks.status is Status.SUCCESS
+        assert (stage.warnings, robot.facts) == ([], [])
+
+    def test_one_that_does_not_brings_it_home_first_and_is_told_with_figures(
+        self, stage: "Stage", robot: Robot
+    ) -> None:
+        robot.tells(0.4)
+        assert robot.answer(robot.asks) == "out of reach"
+        assert robot.asks.status is Status.FAILURE
+        assert stage.warnings == [f"{SHORT}: home first."]
+        assert robot.facts == [f"{SHORT}: home first"]
+        assert robot.search.record.alarms == ()
+
+    def test_it_waits_for_the_first_word_of_the_battery_and_then_takes_silence_for_empty(
+        self, stage: "Stage", robot: Robot
+    ) -> None:
+        assert robot.answer(robot.asks) == "battery unknown"
+        assert robot.asks.status is Status.RUNNING
+        robot.clock.advance(31.0)
+        assert robot.answer(robot.asks) == "out of reach"
+        assert stage.warnings == ["no share of the battery on 'battery_state' for 30 s: home first."]
+
+    def test_a_battery_that_has_fallen_silent_suffices_for_nothing(self, stage: "Stage") -> None:
+        robot = Robot(stage, max_age_sec=1e-9)
+        robot.tells(0.9)
+        assert robot.answer(robot.asks) == "out of reach"
+
+    @pytest.mark.parametrize("percentage", [math.nan, 85.0, -0.1])
+    def test_what_is_no_share_says_nothing(self, robot: Robot, percentage: float) -> None:
+        robot.asks._meter._on_battery(robot._message(percentage=percentage))
+        assert math.isnan(robot.homing.energy.share)
+        assert robot.answer(robot.asks) == "battery unknown"
+
+    def test_time_that_does_not_suffice_brings_the_robot_home_too(self, stage: "Stage") -> None:
+        robot = Robot(stage, limit=100.0)
+        robot.tells(0.9)
+        assert robot.answer(robot.asks) == "in reach"
+        robot.clock.advance(70.0)
+        assert robot.answer(robot.asks) == "in reach"
+        robot.clock.advance(1.0)
+        robot.tells(0.9)
+        assert robot.answer(robot.asks) == "out of reach"
+        told = "zone_a needs 30 s out and home, of the mission's time 29 s are left"
+        assert stage.warnings == [f"{told}: home first."]
+        robot.comes_home()
+        assert robot.answer(robot.waits) == "not charged"
+        assert robot.search.record.alarm == told
+
+    def test_without_a_zone_there_is_nowhere_to_go(self, robot: Robot) -> None:
+        robot.search.zones.advance()
+        assert robot.answer(robot.asks) == "no zone"
+        assert robot.answer(robot.waits) == "not charged"
+
+    def test_it_is_weighed_from_where_the_robot_is(self, stage: "Stage", robot: Robot) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        pose = PoseWithCovarianceStamped()
+        pose.pose.pose.position.x, pose.pose.pose.orientation.w = 20.0, 1.0
+        stage.host().node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched).publish(pose)
+
+        def is_there() -> bool:
+            robot.tells(0.9)
+            return robot.homing.place is not None
+
+        stage.until(is_there, "the place")
+        assert robot.homing.home().metres == 30.0
+        assert robot.homing.energy.share == pytest.approx(0.9)
+
+    def test_what_is_driven_is_learned_while_no_leaf_is_ticked(self, stage: "Stage", robot: Robot) -> None:
+        from nav_msgs.msg import Odometry
+
+        publisher, message = stage.host().node.create_publisher(Odometry, "odometry/filtered", 10), Odometry()
+        message.pose.pose.orientation.w = 1.0
+
+        def has_learned() -> bool:
+            message.pose.pose.position.x += 0.01
+            publisher.publish(message)
+            robot._publisher.publish(robot._message(percentage=0.9 - 0.03 * message.pose.pose.position.x))
+            return robot.homing.energy.rates.per_m > 0.015
+
+        stage.until(has_learned, "a metre that takes more than was expected")
+
+
+@pytest.mark.ros
+class TestAwaitCharge:
+    def test_it_waits_at_home_until_the_battery_was_swapped(self, stage: "Stage", robot: Robot) -> None:
+        robot.tells(0.4)
+        robot.answer(robot.asks)
+        robot.comes_home()
+        assert robot.answer(robot.waits) == "waiting"
+        assert robot.waits.status is Status.RUNNING
+        robot.tells(0.95)
+        assert robot.answer(robot.waits) == "charged"
+        assert stage.lines == ["The battery is at 95%: on to zone_a."]
+        assert robot.facts == []
+
+    def test_a_battery_that_is_charged_a_little_does_not_suffice(self, robot: Robot) -> None:
+        robot.tells(0.3)
+        robot.answer(robot.asks)
+        robot.comes_home()
+        robot.tells(0.4)
+        assert robot.answer(robot.waits) == "waiting"
+        robot.tells(0.46)
+        assert robot.answer(robot.waits) == "charged"
+
+    def test_a_reserve_that_suffices_at_home_is_no_charge(self, robot: Robot) -> None:
+        robot.tells(0.5)
+        robot.homing.place = {"x": -10.0, "y": 0.0, "yaw": 0.0}
+        robot.answer(robot.asks)
+        robot.homing.place = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+        robot.comes_home()
+        assert robot.homing.shortage() == ""
+        assert robot.answer(robot.waits) == "waiting"
+
+    def test_its_patience_ends_with_the_reason_for_which_the_zones_are_given_up(
+        self, stage: "Stage", robot: Robot
+    ) -> None:
+        robot.tells(0.4)
+        robot.answer(robot.asks)
+        robot.comes_home()
+        assert robot.answer(robot.waits) == "waiting"
+        robot.clock.advance(60.0)
+        assert robot.answer(robot.waits) == "waiting"
+        robot.clock.advance(1.0)
+        assert robot.answer(robot.waits) == "not charged"
+        assert robot.search.record.alarm == "the battery was not charged within 60 s at home"
+        assert stage.warnings[-1] == "The battery was not charged within 60 s at home."
+
+    def test_away_from_home_there_is_nothing_to_wait_for(self, robot: Robot) -> None:
+        robot.tells(0.4)
+        robot.answer(robot.asks)
+        assert robot.answer(robot.waits) == "not charged"
+
+    def test_a_battery_that_was_swapped_on_the_way_home_counts(self, robot: Robot) -> None:
+        robot.tells(0.4)
+        robot.answer(robot.asks)
+        robot.tells(0.9)
+        robot.comes_home()
+        assert robot.answer(robot.waits) == "charged"
+
+
+def searching() -> Search:
+    return Search(ZoneManager([{"id": "zone_a", "x": 10.0, "y": 0.0, "yaw": 0.0}], BASE))
+
+
+def test_a_resumed_search_knows_why_the_robot_comes_home(tmp_path: Path) -> None:
+    first, second = searching(), searching()
+    for search, resume in ((first, False), (second, True)):
+        kept = open_journal(tmp_path / "search.journal", resume=resume)
+        search.keep_in(kept)
+        kept.begin({}, {})
+        if not resume:
+            search.record.home_first("zone_a", SHORT, need=0.3, share=None)
+        else:
+            said = [search.sentence(fact) for fact in kept.facts() if fact.kind == "home_first"]
+            assert said == [f"{SHORT}: home first"]
+        kept.close()
+    assert [each.text for each in second.display().alarms] == [f"{SHORT}: home first"]
+    assert second.record.homing_for == SHORT
+
+
+@pytest.mark.ros
+def test_a_battery_that_was_swapped_while_no_run_was_there_ends_the_alarm(robot: Robot) -> None:
+    robot.search.record.home_first("zone_a", SHORT)
+    robot.tells(0.9)
+    assert robot.answer(robot.asks) == "in reach"
+    assert robot.facts == []
+
+
+def test_a_charge_is_told_in_a_sentence() -> None:
+    search = searching()
+    told: list[str] = []
+    search.record.journal.listen(lambda fact: told.append(search.sentence(fact)))
+    search.record.charged(0.954321)
+    assert told == ["the battery is at 95%, and suffices"]
+
+
+UNASKED = "no leg begins unless the robot comes home again"
+# What the tree does before a leg, taken out, and what does not hold any more.
+NEEDED = {
+    "the question before each leg": (
+        '<ReturnInReach name="ReturnInReach?"/>',
+        "<AlwaysSuccess/>",
+        UNASKED,
+    ),
+    "the wait for a battery": (
+        '<AwaitCharge patience="15min"/>',
+        "",
+        UNASKED,
+    ),
+    "the wait after the last failure too": (
+        '<AwaitCharge patience="15min"/>',
+        '<ForceSuccess><AwaitCharge patience="15min"/></ForceSuccess>',
+        "no leg begins where it would hurt the reserve before the battery was charged",
+    ),
+    "home before the wait": (
+        '<SubTree ID="DriveHome"/>\n      <AwaitCharge patience="15min"/>',
+        "<AlwaysSuccess/>",
+        UNASKED,
+    ),
+    "the end where no battery comes": (
+        '<AbandonZones name="AbandonZonesUncharged"/>\n              </ForceFailure>',
+        "<AlwaysFailure/>\n              </ForceFailure>",
+        "every run ends",
+    ),
+}
+
+
+@pytest.mark.unmeasured
+@pytest.mark.parametrize(("old", "new", "question"), NEEDED.values(), ids=NEEDED)
+def test_the_tree_needs(tmp_path: Path, old: str, new: str, question: str) -> None:
+    text = TREE.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    changed = text.replace(old, new)
+    # Beside the tree that it includes.
+    for shipped in TREE.parent.glob("*.xml"):
+        (tmp_path / shipped.name).write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / TREE.name).write_text(changed, encoding="utf-8")
+    properties = "config/search_areas_properties.yaml"
+    output = verify(tmp_path / TREE.name, "--set", "zones_left=1", "--properties", properties)[1]
+    assert question in broken(output)
+
+
+@pytest.mark.unmeasured
+def test_the_shipped_tree_is_proved_to_begin_no_leg_that_would_hurt_the_reserve() -> None:
+    status, output = verify(TREE, "--set", "zones_left=2")
+    assert (status, broken(output)) == (0, set())
+    assert output.count("no leg begins") == 3
+
+
+def test_its_properties_are_those_of_the_mission_but_for_coming_home() -> None:
+    mission, areas = (
+        yaml.safe_load(Path(f"config/{name}_properties.yaml").read_text(encoding="utf-8"))
+        for name in ("mission", "search_areas")
+    )
+    shared = {key: value for key, value in mission["properties"].items() if "home only" not in key}
+    assert {key: areas["properties"].get(key) for key in shared} == shared
+    assert areas["end"] == mission["end"]
