@@ -3,6 +3,7 @@
 import json
 import math
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,8 @@ from tests.chance import rounds
 from tests.missions.test_offices import begun
 
 SIGMAS = 4
+TREE = "trees/search_areas.xml"
+FOUND = "found_by_DetectSurvivor = true; named_by_DetectSurvivor = false; somebody = true"
 AREAS = {"hall": Area(0.5, 0.8), "attic": Area(0.3, 0.5), "yard": Area(0.0, 1.0)}
 POSES = {name: MapPose(x=float(at), y=2.0, yaw=math.pi / 2) for at, name in enumerate(AREAS)}
 
@@ -53,32 +56,63 @@ def test_searches_in_the_offices_find_as_soon_and_as_often_as_was_told() -> None
     assert abs(len(times) / count - pos) < SIGMAS * math.sqrt(pos * (1 - pos) / count)
 
 
-def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    _, _, finds, _, _ = told()
-    missed = [1 - sum(finds[:looks]) for looks in range(len(finds) + 1)]
-    steps = [
-        {
-            "answer": "found",
-            "chance": find / missed[looks],
-            "when": f"zones_left == {10 - looks}",
-            "times": "always",
-        }
-        for looks, find in enumerate(finds)
+def as_answers(finds: list[float]) -> dict[str, object]:
+    """Return what the leaves of the tree answer where nothing fails, and each look is as likely the first to find as was told."""
+    begins = [max(0.0, 1 - sum(finds[:looks])) for looks in range(len(finds))]
+    # Of all answers only those count that are possible at a look, in proportion.
+    share = 1 / (len(finds) + 1)
+    nothing = {"status": "SUCCESS", "label": "nothing", "then": "found_by_DetectSurvivor = false"}
+    found = {"status": "SUCCESS", "label": "found", "then": FOUND}
+    looks = [
+        {**answer, "when": f"zones_left == {len(finds) - done} && !somebody", "p": share * chance}
+        for done, find in enumerate(finds)
+        for answer, chance in ((found, find / begins[done]), (nothing, 1 - find / begins[done]))
     ]
-    scenario = tmp_path / "looks.yaml"
-    said = {
-        "facts": {"zones_left": 10},
-        "leaves": {"DetectSurvivor": [*steps, {"answer": "nothing", "times": "always"}]},
-        "expect": {"root": "SUCCESS", "count": {"DetectSurvivor found": "at least 1"}},
+    usual = {
+        "ReturnInReach": "in reach",
+        "NavigateToZone": "arrived",
+        "NavigateToBase": "arrived",
+        "NotifyBase": "acknowledged",
+        "DeliverReports": "nothing kept",
     }
-    scenario.write_text(yaml.safe_dump(said), encoding="utf-8")
+    return {
+        **{leaf: [{"answer": answer, "p": 1.0}] for leaf, answer in usual.items()},
+        "DetectSurvivor": [*looks, {**nothing, "when": "somebody", "p": share}],
+    }
+
+
+@pytest.fixture
+def told_file(tmp_path: Path) -> Callable[..., tuple[Path, float]]:
+    """Writes a file with what the plan of the offices tells of each look; returns the probability of success, too."""
+
+    def write(**more: object) -> tuple[Path, float]:
+        finds = told()[2]
+        said = {"facts": {"zones_left": len(finds), "somebody": False}, "answers": as_answers(finds), **more}
+        path = tmp_path / "looks.yaml"
+        path.write_text(yaml.safe_dump(said), encoding="utf-8")
+        return path, sum(finds)
+
+    return write
+
+
+def test_a_prediction_of_the_tree_is_the_probability_of_success_that_was_told(
+    told_file: Callable[..., tuple[Path, float]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, pos = told_file(properties={"somebody is found": {"at_end": "somebody"}})
+    options = ("--properties", str(path), "--set", "zones_left=10", "--format", "json")
+    assert main(["predict", TREE, *options]) == 0
+    said = json.loads(capsys.readouterr().out)["properties"]["somebody is found"]
+    assert said == {"low": pytest.approx(pos, abs=1e-9), "high": pytest.approx(pos, abs=1e-9)}
+
+
+def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
+    told_file: Callable[..., tuple[Path, float]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, pos = told_file(expect={"root": "SUCCESS", "facts": {"somebody": True}})
     count = rounds(1000)
     options = ("--runs", str(count), "--half-width", "0", "--jobs", "1", "--format", "json")
-    assert main(["sweep", "trees/search_areas.xml", "--scenario", str(scenario), *options]) == 1
+    assert main(["sweep", TREE, "--scenario", str(path), *options]) == 1
     (row,) = json.loads(capsys.readouterr().out)["rows"]
-    pos = 1 - missed[-1]
     assert abs(row["successes"] / count - pos) < SIGMAS * math.sqrt(pos * (1 - pos) / count)
 
 
