@@ -17,6 +17,7 @@ from benchmarks import (
     flying,
     journaling,
     large_files,
+    mending,
     paging,
     pipeline,
     predicting,
@@ -46,6 +47,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "properties": watched_properties.measure,
     "large-files": large_files.measure,
     "editing": editing.measure,
+    "mending": mending.measure,
 }
 
 

@@ -35,6 +35,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "bytes/state": lambda value: f"{value:,.0f} bytes a state",
     "states": lambda value: f"{value:,.0f} states",
     "core": lambda value: f"{value:.1%} of a core",
+    "share": lambda value: f"{value:.1%}",
     "modules": lambda value: f"{value:,.0f} modules",
 }
 """How a figure is written, by its unit."""

@@ -23,6 +23,12 @@ _OTHERWISE_IN_SCRIPTS = frozenset({"not", "=+", "=*", "=/", "=>"})
 """Operators with another meaning in other languages, where `not a == b` is `!(a == b)`."""
 _BLOCK = re.compile(r"[|>][+\-0-9]*[ \t]*(#[^\r\n]*)?(\r\n|\r|\n)[\s]*$")
 
+_MARKUP = re.compile(
+    r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>"
+    r"|<(?P<ends>/?)(?P<tag>[^\s/>]+)(?:\"[^\"]*\"|'[^']*'|[^\"'>])*?(?P<is_empty>/?)>",
+    re.DOTALL,
+)
+
 
 def _attribute(written: str, suggestion: str) -> bool:
     """Attributes that any node may have, with one slip; others in the wrong case."""
@@ -95,16 +101,22 @@ class Fix:
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
 
-def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> list[Fix]:
-    """Return the safe fixes for a file, in its order; none touches another.
+def fixes(
+    source: Source,
+    tree_file: TreeFile | None,
+    findings: Iterable[Diagnostic],
+    is_meant: Callable[[Diagnostic], bool] | None = None,
+) -> list[Fix]:
+    """Return the fixes for a file, in its order; none touches another.
 
     Args:
         source: The file.
         tree_file: What it says; None if it could not be read.
         findings: What was found in it, and in others.
+        is_meant: Whether somebody takes a suggestion; by default those that are safe are taken.
     """
     found: list[Fix] = []
-    for fix in each_fix(source, tree_file, findings):
+    for fix in each_fix(source, tree_file, findings, is_meant):
         if not found or found[-1].end <= fix.start:
             found.append(fix)
     return found
@@ -122,7 +134,7 @@ def each_fix(
         source: As for `fixes`.
         tree_file: As for `fixes`.
         findings: As for `fixes`.
-        is_meant: Whether somebody takes a suggestion; by default those that are safe are taken.
+        is_meant: As for `fixes`.
     """
     is_taken = is_meant or is_safe
     values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
@@ -211,6 +223,8 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     value = values.around(finding) if finding.code != "loose-xml" else None
+    if value is None and finding.code != "loose-xml" and finding.source.text.startswith("<", start):
+        return _other_tag(finding, start + 1, end)
     if value is None:  # a name, the text itself, or what could not be read
         return Fix(finding, start, end, text)
     source = finding.source
@@ -220,6 +234,19 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     # A plain text of YAML may need quotation marks afterwards.
     whole = source.text[value.start : start] + text + source.text[end : value.end]
     return None if "\n" in whole or "\r" in whole else Fix(finding, value.start, value.end, scalar(whole))
+
+
+def _other_tag(finding: Diagnostic, start: int, end: int) -> Fix:
+    """Return the fix of a tag's name in XML, from its start tag to its end tag."""
+    text, tag, depth = finding.source.text, finding.suggestion or "", 0
+    for found in _MARKUP.finditer(text, start - 1):
+        if found["tag"] is not None:
+            depth += -1 if found["ends"] else 0 if found["is_empty"] else 1
+            if depth == 0 and found["ends"]:
+                return Fix(finding, start, found.end("tag"), f"{tag}{text[end : found.start('tag')]}{tag}")
+            if depth == 0:
+                break
+    return Fix(finding, start, end, tag)
 
 
 def _escapes_in(source: Source, value: _AttributeSpan) -> Mapping[str, str] | None:

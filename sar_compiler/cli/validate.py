@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import TREE_INPUT, seconds
-from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_project_options, tell_note, workspace
+from sar_compiler.cli.loading import (
+    INPUT_HELP,
+    add_mission,
+    add_project_options,
+    additions,
+    tell_note,
+    workspace,
+)
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.writing import WriteError, write_bytes
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
@@ -44,6 +51,8 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)
     trial.add_argument("--no-deep", action="store_true", help="try no runs for errors that a tick raises")
     add("--fix", action="store_true", help="first correct plain slips, in the files themselves")
+    text = "print one file as its findings suggest to write it, also where they guess, instead of the findings; nothing is written"
+    add("--mended", action="store_true", help=text)
     text = "in text and for GitHub, tell each place, instead of each cause once"
     add("--all", action="store_true", help=text)
     text = "for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
@@ -53,6 +62,8 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
 
 def validate_files(arguments: argparse.Namespace) -> int:
     """Print the findings about files, and return the exit status."""
+    if arguments.mended:
+        return _print_mended(arguments)
     validation = _Validation(arguments)
     if arguments.fix:
         validation.mend()
@@ -64,6 +75,24 @@ def validate_files(arguments: argparse.Namespace) -> int:
     if any(each.code == _FAILED for each in validation.findings):
         return RULE_FAILED
     return FINDINGS if any(each.severity in counted for each in validation.findings) else OK
+
+
+def _print_mended(arguments: argparse.Namespace) -> int:
+    """Print a file as its findings suggest to write it, and return the exit status: whether errors are left.
+
+    Raises:
+        SarError: If it is not one file, or cannot be read.
+        TreeError: If the project's configuration, or a palette, has mistakes.
+    """
+    from sar_compiler.agent.mending import mend
+    from sar_compiler.project import Workspace
+
+    if len(arguments.files) > 1 or arguments.fix:
+        raise SarError("--mended prints one file, and writes none: name one, and leave --fix out")
+    path, added = find_tree(arguments.files[0]), additions(arguments)
+    tree = mend(path, lambda read: Workspace(added, read, tell_note).load_file(path))
+    print(tree.source.text, end="")
+    return FINDINGS if any(each.severity is Severity.ERROR for each in tree.findings) else OK
 
 
 class _Validation:

@@ -1,12 +1,12 @@
 """The grammar of trees in YAML, read by llguidance: what it lets a model write, and what it does not."""
 
 import random
-import string
 from pathlib import Path
 
 import pytest
 from llguidance import LLMatcher, LLTokenizer
 
+from benchmarks.mending import slip
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.schemas import attributes_by_name, required_names
@@ -83,20 +83,6 @@ def sample(chance):
     if chance.random() < 0.3:
         attributes[ONESHOT], choices[ONESHOT] = chance.choice(ONESHOT_TYPE.choices), ONESHOT_TYPE.choices
     return tag, attributes, specs[0].child_count[0], choices
-
-
-def slip(chance, word):
-    """Return a word with one letter changed, left out, doubled, or put before its neighbour."""
-    place = chance.randrange(len(word))
-    before, letter, after = word[:place], word[place], word[place + 1 :]
-    return chance.choice(
-        [
-            f"{before}{after}",
-            f"{before}{letter}{letter}{after}",
-            f"{before}{chance.choice(string.ascii_letters)}{after}",
-            f"{before}{after[:1]}{letter}{after[1:]}",
-        ]
-    )
 
 
 def wrong_node(chance, what):

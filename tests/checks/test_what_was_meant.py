@@ -39,6 +39,14 @@ IN_A_TREE = {
     ),
     "an ID in the wrong case": ('<Action Id="NavigateToBase"/>', ("unknown-attribute", 3, 9, "ID")),
     "an ID of a subtree in the wrong case": ('<SubTree id="Main"/>', ("unknown-attribute", 3, 10, "ID")),
+    "an ID of a subtree in another attribute": (
+        '<SubTree goal="{goal}" tree="Main"/>',
+        ("unknown-attribute", 3, 24, "ID"),
+    ),
+    "a subtree that has the name of a tree, and no ID": (
+        '<SubTree name="Main"/>',
+        ("missing-attribute", 3, 1, None),
+    ),
     "a condition without its underscore": (
         '<NavigateToBase skipIf="true"/>',
         ("unknown-attribute", 3, 17, "_skipIf"),

@@ -33,6 +33,7 @@ for each in PARSERS:
 MORE = {
     "sar-compile validate": ["writing_a_tree.md", "configuration.md"],
     "sar-compile validate --fix": ["configuration.md#what---fix-mends"],
+    "sar-compile validate --mended": ["agents.md#mending"],
     "sar-compile validate --deep": ["findings/failing-tick.md"],
     "sar-compile show": ["drawings.md"],
     "sar-compile convert": ["yaml.md", "btcpp.md"],

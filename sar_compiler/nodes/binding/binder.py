@@ -363,8 +363,11 @@ class Binder:
         return message, near, _UNKNOWN_HINT, _UNKNOWN
 
     def _report_without_id(self, element: Element, message: str, what: str) -> None:
-        """Report an element without its required ID; `id` in another case does not count."""
+        """Report an element without its required ID; `id` in another case does not count, nor a tree's name in another attribute."""
         written = [name for name in element.attributes if name.upper() == "ID"]
+        if not written and element.tag == SUBTREE_TAG:
+            named = [name for name, value in element.attributes.items() if value in self._forest.known_ids]
+            written = [name for name in named if name != "name" and not name.startswith("_")][:1]
         if written and written != ["ID"]:
             message = f"<{element.tag}> has no attribute '{written[0]}'; {what} belongs in its ID"
             self._collector.add("unknown-attribute", message, element, name=written[0], suggestion="ID")

@@ -1,0 +1,149 @@
+"""How many trees with a slip are mended by the suggestions of their findings alone.
+
+The shipped trees, in XML and in YAML, with one slip of the hand each: a letter left out, doubled, changed, or put before its neighbour, in a tag, in
+the name of an attribute or in its value. Names of nodes, which may be anything, and numbers, of which any is as good, have none.
+"""
+
+import random
+import re
+import shutil
+import string
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+from benchmarks.figures import Effort, Figure, Result
+from sar_compiler.agent.mending import mend
+from sar_compiler.checks.fixing import is_safe
+from sar_compiler.project import Workspace
+from sar_compiler.tree.conversion import convert
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
+from sar_compiler.tree.difference import difference
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.yaml import parse_yaml
+
+NOT_AS_BEFORE, ERRORS_LEFT = "a slip, not as before", "a slip, errors left"
+TREES = sorted(Path("trees").glob("*.xml"))
+_MUTANTS = 500
+_SEED = 30
+
+
+class Slip(NamedTuple):
+    """A tree with a slip.
+
+    Attributes:
+        where: In what: a tag, an attribute or a value.
+        right: The text of the tree without it.
+        wrong: The text with it.
+        form: The form of both.
+    """
+
+    where: str
+    right: str
+    wrong: str
+    form: Form
+
+
+def slip(chance: random.Random, word: str) -> str:
+    """Return a word with a letter left out, doubled, changed, or put before its neighbour."""
+    place = chance.randrange(len(word))
+    before, letter, after = word[:place], word[place], word[place + 1 :]
+    other = chance.choice(string.ascii_letters)
+    return chance.choice(
+        [
+            f"{before}{after}",
+            f"{before}{letter}{letter}{after}",
+            f"{before}{other}{after}",
+            f"{before}{after[:1]}{letter}{after[1:]}",
+        ]
+    )
+
+
+def slips(count: int) -> Iterator[Slip]:
+    """Yield so many trees with a slip, the same ones each time."""
+    chance = random.Random(_SEED)  # noqa: S311 - the same in every run
+    while count:
+        path, form = chance.choice(TREES), (Form.XML, Form.YAML)[count % 2]
+        root = ET.parse(path).getroot()  # noqa: S314 - it is ours
+        right = ET.tostring(root, encoding="unicode")
+        where = _make_slip(chance, root)
+        wrong = ET.tostring(root, encoding="unicode")
+        if where is not None and wrong != right:
+            count -= 1
+            right, wrong = (
+                text if form is Form.XML else convert(parse_xml(text), form).text for text in (right, wrong)
+            )
+            yield Slip(where, right, wrong, form)
+
+
+def _make_slip(chance: random.Random, root: ET.Element) -> str | None:
+    """Put a slip somewhere into a tree, and return in what; None where there was nothing to choose."""
+    element, where = chance.choice([*root.iter()][1:]), chance.choice(("tag", "attribute", "value"))
+    if where == "tag":
+        element.tag = slip(chance, element.tag)
+        return where if re.fullmatch("[A-Za-z]+", element.tag) else None
+    named = [
+        name for name, value in element.attrib.items() if name != "name" and re.search("[A-Za-z]", value)
+    ]
+    if not named:
+        return None
+    name = chance.choice(named)
+    if where == "value":
+        element.attrib[name] = slip(chance, element.attrib[name])
+    else:
+        element.attrib = {
+            slip(chance, each) if each == name else each: value for each, value in element.attrib.items()
+        }
+    return where
+
+
+def measure(effort: Effort) -> Iterator[Result]:
+    """Yield which share of the trees is not as it was before the slip, or has errors left, when suggestions are taken."""
+    made = list(slips(effort.size(_MUTANTS)))
+    with TemporaryDirectory() as folder:
+        for path in TREES:
+            shutil.copy(path, folder)
+        taken = [mended(each, Path(folder), lambda _finding: True) for each in made]
+        safely = [mended(each, Path(folder), is_safe) for each in made]
+    yield _figure(NOT_AS_BEFORE, _share(not each.is_as_before for each in taken))
+    yield _figure(ERRORS_LEFT, _share(each.has_errors for each in taken))
+    for where in ("tag", "attribute", "value"):
+        chosen = [each for each, slip in zip(taken, made, strict=True) if slip.where == where]
+        yield _figure(
+            f"{NOT_AS_BEFORE}: in a{'n' * (where == 'attribute')} {where}",
+            _share(not each.is_as_before for each in chosen),
+        )
+    yield _figure(f"{NOT_AS_BEFORE}, by --fix", _share(not each.is_as_before for each in safely))
+
+
+class Mended(NamedTuple):
+    """What has become of a tree with a slip.
+
+    Attributes:
+        is_as_before: Whether it is the tree that it was before the slip.
+        has_errors: Whether there are errors left.
+    """
+
+    is_as_before: bool
+    has_errors: bool
+
+
+def mended(each: Slip, folder: Path, is_meant: Callable[[Diagnostic], bool]) -> Mended:
+    """Have a tree with a slip be written as its findings suggest."""
+    parse, ending = (parse_xml, "xml") if each.form is Form.XML else (parse_yaml, "yaml")
+    path = folder / f"slip.{ending}"
+    path.write_text(each.wrong, encoding="utf-8")
+    tree = mend(path, lambda read: Workspace(read=read).load_file(path), is_meant)
+    is_as_before = not tree.is_malformed and not difference(parse(each.right), tree.forest.main)
+    return Mended(is_as_before, any(finding.severity is Severity.ERROR for finding in tree.findings))
+
+
+def _figure(subject: str, share: float) -> Figure:
+    return Figure(subject, "", share, share, share, share, "share")
+
+
+def _share(are_so: Iterable[bool]) -> float:
+    found = list(are_so)
+    return sum(found) / max(len(found), 1)

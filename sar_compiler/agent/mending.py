@@ -1,0 +1,48 @@
+"""The text of a tree file as its findings suggest to write it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from sar_compiler.checks.fixing import apply_fixes, fixes
+from sar_compiler.project import LoadedTree
+from sar_compiler.tree.content import real_path
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.forest import Read
+from sar_compiler.tree.gathering import parse_tree, read_tree_file
+from sar_compiler.tree.model import TreeFile
+
+_ROUNDS = 20
+"""The largest number of passes: what is mended may reveal another mistake."""
+
+
+def mend(
+    path: Path,
+    load: Callable[[Read], LoadedTree],
+    is_meant: Callable[[Diagnostic], bool] = lambda _finding: True,
+) -> LoadedTree:
+    """Return a tree whose text is that of a file with suggestions taken.
+
+    Args:
+        path: The file; it is not changed.
+        load: Loads it, given what reads a file.
+        is_meant: Whether a suggestion is taken; by default all are, also those that are a guess.
+
+    Raises:
+        UnreadableFileError: If the file, or a palette, does not exist or cannot be read.
+        TreeError: If the project's configuration, or a palette, has mistakes.
+    """
+    own, texts = real_path(path), list[str]()
+
+    def read(place: Path) -> TreeFile:
+        return (
+            parse_tree(texts[-1], str(place)) if texts and real_path(place) == own else read_tree_file(place)
+        )
+
+    tree = load(read)
+    for _ in range(_ROUNDS):
+        chosen = fixes(tree.source, tree.tree_file, tree.findings, is_meant)
+        if not chosen:
+            break
+        texts.append(apply_fixes(tree.source.text, chosen))
+        tree = load(read)
+    return tree

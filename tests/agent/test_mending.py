@@ -1,0 +1,77 @@
+"""A tree is written as its findings suggest."""
+
+import pytest
+
+from benchmarks.mending import mended as mended_slip
+from benchmarks.mending import slips
+from sar_compiler.tree.diagnostic import Form
+from tests.cli.running import run
+from tests.trees import document
+
+MENDED = {
+    "a tag without content": ("<NavigateToZne/>", "<NavigateToZone/>"),
+    "a tag with an end tag": ("<NavigateToZne></NavigateToZne >", "<NavigateToZone></NavigateToZone >"),
+    "a tag around others, in it again": (
+        '<Sequnce name="a>b"><!-- </Sequnce> --><Sequnce><Success/><![CDATA[</x>]]></Sequnce><Failure/></Sequnce>',
+        '<Sequence name="a>b"><!-- </Sequnce> --><Sequence><Success/><![CDATA[</x>]]></Sequence><Failure/></Sequence>',
+    ),
+    "a tag and an attribute": (
+        '<Retry num_failure="2"><NavigateToZne/></Retry>',
+        '<Retry num_failures="2"><NavigateToZone/></Retry>',
+    ),
+    "a reference": (
+        '<Sequence><DetectSurvivor/><NotifyBase detect_node="DetectSurvivr"/></Sequence>',
+        '<Sequence><DetectSurvivor/><NotifyBase detect_node="DetectSurvivor"/></Sequence>',
+    ),
+}
+
+
+def mended(tmp_path, capsys, text, name="tree.xml"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    status, said, _ = run(capsys, "validate", "--mended", path)
+    assert path.read_text(encoding="utf-8") == text, "nothing is written"
+    return status, said
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_every_suggestion_is_taken_in_all_places_that_it_is_about(name, tmp_path, capsys):
+    wrong, right = MENDED[name]
+    assert mended(tmp_path, capsys, document(wrong)) == (0, document(right))
+
+
+def test_what_nobody_can_guess_is_left_with_the_status_of_errors(tmp_path, capsys):
+    text = document('<Sequence memroy="true"><Xyzzy/><Success/></Sequence>')
+    assert mended(tmp_path, capsys, text) == (1, text.replace("memroy", "memory"))
+
+
+def test_what_is_no_xml_is_printed_as_it_is(tmp_path, capsys):
+    assert mended(tmp_path, capsys, "<root") == (1, "<root")
+
+
+def test_a_file_in_yaml_is_mended_as_well(tmp_path, capsys):
+    text = "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n          - Succes\n"
+    assert mended(tmp_path, capsys, text, "tree.yaml") == (0, text.replace("Succes", "Success"))
+
+
+@pytest.mark.parametrize("more", [["other.xml"], ["--fix"]])
+def test_one_file_is_printed_and_none_written(more, tmp_path, capsys):
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<Succes/>"), encoding="utf-8")
+    status, _, said = run(capsys, "validate", "--mended", path, *more)
+    assert (status, "--mended prints one file" in said) == (2, True)
+    assert path.read_text(encoding="utf-8") == document("<Succes/>")
+
+
+def test_the_figure_is_about_the_same_slips_each_time_and_about_both_forms():
+    made = list(slips(12))
+    assert made == list(slips(12))
+    assert {each.form for each in made} == {Form.XML, Form.YAML}
+    assert all(each.right != each.wrong for each in made)
+
+
+def test_the_figure_tells_what_is_mended_from_what_is_not(tmp_path):
+    each = next(each for each in slips(50) if each.where == "tag" and each.form is Form.XML)
+    alone = each._replace(right=document("<Success/>"), wrong=document("<Succes/>"))
+    assert mended_slip(alone, tmp_path, lambda _finding: True) == (True, False)
+    assert mended_slip(alone, tmp_path, lambda _finding: False) == (False, True)
