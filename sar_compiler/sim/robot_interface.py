@@ -15,6 +15,7 @@ from sensor_msgs.msg import BatteryState, LaserScan
 from tf2_msgs.msg import TFMessage
 
 from sar_compiler.ros.poses import yaw_of
+from sar_compiler.sim.battery import Battery
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 from sar_compiler.sim.messages import from_pose, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
@@ -23,8 +24,8 @@ from sar_compiler.sim.world import Lidar
 
 # One scan in this many steps (5 Hz at 0.05 s).
 _SCAN_EVERY = 4
-# One state of the battery in this many steps (1 Hz), which goes from full to empty in this many seconds.
-_BATTERY_EVERY, _BATTERY_SEC = 20, 4 * 3600.0
+# One state of the battery in this many steps (1 Hz).
+_BATTERY_EVERY = 20
 # The true pose and that of the odometry, of one step.
 _PLACES = "simulator/places"
 _MAP, _ODOM, _BASE = "map", "odom", "base_link"
@@ -42,6 +43,7 @@ class RobotInterface:
     Args:
         host: Creates the node.
         robot: The robot, which is sent the latest command.
+        battery: Its battery.
         seed: Seed of its scanner's noise.
         tells_truth: Whether to tell its localisation, which is another process, where it truly is.
 
@@ -49,14 +51,16 @@ class RobotInterface:
         limits: The limits of its drive.
     """
 
-    def __init__(self, host: NodeHost, robot: Robot, *, seed: int = 0, tells_truth: bool = False) -> None:
-        self._robot, self.limits = robot, robot.limits
+    def __init__(
+        self, host: NodeHost, robot: Robot, battery: Battery, *, seed: int = 0, tells_truth: bool = False
+    ) -> None:
+        self._robot, self.limits, self._battery = robot, robot.limits, battery
         self._seed = seed
         self._lidar = Lidar()
         self._node = host.create("rosbot")
         self._odometry = self._node.create_publisher(Odometry, "odometry/filtered", 10)
         self._scan = self._node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
-        self._battery = self._node.create_publisher(BatteryState, "battery_state", 10)
+        self._battery_state = self._node.create_publisher(BatteryState, "battery_state", 10)
         # Absolute, as tf2 has it; in a namespace it is remapped, as Nav2 does.
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
@@ -92,10 +96,9 @@ class RobotInterface:
         self._odometry.publish(message)
         self._tf.publish(TFMessage(transforms=[to_transform(_ODOM, _BASE, state.odometry, stamp)]))
         if step % _BATTERY_EVERY == 0:
-            left = max(0.0, 1.0 - now_ns / 1e9 / _BATTERY_SEC)
-            battery = BatteryState(percentage=left, present=True)
-            battery.header.stamp = stamp
-            self._battery.publish(battery)
+            told = BatteryState(percentage=self._battery.share, present=True)
+            told.header.stamp = stamp
+            self._battery_state.publish(told)
         # The noise depends on the step alone, not on subscribers.
         if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
             random = np.random.default_rng([self._seed, 3, step])

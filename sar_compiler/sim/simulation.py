@@ -22,6 +22,7 @@ from rosgraph_msgs.msg import Clock
 from sar_compiler.errors import SarError
 from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.sim.amcl import Amcl
+from sar_compiler.sim.battery import Battery, BatteryKind
 from sar_compiler.sim.bt_navigator import BtNavigator, NavigationSetup
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.isolation import refuse_rivals
@@ -108,6 +109,7 @@ class SimulatedRobot:
     Args:
         host: Creates the nodes, in the robot's namespace.
         robot: The robot.
+        battery: What its battery is like.
         seed: Seed of its scanner's noise.
         navigation: The data of its stand-in for Nav2; None for no navigation.
         placement: What is said of its localisation and its drives.
@@ -117,13 +119,17 @@ class SimulatedRobot:
         self,
         host: NodeHost,
         robot: Robot,
+        battery: BatteryKind,
         *,
         seed: int,
         navigation: NavigationSetup | None,
         placement: Placement,
     ) -> None:
         self._host, self._robot = host, robot
-        self._interface = RobotInterface(host, robot, seed=seed, tells_truth=placement.separate)
+        self._battery = Battery(battery, robot.state.pose)
+        self._interface = RobotInterface(
+            host, robot, self._battery, seed=seed, tells_truth=placement.separate
+        )
         self._amcl: Amcl | None = None
         self._navigator: BtNavigator | None = None
         self._navigation, self._amcl_back_at = navigation, math.inf
@@ -145,7 +151,8 @@ class SimulatedRobot:
 
     def move(self, duration: float) -> None:
         """Move for *duration* seconds."""
-        self._robot.step(duration)
+        state = self._robot.step(duration)
+        self._battery.step(state.pose, state.velocity.v, duration)
 
     def sense(self, step: int, now_ns: int) -> None:
         """Publish the sensor data at the end of step number *step*, at *now_ns* nanoseconds."""
@@ -270,7 +277,7 @@ class Simulation:
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
             host = NodeHost(self._executor, context, namespace, robot.ros_arguments)
             self._robots[robot.name] = SimulatedRobot(
-                host, body, seed=seed_of(seed, number), navigation=navigation, placement=robot
+                host, body, world.battery, seed=seed_of(seed, number), navigation=navigation, placement=robot
             )
         for node in extra_nodes:
             self._executor.add_node(node)

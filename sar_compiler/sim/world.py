@@ -16,6 +16,7 @@ from sar_compiler import resources
 from sar_compiler.checks.configuration import path_inside
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
+from sar_compiler.sim.battery import BatteryKind
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D
 
 Floats = NDArray[np.float64]
@@ -39,6 +40,7 @@ class World:
         cylinders: Round debris.
         places: Markers of places, id to position; nothing collides with them.
         survey: Way-points of the route for mapping the world; empty if it is not mapped.
+        battery: What the batteries of its robots are like.
         map_path: The description (`.yaml`) of the world's occupancy map, or None if it has none.
     """
 
@@ -50,6 +52,7 @@ class World:
     places: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     survey: tuple[tuple[float, float], ...] = ()
     map_path: Path | None = None
+    battery: BatteryKind = field(default_factory=BatteryKind)
 
     @functools.cached_property
     def solid(self) -> "Solid":
@@ -201,6 +204,7 @@ def load_world(path: Path) -> World:
         ),
         survey=tuple((point["x"], point["y"]) for point in said.get("survey", ())),
         map_path=map_path,
+        battery=BatteryKind(**said.get("battery", {})),
     )
     if world.solid.clearance(world.start.x, world.start.y) <= world.robot_radius:
         message = "the robot would start in an obstacle"

@@ -122,7 +122,14 @@ ROBOT = "robot: {x: 0, y: 0, radius: 0.22}\n"
 MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     ("", 1, 1, "empty-file", "the file is empty", "write robot: "),
     ("robot: [\n", 2, 1, "malformed-yaml", "something is missing here", "write it"),
-    ("- 1\n", 1, 1, "wrong-shape", "a world is a mapping of robot, walls, debris, zones, survey, map", ""),
+    (
+        "- 1\n",
+        1,
+        1,
+        "wrong-shape",
+        "a world is a mapping of robot, battery, walls, debris, zones, survey, map",
+        "",
+    ),
     (ROBOT, 1, 1, "missing-key", "a world needs 'walls'", ""),
     ("robot: {x: 0}\nwalls: []\n", 1, 1, "missing-key", "'robot' needs 'y' and 'radius'", ""),
     (ROBOT + "walls: []\nzons: {}\n", 3, 1, "unknown-key", "a world has no 'zons'; it has robot", "zones"),

@@ -1,0 +1,65 @@
+"""A flight whose battery does not suffice for all zones: home, another battery, and on."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.processes import Command, in_order
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Fly with a battery that drains some 25 % faster than the parameters say, and is swapped at home; return the run and its report."""
+    folder = tmp_path_factory.mktemp("flown")
+    shipped = Path("worlds/disaster_zone.yaml").read_text(encoding="utf-8")
+    text = shipped.replace("../maps/disaster_zone.yaml", "disaster_zone.yaml")
+    battery = "battery: {per_m: 0.023, per_sec: 0.0006, swap_sec: 10}"
+    (folder / "world.yaml").write_text(f"{text}\n{battery}\n", encoding="utf-8")
+    for name in ("disaster_zone.yaml", "disaster_zone.pgm"):
+        (folder / name).write_bytes(Path("maps", name).read_bytes())
+    options = [
+        "--sim",
+        folder / "world.yaml",
+        "--speed",
+        20,
+        "--properties",
+        "--report",
+        folder / "report.json",
+    ]
+    energy = ["-p", "energy.per_m:=0.0185", "-p", "energy.per_sec:=0.0005"]
+    params = ["--params", "config/search_areas_params.yaml"]
+    run = Command("sar-run", "search_areas", *params, *options, "--ros-args", *energy)
+    try:
+        assert run.end() == 0, run.output
+    finally:
+        run.kill()
+    return run, json.loads((folder / "report.json").read_text(encoding="utf-8"))
+
+
+def test_the_robot_comes_home_where_its_battery_would_not_bring_it_home_again_and_goes_on_with_another_one(
+    flown,
+):
+    run, _ = flown
+    expected = [
+        "Next zone by expected_find: zone_d.",
+        "Navigating to base station...",
+        "Reached base station.",
+        "The battery is at 100%: on to zone_d.",
+        "Navigating to zone_d...",
+        "Mission complete.",
+    ]
+    assert in_order(expected, run.log) is None, run.output
+    (told,) = [line for line in run.log if line.endswith("home first.")]
+    assert told.startswith("zone_d needs ")
+
+
+def test_no_property_is_broken_in_it_and_the_report_has_its_reason_and_its_figures(flown):
+    run, report = flown
+    assert "Watched for 10 properties: none was broken." in run.output
+    text = json.dumps(report)
+    assert "the reserve is 15%: home first" in text
+    assert "and suffices" in text
+    assert "metres to the point of no return" in text

@@ -1,0 +1,88 @@
+"""The battery of a simulated robot: what takes from it, and where it is swapped."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.sim.battery import Battery, BatteryKind
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.world import load_world
+from sar_compiler.tree.diagnostic import TreeError
+
+START = Pose2D(2.0, 1.0, 0.0)
+
+
+def drive(battery: Battery, metres: float, start: float = START.x) -> None:
+    """Drive along the x axis at 1 m/s, to a distance from the start."""
+    for step in range(20 + 1):
+        battery.step(Pose2D(start + metres * step / 20, START.y), 1.0, 0.0)
+
+
+def stand(battery: Battery, seconds: float, away: float = 0.0, speed: float = 0.0) -> None:
+    for _ in range(round(seconds)):
+        battery.step(Pose2D(START.x + away, START.y), speed, 1.0)
+
+
+def test_metres_and_seconds_take_from_it() -> None:
+    battery = Battery(BatteryKind(per_m=0.01, per_sec=0.002, share=0.9), START)
+    drive(battery, 10.0)
+    assert battery.share == pytest.approx(0.8)
+    stand(battery, 50, away=10.0)
+    assert battery.share == pytest.approx(0.7)
+
+
+def test_an_empty_one_stays_empty() -> None:
+    battery = Battery(BatteryKind(per_m=0.2), START)
+    drive(battery, 10.0)
+    assert battery.share == 0.0
+
+
+def test_by_default_it_lasts_four_hours_however_far_it_drives_and_is_not_swapped() -> None:
+    battery = Battery(BatteryKind(), START)
+    drive(battery, 50.0)
+    stand(battery, 3600, away=50.0)
+    drive(battery, -50.0, START.x + 50.0)
+    stand(battery, 3600)
+    assert battery.share == pytest.approx(0.5)
+
+
+def test_it_is_swapped_where_the_robot_has_stood_at_its_start_for_long_enough() -> None:
+    battery = Battery(BatteryKind(per_m=0.01, per_sec=0.0, swap_sec=10.0), START)
+    drive(battery, 10.0)
+    stand(battery, 20, away=10.0)
+    drive(battery, -9.5, START.x + 10.0)
+    stand(battery, 9, away=0.5)
+    assert battery.share == pytest.approx(0.805)
+    stand(battery, 1, away=0.5, speed=0.1)
+    stand(battery, 9, away=0.5)
+    assert battery.share == pytest.approx(0.805)
+    stand(battery, 1, away=0.5)
+    assert battery.share == 1.0
+
+
+def test_a_robot_that_has_not_left_keeps_the_battery_that_it_has() -> None:
+    battery = Battery(BatteryKind(per_sec=0.0, share=0.5, swap_sec=10.0), START)
+    stand(battery, 100)
+    assert battery.share == 0.5
+    drive(battery, 2.0)
+    drive(battery, -2.0, START.x + 2.0)
+    stand(battery, 10)
+    assert battery.share == 1.0
+
+
+def world(tmp_path: Path, battery: str) -> BatteryKind:
+    file = tmp_path / "world.yaml"
+    file.write_text(f"robot: {{x: 0, y: 0, radius: 0.2}}\nwalls: []\n{battery}\n", encoding="utf-8")
+    return load_world(file).battery
+
+
+def test_a_world_says_what_its_batteries_are_like(tmp_path: Path) -> None:
+    assert world(tmp_path, "") == BatteryKind()
+    said = "battery: {per_m: 0.01, per_sec: 0.001, share: 0.5, swap_sec: 20}"
+    assert world(tmp_path, said) == BatteryKind(0.01, 0.001, 0.5, 20)
+
+
+@pytest.mark.parametrize("battery", ["{share: 50}", "{per_m: -1}", "{swap_sec: 0}", "{volts: 12}"])
+def test_a_battery_that_cannot_be_is_a_mistake_in_the_file(tmp_path: Path, battery: str) -> None:
+    with pytest.raises(TreeError):
+        world(tmp_path, f"battery: {battery}")
