@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from sar_compiler.sim.navigator import QUICK, Drive, DriveEnd, DriveOutcome, Dri
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
+from sar_compiler.sim.planner_server import PlannerServer
 from sar_compiler.sim.robot import STAND
 from sar_compiler.sim.robot_interface import RemoteRobot, RobotInterface
 
@@ -152,7 +154,7 @@ class NavigationSetup:
 
 
 class BtNavigator(NavigationServer):
-    """Node `bt_navigator`: `navigate_to_pose`, `bt_navigator/get_state`, and the topic `plan` of Nav2's planner.
+    """Node `bt_navigator`: `navigate_to_pose`, `bt_navigator/get_state`, and `compute_path_to_pose` and the topic `plan` of Nav2's planner.
 
     A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
     behaviour tree than the current one is aborted instead.
@@ -188,6 +190,7 @@ class BtNavigator(NavigationServer):
         self._loose: tuple[Drive, float] | None = None
         self._late: list[tuple[float, Future]] = []
         self._server: ActionServer | None = None
+        self._planner_server: PlannerServer | None = None
         self._open()
 
     def step(self, step: int, now_ns: int) -> None:
@@ -219,7 +222,8 @@ class BtNavigator(NavigationServer):
         self._goal = None
         if self._server is not None:
             # A server that lives on keeps its node in the graph.
-            self._server.destroy()
+            for server in filter(None, (self._server, self._planner_server)):
+                server.destroy()
             self._server = None
             self._host.destroy(self._node)
 
@@ -231,6 +235,15 @@ class BtNavigator(NavigationServer):
             self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
         self._server = self._serve(self._node)
+        # An environment that was made earlier flies without.
+        with suppress(ImportError):
+            self._planner_server = PlannerServer(
+                self._node,
+                self._planner,
+                self._localise,
+                lambda: self.active,
+                tolerance=self._manner.tolerance,
+            )
 
     def _die(self, back_sec: float | None) -> None:
         """Disappear without notice, like a killed process."""

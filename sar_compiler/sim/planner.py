@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ _FALL_OFF = 0.25
 _START_SLACK = 0.15
 # Metres of path that are averaged to round its corners.
 _SMOOTHING = 0.45
+# To so many places the ways from everywhere are kept.
+_PLACES_KEPT = 32
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -33,6 +36,7 @@ class NavCode(IntEnum):
 
     NONE = 0
     FAILED_TO_MAKE_PROGRESS = 105
+    TF_ERROR = 202
     START_OUTSIDE_MAP = 203
     GOAL_OUTSIDE_MAP = 204
     START_OCCUPIED = 205
@@ -70,6 +74,8 @@ class Planner:
         near = np.exp(-(self.clearance - robot_radius) / _FALL_OFF)
         self._graph, self._node_of = _grid_graph(self.fits, 1.0 + (_NEAR_COST - 1.0) * near)
         self._cells = np.argwhere(self.fits)
+        # Who compares places asks for many ways to each.
+        self._ways_to = lru_cache(_PLACES_KEPT)(partial(dijkstra, self._graph, return_predecessors=True))
 
     def plan(self, start: Pose2D, goal: Pose2D, tolerance: float = 0.0) -> Path2D:
         """Return a path between two positions, frame `map`.
@@ -86,7 +92,7 @@ class Planner:
         goal = self._near(goal, tolerance) if tolerance else goal
         goal_node = self._goal_node(goal)
         start_node = self._start_node(start)
-        cost, previous = dijkstra(self._graph, indices=goal_node, return_predecessors=True)
+        cost, previous = self._ways_to(indices=goal_node)
         if not math.isfinite(cost[start_node]):
             message = f"no way leads from ({start.x:.2f}, {start.y:.2f}) to ({goal.x:.2f}, {goal.y:.2f})"
             raise PlanningError(NavCode.NO_VALID_PATH, message)

@@ -67,6 +67,7 @@ def test_it_names_what_it_needs_as_the_index_does(wheel):
     assert lines[1:3] == ["Name: sar_compiler_nav2_msgs", "Version: 0.1.0"]
     assert [line.partition(": ")[2] for line in lines if line.startswith("Requires-Dist")] == [
         "ros-jazzy-geometry-msgs",
+        "ros-jazzy-nav-msgs",
         "ros-jazzy-builtin-interfaces",
         "ros-jazzy-action-msgs",
         "ros-jazzy-rosidl-default-runtime",

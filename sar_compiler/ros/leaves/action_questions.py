@@ -1,0 +1,98 @@
+"""Questions to the server of an action that moves nothing, such as a planner's."""
+
+import uuid
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.ros.leaves.goals import SUCCEEDED, uuid_message
+from sar_compiler.ros.leaves.leaf import alive, find_interface
+
+if TYPE_CHECKING:
+    from rclpy.client import Client
+    from rclpy.node import Node
+    from rclpy.task import Future
+
+
+class ActionQuestions:
+    """Asks an action's server for results, one at a time, and never blocks.
+
+    For actions that move nothing: unlike an `ActionLeaf`'s, these goals are not kept in the journal, not cancelled when the mission dies,
+    and nobody waits for their ends before the robot counts as standing.
+
+    Args:
+        node: The rclpy node.
+        action_type: `"package/action/Name"`, or the Python class.
+        name: The action's (relative) name.
+
+    Attributes:
+        interface: The Python class of the action.
+
+    Raises:
+        LeafDefinitionError: If the type is not installed.
+    """
+
+    def __init__(self, node: "Node", action_type: Any, name: str) -> None:
+        self.interface = find_interface(type(self).__name__, "action", name, action_type)
+        self._node, services = node, self.interface.Impl
+        self._status = node.resolve_topic_name(f"{name}/_action/status")
+        self._goals = node.create_client(services.SendGoalService, f"{name}/_action/send_goal")
+        self._results = node.create_client(services.GetResultService, f"{name}/_action/get_result")
+        self._pending: tuple[Client, Future] | None = None
+
+    @property
+    def has_server(self) -> bool:
+        """Whether the ROS graph shows a server; one that was killed stays there for a while."""
+        return alive(self._node) and self._node.count_publishers(self._status) > 0
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a question would arrive: a server has been found by both clients."""
+        return alive(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
+
+    def ask(self, goal: Any, on_answer: Callable[[Any | None], None]) -> None:
+        """Send a goal; the question before it is given up.
+
+        Args:
+            goal: The goal, an `interface.Goal`.
+            on_answer: Called by the node's executor with the result, an `interface.Result`; with None where the server rejects the goal
+                or does not reach it.
+        """
+        self.give_up()
+        goal_id = uuid_message(uuid.uuid4().hex)
+        request = self._goals.srv_type.Request(goal_id=goal_id, goal=goal)
+        self._call(self._goals, request, partial(self._on_taken, goal_id, on_answer))
+
+    def give_up(self) -> None:
+        """Ignore what is still answered to the last question."""
+        pending, self._pending = self._pending, None
+        if pending is not None and alive(self._node):
+            # Without this the client would wait for the answer for good.
+            pending[0].remove_pending_request(pending[1])
+
+    def release(self) -> None:
+        """Ask no more: destroy the clients, unless the node, which owned them, is gone."""
+        self.give_up()
+        if alive(self._node):
+            for client in (self._goals, self._results):
+                self._node.destroy_client(client)
+
+    def _call(self, client: "Client", request: Any, take: Callable[[Any], None]) -> None:
+        future = client.call_async(request)
+        self._pending = client, future
+        future.add_done_callback(partial(self._on_response, take))
+
+    def _on_response(self, take: Callable[[Any], None], future: "Future") -> None:
+        # The response may have been on its way to this callback when the question was given up.
+        if self._pending is not None and self._pending[1] is future:
+            self._pending = None
+            take(future.result())
+
+    def _on_taken(self, goal_id: Any, on_answer: Callable[[Any | None], None], response: Any) -> None:
+        if not response.accepted:
+            on_answer(None)
+            return
+        request = self._results.srv_type.Request(goal_id=goal_id)
+        self._call(
+            self._results, request, lambda end: on_answer(end.result if end.status == SUCCEEDED else None)
+        )

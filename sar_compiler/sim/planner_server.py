@@ -1,0 +1,83 @@
+"""The stand-in for Nav2's planner: the action `compute_path_to_pose`, as served by Jazzy's planner_server."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.action import ActionServer, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+
+from sar_compiler.sim.follower import Path2D
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.messages import from_pose, to_path
+from sar_compiler.sim.planner import NavCode, Planner, PlanningError
+
+PLAN = "compute_path_to_pose"
+"""The action of Nav2's planner."""
+
+_MAP = "map"
+# How long results are kept for those who ask late, seconds.
+_RESULT_TIMEOUT_SEC = 60
+
+
+class PlannerServer:
+    """Serves ways on the map; nothing moves for them.
+
+    Args:
+        node: The node that serves them.
+        planner: Plans them.
+        localise: Returns the robot's pose in `map`, where a way begins that names no start; None while it is not known.
+        is_active: Returns whether goals are taken.
+        tolerance: How far from its goal a way may end where the goal itself is occupied, metres.
+
+    Raises:
+        ImportError: If the environment's `nav2_msgs` was built without this action.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        planner: Planner,
+        localise: Callable[[], Pose2D | None],
+        is_active: Callable[[], bool],
+        *,
+        tolerance: float = 0.0,
+    ) -> None:
+        from nav2_msgs.action import ComputePathToPose
+
+        self._node, self._planner, self._localise, self._tolerance = node, planner, localise, tolerance
+        self._result = ComputePathToPose.Result
+        self._server = ActionServer(
+            node,
+            ComputePathToPose,
+            PLAN,
+            execute_callback=self._execute,
+            goal_callback=lambda _: GoalResponse.ACCEPT if is_active() else GoalResponse.REJECT,
+            result_timeout=_RESULT_TIMEOUT_SEC,
+        )
+
+    def destroy(self) -> None:
+        """Destroy the server."""
+        self._server.destroy()
+
+    def _execute(self, handle: ServerGoalHandle) -> Any:
+        try:
+            path = self._plan(handle.request)
+        except PlanningError as error:
+            handle.abort()
+            return self._result(error_code=int(error.code), error_msg=str(error))
+        handle.succeed()
+        return self._result(path=to_path(path, self._node.get_clock().now().to_msg()))
+
+    def _plan(self, request: Any) -> Path2D:
+        start = self._pose(request.start, "start") if request.use_start else self._localise()
+        if start is None:
+            raise PlanningError(NavCode.TF_ERROR, "the robot's pose is not known")
+        return self._planner.plan(start, self._pose(request.goal, "goal"), self._tolerance)
+
+    def _pose(self, message: Any, what: str) -> Pose2D:
+        pose, frame = from_pose(message.pose), message.header.frame_id
+        if pose is None or frame != _MAP:
+            reason = f"is in the frame '{frame}', not '{_MAP}'" if frame != _MAP else "is no pose"
+            raise PlanningError(NavCode.TF_ERROR, f"the {what} {reason}")
+        return pose
