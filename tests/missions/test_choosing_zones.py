@@ -1,6 +1,7 @@
 """Zones with probabilities: their parameters, the choice of the next one, and what looks make of the map."""
 
 import math
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +15,11 @@ from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.ros.leaves.goals import goals_under_way
+from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
-    from tests.missions.mission_stage import Stage
+    from tests.missions.mission_stage import Host, Stage
 
 BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 AREAS = {"a": Area(0.1, 0.5, 5.0), "b": Area(0.2, 0.5, 5.0), "c": Area(0.6, 0.5, 5.0)}
@@ -162,6 +165,39 @@ def test_a_way_that_nobody_has_planned_is_the_straight_line_with_detours() -> No
     assert zones.way_m(zones.base_pose(), {"x": 3.0, "y": -4.0, "yaw": 1.0}) == 7.5
 
 
+def test_a_way_that_is_planned_is_as_long_in_both_directions() -> None:
+    zones = searching().zones
+    a, b, c = zones.remaining_zones()
+    zones.learn_way(a, c, 9.0)
+    assert (zones.way_m(a, c), zones.way_m(c, {"x": a["x"], "y": a["y"], "yaw": 1.0})) == (9.0, 9.0)
+    assert (zones.way_m(a, b), zones.knows_way(a, b), zones.knows_way(c, a)) == (1.5, False, True)
+    tour = zones.tour([a, c])
+    assert (tour.from_start, tour.between) == ([3.0, 9.0], [[0.0, 18.0], [18.0, 0.0]])
+
+
+def test_each_way_is_needed_once_and_none_from_a_place_to_itself() -> None:
+    search = searching()
+    zones = search.zones.remaining_zones()
+
+    def needed(**options: bool) -> list[tuple[float, float]]:
+        return [(start["x"], target["x"]) for start, target in search.zones.ways(zones, **options)]
+
+    assert needed() == [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0)]
+    assert needed(between=False) == [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0)]
+    search.record.zone_searched("b", None)
+    assert sorted(map(sorted, needed())) == [[1.0, 2.0], [1.0, 3.0], [2.0, 3.0]]
+
+
+def test_a_drive_that_has_failed_may_have_changed_every_way() -> None:
+    zones = searching().zones
+    a, b, _ = zones.remaining_zones()
+    zones.learn_way(a, b, 9.0)
+    zones.advance()
+    assert zones.way_m(a, b) == 9.0
+    zones.postpone()
+    assert zones.way_m(a, b) == 1.5
+
+
 def test_ways_begin_where_it_was_looked_last() -> None:
     search = searching()
     assert search.zones.tour(search.zones.remaining_zones()).from_start == [3.0, 6.0, 9.0]
@@ -262,6 +298,191 @@ class TestChooseZone:
         leaf.stop(Status.INVALID)
         leaf.tick_once()
         assert leaf.status is Status.RUNNING
+
+
+class PlanningServer:
+    """A `compute_path_to_pose` whose ways are straight, but those around a wall.
+
+    Attributes:
+        detour_m: How much longer than straight the ways between two x coordinates are, metres; None for no way.
+        asked: Between which x coordinates ways were asked for, in order.
+        planners: The planners that were asked.
+        gate: Set unless the answers are to be held back.
+        accepts: Whether goals are accepted.
+    """
+
+    def __init__(self, host: "Host") -> None:
+        from nav2_msgs.action import ComputePathToPose
+        from rclpy.action import ActionServer, GoalResponse
+
+        self.detour_m: dict[frozenset[float], float | None] = {}
+        self.asked: list[tuple[float, float]] = []
+        self.planners: list[str] = []
+        self.accepts = True
+        self.gate = threading.Event()
+        self.gate.set()
+        self._result = ComputePathToPose.Result
+        self._server = ActionServer(
+            host.node,
+            ComputePathToPose,
+            "compute_path_to_pose",
+            execute_callback=self._plan,
+            goal_callback=lambda _: GoalResponse.ACCEPT if self.accepts else GoalResponse.REJECT,
+            callback_group=host.group,
+        )
+        host.at_close(self.gate.set)
+        host.at_end(self._server.destroy)
+
+    def _plan(self, handle: Any) -> Any:
+        from geometry_msgs.msg import PoseStamped
+
+        goal, result = handle.request, self._result()
+        start, end = goal.start.pose.position.x, goal.goal.pose.position.x
+        self.asked.append((start, end))
+        self.planners.append(goal.planner_id)
+        self.gate.wait()
+        detour_m = self.detour_m.get(frozenset({start, end}), 0.0)
+        if detour_m is None or not goal.use_start or {goal.start.header.frame_id} != {"map"}:
+            result.error_code = result.NO_VALID_PATH
+            handle.abort()
+            return result
+        for x, y in ((start, 0.0), (start, detour_m / 2), (start, 0.0)):
+            pose = PoseStamped()
+            pose.pose.position.x, pose.pose.position.y = x, y
+            result.path.poses.append(pose)
+        handle.succeed()
+        return result
+
+
+@pytest.mark.ros
+class TestAskingThePlanner:
+    NEEDED = ((0.0, 1.0), (0.0, 2.0), (0.0, 3.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0))
+
+    def take(
+        self, stage: "Stage", search: Search, order: Any = "expected_find", **options: Any
+    ) -> ChooseZone:
+        """Return a leaf that has found the planner."""
+        leaf = stage.take(ChooseZone("Choose", search.zones, order=order, **options))
+        planner = leaf._ways and leaf._ways._planner
+        assert planner
+        stage.until(lambda: planner.is_ready, "the planner")
+        return leaf
+
+    def to_c(self, zones: ZoneManager) -> float:
+        """Return how long the way from the base station to zone c is taken to be, metres."""
+        (zone,) = [zone for zone in zones.remaining_zones() if zone["id"] == "c"]
+        return zones.way_m(zones.base_pose(), zone)
+
+    def test_the_ways_are_those_of_the_planner_and_each_is_asked_for_once(self, stage: "Stage") -> None:
+        server, search = PlanningServer(stage.host()), searching()
+        # A wall makes the likeliest zone the one that is farthest away: from 0, 1 and 2.
+        server.detour_m = {frozenset({float(x), 3.0}): 40.0 for x in range(3)}
+        leaf = self.take(stage, search)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert order(search.zones) == "abc"
+        assert tuple(server.asked) == self.NEEDED
+        assert self.to_c(search.zones) == 43.0
+        search.record.zone_searched("a", None)
+        search.zones.advance()
+        assert stage.run(leaf) is Status.SUCCESS
+        assert order(search.zones) == "bc"
+        assert tuple(server.asked) == self.NEEDED
+        assert (stage.warnings, len(goals_under_way(stage.node))) == ([], 0)
+
+    def test_for_the_nearest_only_the_ways_from_here_are_asked_for(self, stage: "Stage") -> None:
+        server, search = PlanningServer(stage.host()), searching()
+        server.detour_m = {frozenset({0.0, 1.0}): 1.5}
+        assert stage.run(self.take(stage, search, "nearest", planner_id="GridBased")) is Status.SUCCESS
+        assert order(search.zones) == "bac"
+        assert tuple(server.asked) == self.NEEDED[:3]
+        assert set(server.planners) == {"GridBased"}
+
+    def test_a_way_that_the_planner_does_not_give_is_a_straight_line_which_is_told_once(
+        self, stage: "Stage"
+    ) -> None:
+        server, search = PlanningServer(stage.host()), searching()
+        server.detour_m = {frozenset({0.0, 3.0}): None}
+        leaf = self.take(stage, search)
+        for _ in range(2):
+            assert stage.run(leaf) is Status.SUCCESS
+        assert stage.warnings == [
+            "'Choose': 1 of 6 ways by straight lines times 1.5: the planner gives none."
+        ]
+        assert server.asked == [*self.NEEDED, (0.0, 3.0)]
+        assert self.to_c(search.zones) == 4.5
+        server.detour_m = {}
+        assert stage.run(leaf) is Status.SUCCESS
+        assert self.to_c(search.zones) == 3.0
+
+    def test_a_planner_that_rejects_gives_no_ways(self, stage: "Stage") -> None:
+        server, search = PlanningServer(stage.host()), searching()
+        server.accepts = False
+        assert stage.run(self.take(stage, search, "nearest")) is Status.SUCCESS
+        assert stage.warnings == [
+            "'Choose': 3 of 3 ways by straight lines times 1.5: the planner gives none."
+        ]
+
+    def test_nobody_waits_for_a_planner_that_is_not_there_which_is_told_once(self, stage: "Stage") -> None:
+        search = searching()
+        leaf = stage.take(ChooseZone("Choose", search.zones, order="expected_find"))
+        for _ in range(2):
+            assert status(leaf) is Status.RUNNING
+            assert leaf._choice
+            assert stage.run(leaf) is Status.SUCCESS
+        assert stage.warnings == [
+            "'Choose': 6 of 6 ways by straight lines times 1.5: no server of compute_path_to_pose is there."
+        ]
+
+    def test_what_is_not_answered_in_time_is_a_straight_line(self, stage: "Stage") -> None:
+        server, search = PlanningServer(stage.host()), searching()
+        leaf = self.take(stage, search, ways_timeout_sec=7.0)
+        assert leaf._ways
+        clock = leaf._ways._clock = ManualClock()
+        server.gate.clear()
+        stage.tick_until(leaf, lambda: server.asked, "the first question")
+        clock.advance(6.9)
+        assert status(leaf) is Status.RUNNING
+        assert leaf._choice is None
+        clock.advance(0.2)
+        assert status(leaf) is Status.RUNNING
+        server.gate.set()
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.warnings == ["'Choose': 6 of 6 ways by straight lines times 1.5: no answer within 7 s."]
+        assert tuple(server.asked) == self.NEEDED[:1]
+
+    def test_one_that_is_halted_asks_no_further_and_keeps_what_it_was_told(self, stage: "Stage") -> None:
+        server, search = PlanningServer(stage.host()), searching()
+        leaf = self.take(stage, search)
+        server.detour_m = {frozenset({0.0, 1.0}): 2.0}
+        stage.tick_until(leaf, lambda: len(server.asked) == 2, "the second question")
+        leaf.stop(Status.INVALID)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert server.asked.count(self.NEEDED[0]) == 1
+        assert set(server.asked) == set(self.NEEDED)
+
+    def test_a_plan_that_changes_meanwhile_is_asked_for_anew(self, stage: "Stage") -> None:
+        server, search = PlanningServer(stage.host()), searching()
+        server.gate.clear()
+        leaf = self.take(stage, search)
+        stage.tick_until(leaf, lambda: server.asked, "the first question")
+        search.zones.add({"id": "d", "x": 4.0, "y": 0.0, "yaw": 0.0})
+        server.gate.set()
+        assert stage.run(leaf) is Status.SUCCESS
+        assert (0.0, 4.0) in server.asked
+        assert stage.warnings == []
+
+    def test_who_keeps_the_order_of_the_plan_has_no_client(self, stage: "Stage") -> None:
+        PlanningServer(stage.host())
+        before = len(list(stage.node.clients))
+        leaf = stage.take(ChooseZone("Choose", searching().zones))
+        assert (status(leaf), len(list(stage.node.clients))) == (Status.SUCCESS, before)
+
+    def test_its_clients_are_gone_with_it(self, stage: "Stage") -> None:
+        before = len(list(stage.node.clients))
+        leaf = stage.take(ChooseZone("Choose", searching().zones, order="nearest"))
+        assert len(list(stage.node.clients)) == before + 2
+        leaf.shutdown()
+        assert len(list(stage.node.clients)) == before
 
 
 def test_nothing_that_is_read_is_no_number() -> None:

@@ -219,6 +219,15 @@ SPECS = [
             "How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.",
             "listed",
         ),
+        attribute(
+            "ways_timeout_sec",
+            Seconds,
+            "How long the planner may take for all ways together, seconds; not waited for where it is not there.",
+            5.0,
+        ),
+        attribute(
+            "planner_id", str, "Which of the planner server's planners is asked; empty for its only one.", ""
+        ),
         effects="makes one of the zones that are left the current one",
         answers=(
             Answer("SUCCESS", "chosen", "zones_left > 0"),

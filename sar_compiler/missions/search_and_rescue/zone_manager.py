@@ -44,6 +44,10 @@ class Zone(MapPose):
     id: str
 
 
+PosePair = tuple[MapPose, MapPose]
+"""From where to where."""
+
+
 def _preview() -> "ZoneManager":
     return ZoneManager([{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
 
@@ -87,6 +91,7 @@ class ZoneManager:
         self._survivors = 0
         self._postponed: Counter[str] = Counter()
         self._abandoned: list[Zone] = []
+        self._ways: dict[frozenset[tuple[float, float]], float] = {}
 
     def current_zone(self) -> Zone:
         """Return the zone to be searched now.
@@ -141,9 +146,30 @@ class ZoneManager:
             [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)],
         )
 
+    def ways(self, zones: Sequence[Zone], *, between: bool = True) -> list[PosePair]:
+        """Return the ways by which some zones are put in an order, each in one direction.
+
+        Args:
+            zones: The zones.
+            between: Whether those from zone to zone are among them, or only those from where the robot has looked last.
+        """
+        ways = [(self._here, zone) for zone in zones]
+        ways += itertools.combinations(zones, 2) if between else ()
+        by_ends = {_ends(*way): way for way in ways}
+        return [way for ends, way in by_ends.items() if len(ends) > 1]
+
+    def learn_way(self, start: MapPose, target: MapPose, metres: float) -> None:
+        """Keep how long a way and the way back are, by a planner, metres; until a drive has failed, which may have changed them all."""
+        self._ways[_ends(start, target)] = metres
+
+    def knows_way(self, start: MapPose, target: MapPose) -> bool:
+        """Return whether a planner has said how long a way is."""
+        return _ends(start, target) in self._ways
+
     def way_m(self, start: MapPose, target: MapPose) -> float:
-        """Return how long the way from one pose to another is taken to be, metres: the straight line times `DETOUR`."""
-        return DETOUR * math.dist((start["x"], start["y"]), (target["x"], target["y"]))
+        """Return how long a way is, metres: by the planner if that is known, else the straight line times `DETOUR`."""
+        line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
+        return self._ways.get(_ends(start, target), DETOUR * line)
 
     def here(self) -> MapPose:
         """Return where the robot has looked last, or the base station if it was there since."""
@@ -251,6 +277,12 @@ class ZoneManager:
         else:
             self._zones.append(zone)
             self._postponed[zone["id"]] += 1
+            self._ways.clear()
+
+
+def _ends(start: MapPose, target: MapPose) -> frozenset[tuple[float, float]]:
+    """Return what is the same of a way and the way back."""
+    return frozenset({(start["x"], start["y"]), (target["x"], target["y"])})
 
 
 @mission_context

@@ -1,11 +1,12 @@
 """Going through the list of zones: visited, postponed, and finally abandoned."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Annotated
+from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RosLeaf, at_least
+from sar_compiler.leaves import RosLeaf, Seconds, at_least
+from sar_compiler.missions.search_and_rescue.planned_ways import PlannedWays
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search_theory import VisitingOrder
 from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
@@ -41,38 +42,88 @@ class ChooseZone(RosLeaf):
     in which the expected time to the first find is least, by the probabilities as they are now. Zones that were postponed come again
     when all others have been tried as often.
 
+    First the planner is asked for the ways that are not known yet. Those that it does not give count as straight lines times 1.5, which is told.
+
     Args:
         zone_manager: The mission's zones, and where somebody may be.
         order: How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.
+        ways_timeout_sec: How long the planner may take for all ways together, seconds; not waited for where it is not there.
+        planner_id: Which of the planner server's planners is asked; empty for its only one.
     """
 
-    def __init__(self, name: str, zone_manager: ZoneManager, *, order: VisitingOrder = "listed") -> None:
+    def __init__(
+        self,
+        name: str,
+        zone_manager: ZoneManager,
+        *,
+        order: VisitingOrder = "listed",
+        ways_timeout_sec: Seconds = 5.0,
+        planner_id: str = "",
+    ) -> None:
         super().__init__(name)
         self._zones = zone_manager
         self._order: VisitingOrder = order
-        self._under_way: tuple[list[Zone], Future[list[int]]] | None = None
+        self._ways_timeout_sec, self._planner_id = ways_timeout_sec, planner_id
+        self._ways: PlannedWays | None = None
+        self._among: list[Zone] = []
+        self._choice: Future[list[int]] | None = None
+        self._told = ""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the clients of the planner, if it is to be asked."""
+        self.shutdown()
+        super().setup(**kwargs)
+        if self._order != "listed":
+            self._ways = PlannedWays(
+                self.node, self._zones, self._ways_timeout_sec, self._planner_id, self._wake
+            )
 
     def update(self) -> Status:
-        """Begin to compute, or choose by what has come of it."""
+        """Ask for the ways, begin to compute, or choose by what has come of it."""
         if not self._zones.has_remaining():
             return self.answer(Status.FAILURE, "no zone")
-        if self._order == "listed":
+        if self._ways is None:
             return self.answer(Status.SUCCESS, "chosen")
         zones = self._zones.eligible_zones()
-        if self._under_way is None or self._under_way[0] != zones:
-            self._under_way = zones, self._begin(zones)
-            return self.answer(Status.RUNNING, "choosing")
-        if not self._under_way[1].done():
-            return self.answer(Status.RUNNING, "choosing")
-        first, self._under_way = zones[self._under_way[1].result()[0]]["id"], None
-        self._zones.choose(first)
-        self.say(f"Next zone by {self._order}: {first}.")
-        return self.answer(Status.SUCCESS, "chosen")
+        if self._among != zones:
+            self._among, self._choice = zones, None
+            self._ways.ask(self._zones.ways(zones, between=self._order != "nearest"))
+        if self._choice is None and not self._ways.are_awaited():
+            self._tell_shortfall(self._ways)
+            self._choice = self._begin(zones)
+        elif self._choice is not None and self._choice.done():
+            return self._choose(zones[self._choice.result()[0]]["id"])
+        return self.answer(Status.RUNNING, "choosing")
 
     def terminate(self, new_status: Status) -> None:
-        """Forget what is computed, if the leaf is stopped."""
+        """Forget what is asked and computed, if the leaf is stopped."""
         if new_status is Status.INVALID:
-            self._under_way = None
+            self._forget()
+
+    def shutdown(self) -> None:
+        """Release the clients, and the node."""
+        self._forget()
+        if self._ways is not None:
+            self._ways.release()
+        self._ways = None
+        super().shutdown()
+
+    def _choose(self, zone_id: str) -> Status:
+        self._forget()
+        self._zones.choose(zone_id)
+        self.say(f"Next zone by {self._order}: {zone_id}.")
+        return self.answer(Status.SUCCESS, "chosen")
+
+    def _forget(self) -> None:
+        self._among, self._choice = [], None
+        if self._ways is not None:
+            self._ways.give_up()
+
+    def _tell_shortfall(self, ways: PlannedWays) -> None:
+        """Say how many ways are straight lines, once for each reason."""
+        if (shortfall := ways.shortfall()) and ways.reason != self._told:
+            self.complain(f"'{self.name}': {shortfall}.")
+        self._told = ways.reason
 
     def _begin(self, zones: list[Zone]) -> Future[list[int]]:
         # A laptop that proves trees needs no NumPy.

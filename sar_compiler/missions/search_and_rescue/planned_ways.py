@@ -1,0 +1,130 @@
+"""How long ways are, by Nav2's planner."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.leaves import ActionQuestions, Deadline, LeafDefinitionError, deadline_clock, turn_by
+from sar_compiler.missions.search_and_rescue.zone_manager import (
+    DETOUR,
+    MAP_FRAME,
+    MapPose,
+    PosePair,
+    ZoneManager,
+)
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+_ACTION = "compute_path_to_pose"
+
+
+class PlannedWays:
+    """Asks the planner for ways, one after the other, and lets the zones know how long they are.
+
+    Args:
+        node: The mission's node.
+        zones: Hear of each way.
+        timeout_sec: How long all answers together may take, seconds.
+        planner_id: Which of the server's planners is asked; empty for its only one.
+        wake: Called when the last answer has come.
+    """
+
+    def __init__(
+        self, node: "Node", zones: ZoneManager, timeout_sec: float, planner_id: str, wake: Callable[[], None]
+    ) -> None:
+        self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
+        self._clock = deadline_clock(node)
+        self._planner: ActionQuestions | None = None
+        # The interfaces of an environment that was made earlier may lack this action.
+        with suppress(LeafDefinitionError):
+            self._planner = ActionQuestions(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
+        self._due = Deadline(0.0, self._clock)
+        self._ways: Sequence[PosePair] = ()
+        self._left: list[PosePair] = []
+        self._is_waiting = False
+        self._reasons: set[str] = set()
+
+    def ask(self, ways: Sequence[PosePair]) -> None:
+        """Ask for those of the ways that are not known yet; where there is no server, for none."""
+        self.give_up()
+        self._ways, self._reasons = ways, set()
+        self._left = [way for way in ways if not self._zones.knows_way(*way)]
+        self._due = Deadline(self._timeout_sec, self._clock)
+        if self._left and (self._planner is None or not self._planner.has_server):
+            self._stop(f"no server of {_ACTION} is there")
+
+    def are_awaited(self) -> bool:
+        """Return whether an answer is still to come; sends the first question as soon as the server can be asked."""
+        if self._left and self._due.passed:
+            self._stop(f"no answer within {self._timeout_sec:g} s")
+        elif self._left and not self._is_waiting:
+            self._go_on()
+        return bool(self._left)
+
+    def shortfall(self) -> str:
+        """Return how many of the ways are taken as straight lines, and why; empty if all are known."""
+        unknown = sum(not self._zones.knows_way(*way) for way in self._ways)
+        if not unknown:
+            return ""
+        return f"{unknown} of {len(self._ways)} ways by straight lines times {DETOUR:g}: {self.reason}"
+
+    @property
+    def reason(self) -> str:
+        """Why ways are not known, in words; empty if all are."""
+        return ", ".join(sorted(self._reasons))
+
+    def give_up(self) -> None:
+        """Ask no further; what is answered later is ignored."""
+        self._left, self._is_waiting = [], False
+        if self._planner is not None:
+            self._planner.give_up()
+
+    def release(self) -> None:
+        """Ask no more at all."""
+        self.give_up()
+        if self._planner is not None:
+            self._planner.release()
+
+    def _stop(self, reason: str) -> None:
+        self.give_up()
+        self._reasons.add(reason)
+
+    def _go_on(self) -> None:
+        if self._planner is not None and self._planner.is_ready:
+            self._is_waiting = True
+            self._planner.ask(self._goal(*self._left[0]), self._take)
+
+    def _goal(self, start: MapPose, target: MapPose) -> Any:
+        assert self._planner is not None  # noqa: S101 - asked by whoever calls
+        goal = self._planner.interface.Goal(planner_id=self._planner_id, use_start=True)
+        for message, pose in ((goal.start, start), (goal.goal, target)):
+            message.header.frame_id = MAP_FRAME
+            message.pose.position.x, message.pose.position.y = float(pose["x"]), float(pose["y"])
+            turn_by(message.pose.orientation, pose["yaw"])
+        return goal
+
+    def _take(self, result: Any | None) -> None:
+        """Note the answer, and ask for the next way."""
+        start, target = self._left.pop(0)
+        self._is_waiting = False
+        metres = math.inf if result is None else _length(start, result.path.poses, target)
+        if math.isfinite(metres):
+            self._zones.learn_way(start, target, metres)
+        else:
+            self._reasons.add("the planner gives none")
+        if self._left:
+            self._go_on()
+        else:
+            self._wake()
+
+
+def _length(start: MapPose, poses: Sequence[Any], target: MapPose) -> float:
+    """Return the length of a path from the start over its poses to the target, metres; infinite if it has no poses."""
+    if not poses:
+        return math.inf
+    points = [(each.pose.position.x, each.pose.position.y) for each in poses]
+    whole = [(start["x"], start["y"]), *points, (target["x"], target["y"])]
+    return math.fsum(math.dist(*step) for step in itertools.pairwise(whole))
