@@ -126,6 +126,7 @@ def test_these_are_the_leaves_with_several_answers_of_a_status() -> None:
         "DeliverReports",
         "AdvanceZone",
         "AbandonZone",
+        "FullBatterySuffices",  # in tests/missions/test_home_again.py
         "ReturnInReach",  # in tests/missions/test_home_again.py
         "NotHeld",  # in tests/faults/test_failsafes.py
     }

@@ -9,12 +9,17 @@ import yaml
 from py_trees.common import Status
 
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.missions.search_and_rescue.actions.coming_home import AwaitCharge, ReturnInReach
+from sar_compiler.missions.search_and_rescue.actions.coming_home import (
+    AwaitCharge,
+    FullBatterySuffices,
+    ReturnInReach,
+)
 from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.testing import simulate
 from tests.missions.test_both_trees_verified import broken, verify
 
 if TYPE_CHECKING:
@@ -40,6 +45,7 @@ class Robot:
         shared: Any = {"homing": self.homing, "clock": self.clock, "record": self.search.record}
         self._publisher = stage.host().node.create_publisher(BatteryState, "battery_state", 10)
         self.asks = stage.take(ReturnInReach("InReach?", **shared, **ports))
+        self.full = stage.take(FullBatterySuffices("Full?", self.homing))
         self.waits = stage.take(AwaitCharge("Await", **shared, patience=60.0))
 
     def tells(self, share: float) -> None:
@@ -54,7 +60,7 @@ class Robot:
     def comes_home(self) -> None:
         self.search.record.base_reached()
 
-    def answer(self, leaf: ReturnInReach | AwaitCharge) -> str:
+    def answer(self, leaf: ReturnInReach | FullBatterySuffices | AwaitCharge) -> str:
         leaf.tick_once()
         return leaf.answer_label
 
@@ -156,6 +162,31 @@ class TestReturnInReach:
             return robot.homing.energy.rates.per_m > 0.015
 
         stage.until(has_learned, "a metre that takes more than was expected")
+
+
+@pytest.mark.ros
+class TestFullBatterySuffices:
+    def test_a_zone_from_which_a_full_battery_brings_the_robot_home_is_one_to_charge_for(
+        self, stage: "Stage", robot: Robot
+    ) -> None:
+        robot.tells(0.1)
+        robot.homing.place = {"x": -90.0, "y": 0.0, "yaw": 0.0}
+        assert robot.answer(robot.full) == "suffices"
+        assert (robot.full.status, stage.warnings) == (Status.SUCCESS, [])
+
+    def test_no_charge_helps_for_one_that_is_too_far(self, stage: "Stage", robot: Robot) -> None:
+        robot.search.zones.add({"id": "zone_b", "x": 29.0, "y": 0.0, "yaw": 0.0})
+        robot.search.zones.choose("zone_b")
+        assert robot.answer(robot.full) == "too far"
+        assert robot.full.status is Status.FAILURE
+        assert stage.warnings == [
+            "zone_b needs 87% for 87 m and 87 s from home and back, and a full battery leaves 85% above the reserve."
+        ]
+
+    def test_without_a_zone_there_is_nothing_to_weigh(self, robot: Robot) -> None:
+        robot.search.zones.advance()
+        assert robot.answer(robot.full) == "no zone"
+        assert robot.full.status is Status.FAILURE
 
 
 @pytest.mark.ros
@@ -275,11 +306,6 @@ NEEDED = {
         "<AlwaysSuccess/>",
         UNASKED,
     ),
-    "the end where no battery comes": (
-        '<AbandonZones name="AbandonZonesUncharged"/>\n              </ForceFailure>',
-        "<AlwaysFailure/>\n              </ForceFailure>",
-        "every run ends",
-    ),
 }
 
 
@@ -296,6 +322,20 @@ def test_the_tree_needs(tmp_path: Path, old: str, new: str, question: str) -> No
     properties = "config/search_areas_properties.yaml"
     output = verify(tmp_path / TREE.name, "--set", "zones_left=1", "--properties", properties)[1]
     assert question in broken(output)
+
+
+def test_where_no_battery_comes_the_zones_that_are_left_are_given_up_and_the_mission_ends_at_home() -> None:
+    run = simulate(TREE, ReturnInReach="out of reach", AwaitCharge="not charged")
+    run.until_end().expect(
+        order=["NavigateToBase arrived", "AwaitCharge not charged", "AbandonZones abandoned"],
+        count={"PostponeZone postponed": 0, "NavigateToZone starts": 0},
+        root="FAILURE",
+    )
+
+
+def test_a_zone_for_which_no_battery_suffices_is_come_back_to_and_abandoned_without_a_drive() -> None:
+    run = simulate(TREE, FullBatterySuffices="too far").until_end()
+    run.expect(count={"PostponeZone postponed": 6, "AbandonZone abandoned": 3, "NavigateToZone starts": 0})
 
 
 @pytest.mark.unmeasured

@@ -82,14 +82,17 @@ class Homing:
         """Return the way home."""
         return self._drive(self._zones.way_m(self._here(), self._zones.base_pose()))
 
-    def leg(self) -> Trip:
+    def leg(self, start: MapPose | None = None) -> Trip:
         """Return the way to the current zone, a look there and the way home from it.
+
+        Args:
+            start: Where the robot sets out; where it is if None.
 
         Raises:
             IndexError: If every zone is visited.
         """
-        zone = self._zones.current_zone()
-        metres = self._zones.way_m(self._here(), zone) + self._zones.way_m(zone, self._zones.base_pose())
+        zone, start = self._zones.current_zone(), start or self._here()
+        metres = self._zones.way_m(start, zone) + self._zones.way_m(zone, self._zones.base_pose())
         look_sec = self._zones.areas.get(zone["id"], Area(0.0, 0.0)).look_sec
         return self._drive(metres, look_sec)
 
@@ -134,6 +137,21 @@ class Homing:
         return (
             f"{self.next_zone} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
             f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}"
+        )
+
+    def excess(self) -> str:
+        """Return in words that not even a full battery suffices for the current zone, from home; empty if one does.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        trip = self.leg(self._zones.base_pose())
+        need = self.energy.need(trip)
+        if need <= 1.0 - self.reserve:
+            return ""
+        return (
+            f"{self.next_zone} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s from home and back, "
+            f"and a full battery leaves {1.0 - self.reserve:.0%} above the reserve"
         )
 
     def weighed(self) -> dict[str, float | None]:

@@ -260,6 +260,17 @@ SPECS = [
         ),
         facts={"zones_left": 3},
     ),
+    _condition(
+        f"{_HERE}.actions.coming_home:FullBatterySuffices",
+        "Would a full battery suffice for the current zone, from home and back? SUCCESS if so, else FAILURE: no charge helps.",
+        handed_over("homing", _HOMING, "What it takes to come home."),
+        answers=(
+            Answer("SUCCESS", "suffices", "zones_left > 0"),
+            Answer("FAILURE", "too far", "zones_left > 0"),
+            Answer("FAILURE", "no zone", "zones_left == 0"),
+        ),
+        facts={"zones_left": 3},
+    ),
     leaf_spec(
         f"{_HERE}.actions.coming_home:AwaitCharge",
         "Wait at home until the battery was charged or swapped and suffices for the current zone: RUNNING meanwhile, then SUCCESS.",

@@ -148,6 +148,28 @@ class ReturnInReach(_HomingLeaf):
         return self.answer(Status.SUCCESS, "in reach")
 
 
+class FullBatterySuffices(RosLeaf):
+    """Would a full battery suffice for the current zone, from home and back? SUCCESS if so, else FAILURE: no charge helps.
+
+    Args:
+        name: The node's name.
+        homing: What it takes to come home.
+    """
+
+    def __init__(self, name: str, homing: Homing) -> None:
+        super().__init__(name)
+        self._homing = homing
+
+    def update(self) -> Status:
+        """Weigh the zone."""
+        if not self._homing.has_next:
+            return self.answer(Status.FAILURE, "no zone")
+        reason = self._homing.excess()
+        if reason:
+            self.complain(f"{reason}.")
+        return self.answer(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
+
+
 @dataclass(eq=False, repr=False, kw_only=True)
 class AwaitCharge(_HomingLeaf):
     """Wait at home until the battery was charged or swapped and suffices for the current zone: RUNNING meanwhile, then SUCCESS.
