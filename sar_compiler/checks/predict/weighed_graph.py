@@ -411,7 +411,7 @@ def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
     """Return of each step its source and its target, as places, and the number of what it does."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
-        counts = [len(steps.of(place)) for place in range(len(steps))]
+        counts = [int(steps.count(place)) for place in range(len(steps))]
         sources.append(np.repeat(np.arange(first, first + len(steps)), counts))
         targets += list(steps.targets)
         waits += [steps.waits[step] for step in range(len(steps.targets))]

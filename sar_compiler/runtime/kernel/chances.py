@@ -587,17 +587,17 @@ class WeighedSteps(TickSteps):
         super().__init__(flat, ticker, judge, judged_by, forgets=True)
         self._times = times
         self._is_over = False
-        self._cells, self._entries = vec[i32](), vec[i32]()
+        self._cells = vec[i32]()
         self._values: list[Any] = []
         self._watched = 0
         self._head = 0, 0
 
     def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
         """Go to a state, to play its ticks; see `TickSteps.enter`."""
-        self._is_over = self.judge(state, None).ends
         super().enter(state, alone=alone, path=path)
+        self._is_over = self.judge(state, None).ends
         ticker = self._ticker
-        self._cells, self._values, self._entries = ticker.cells[:], ticker.values[:], ticker.entries.now[:]
+        self._cells, self._values = ticker.cells[:], ticker.values[:]
         self._watched = ticker.trail.watched
 
     def step(self) -> int:

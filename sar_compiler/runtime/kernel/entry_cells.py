@@ -31,6 +31,7 @@ class EntryCells:
         self.names: list[str] = []
         self.lent: dict[int, Any] = {}
         self.freeze: Callable[[int, Any], Hashable] | None = None
+        self._nothing: vec[i32] = vec[i32]()
         self._places: dict[str, int] = {}
         self._contents: list[list[Any]] = []
         self._numbers: list[dict[Any, int]] = []
@@ -43,6 +44,7 @@ class EntryCells:
             self.names.append(name)
             self.known += 1
             self.now = append(self.now, NOTHING)
+            self._nothing = append(self._nothing, NOTHING)
             self._contents.append([None])
             self._numbers.append({None: NOTHING})
         return place
@@ -64,12 +66,16 @@ class EntryCells:
 
     def restore(self, now: vec[i32]) -> None:
         """Make all entries what they were; those that were not known then are not there."""
-        if self.lent:
-            self.lent.clear()
+        self.lent.clear()
         entries = now[:]
-        for _ in range(len(self.names) - len(now)):
+        while len(entries) < len(self._nothing):
             entries = append(entries, NOTHING)
         self.now = entries
+
+    def clear(self) -> None:
+        """Make no entry be there."""
+        self.lent.clear()
+        self.now = self._nothing[:]
 
     def settle(self) -> None:
         """Look at what was lent, which may have been changed in place."""

@@ -56,18 +56,14 @@ class Fork:
 
     Args:
         ticker: What ticks the nodes.
-        node: The node that is next.
-        waiting: The nodes around it.
+        node: The node that is next; those around it wait.
         is_middle: Whether it is a middle of ticks.
     """
 
-    def __init__(
-        self, ticker: "ForkingTicker", node: TreeNode, waiting: list[TreeNode], *, is_middle: bool
-    ) -> None:
+    def __init__(self, ticker: "ForkingTicker", node: TreeNode, *, is_middle: bool) -> None:
         trail = ticker.trail
         self.is_middle = is_middle
         self.node = node
-        self.waiting = waiting[:]
         self.cells = ticker.cells[:]
         self.values = ticker.values[:]
         self.entries = ticker.entries.now[:]
@@ -132,6 +128,9 @@ class ForkingTicker(Ticker):
         self._code = StateCode(cells, values, [])
         self._forks: list[Fork] = []
         self._seen: set[tuple[bytes, Waits]] = set()
+        self._forgotten: list[bool] = []
+        # By the node around the next one: whose ends may be looked at in the middle of a tick, although they are forgotten.
+        self._shown: dict[int, list[int]] = {}
 
     def forget(self, forgotten: list[bool]) -> None:
         """Take for each node whether it makes no difference, while it does not run, if and how it has ended.
@@ -139,6 +138,7 @@ class ForkingTicker(Ticker):
         In the middle of a tick it makes one for the children of the nodes that are ticked: those may be about to look.
         """
         self._code = StateCode(self.cells, self.values, forgotten)
+        self._forgotten = forgotten
 
     def begin(self, root: TreeNode, watched: int, path: tuple[int, ...] = ()) -> None:
         """Begin with the first tick of the state that the cells and entries have.
@@ -151,28 +151,27 @@ class ForkingTicker(Ticker):
         self.choices.begin(path)
         self.trail.begin(watched)
         self._seen.clear()
-        self._forks = [Fork(self, root, [], is_middle=False)]
+        self._forks = [Fork(self, root, is_middle=False)]
 
     def play(self) -> int:
         """Tick from the last fork on; return the outcome, KNOWN or ENTERED."""
-        fork = self._forks[-1]
-        node, waiting = fork.node, fork.waiting[:]
+        node = self._forks[-1].node
         is_new = False
         while True:
             if is_new and node.ways(self) > 1:
-                met = self._meet(node, waiting) if self._meets else CALLED
+                met = self._meet(node) if self._meets else CALLED
                 if met != CALLED:
                     return met
-                self._forks.append(Fork(self, node, waiting, is_middle=False))
+                self._forks.append(Fork(self, node, is_middle=False))
             is_new = True
             outcome = node.begin(self)
             while outcome != CALLED:
-                if not waiting:
+                around = node.around
+                if around is None:
                     self.waits = self.trail.waits
                     return outcome
-                node = waiting.pop()
+                node = around
                 outcome = node.resume(self, outcome)
-            waiting.append(node)
             called = self.called
             assert called is not None  # noqa: S101 - CALLED says so
             node = called
@@ -188,23 +187,34 @@ class ForkingTicker(Ticker):
         forks[-1].restore(self)
         return left
 
-    def _meet(self, node: TreeNode, waiting: list[TreeNode]) -> int:
+    def _meet(self, node: TreeNode) -> int:
         """Return KNOWN if a tick was here before, with nothing behind it that makes a difference; else ENTERED in a middle, or CALLED."""
-        cells = self.cells
-        ended = [cells[child.at] for around in waiting for child in around.children]
-        trail = self.trail
-        self.entries.settle()
-        head = [node.index, trail.watched, trail.broken, *ended]
-        middle = self._code.write(head, cells, self.values, self.entries.now)
+        trail, entries = self.trail, self.entries
+        entries.settle()
+        shown = self._shown_at(node) if self._forgotten else []
+        middle = self._code.write_middle(
+            node.index, trail.watched, trail.broken, shown, self.cells, self.values, entries.now
+        )
         if self.middles is not None:
             self.middle, self.waits = middle, trail.waits
             if self.middles.find(middle) >= 0:
                 return KNOWN
             trail.begin_part()
-            self._forks.append(Fork(self, node, waiting, is_middle=True))
+            self._forks.append(Fork(self, node, is_middle=True))
             return ENTERED
         place = middle, (trail.going_on, trail.changed, 0)
         if place in self._seen:
             return KNOWN
         self._seen.add(place)
         return CALLED
+
+    def _shown_at(self, node: TreeNode) -> list[int]:
+        """Return the forgotten nodes of which it makes a difference how they have ended while a node is next."""
+        around = node.around
+        if around is None:
+            return []
+        shown = self._shown.get(around.index)
+        if shown is None:
+            own = [child.at for child in around.children if self._forgotten[child.at]]
+            shown = self._shown[around.index] = own + self._shown_at(around)
+        return shown

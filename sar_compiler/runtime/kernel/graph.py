@@ -71,13 +71,17 @@ class Steps:
         """Return how many places there are of which the steps are known."""
         return len(self._offsets) - 1
 
-    def of(self, place: int) -> range:
-        """Return the numbers of the steps from a place."""
-        return range(self._offsets[place], self._offsets[place + 1])
+    def of(self, place: i64) -> tuple[i64, i64]:
+        """Return the number of the first step from a place, and the first one behind its last."""
+        return self._offsets[place], self._offsets[place + 1]
 
-    def add(self, target: int, waits: int) -> None:
+    def count(self, place: i64) -> i64:
+        """Return how many steps lead from a place."""
+        return self._offsets[place + 1] - self._offsets[place]
+
+    def add(self, target: i32, waits: int) -> None:
         """Add a step from the place in hand."""
-        self.targets = append(self.targets, i32(target))
+        self.targets = append(self.targets, target)
         self.waits.append(waits)
 
     def end(self) -> None:
@@ -140,14 +144,17 @@ class Graph:
         """How many places there are: the states, by their numbers, and behind them the middles."""
         return len(self.states) + len(self.middles)
 
-    def leading_from(self, place: int) -> tuple[Steps, range]:
-        """Return the steps from a place, as numbers of these; none for a state that was not gone through."""
-        states = len(self.states)
-        if place >= states:
-            return self.middles, self.middles.of(place - states)
-        return self.steps, self.steps.of(place) if place < self.expanded else range(0)
+    def leading_from(self, place: i64) -> tuple[Steps, i64, i64]:
+        """Return the steps from a place: the number of the first one, and the first one behind them. A state that was not gone through has none."""
+        states: i64 = len(self.states)
+        steps = self.steps if place < states else self.middles
+        number = place if place < states else place - states
+        if number >= len(steps):
+            return steps, 0, 0
+        first, behind_last = steps.of(number)
+        return steps, first, behind_last
 
-    def place(self, target: int) -> int:
+    def place(self, target: i64) -> i64:
         """Return the place that a target of a step is."""
         return target if target >= 0 else len(self.states) - 1 - target
 
@@ -167,10 +174,13 @@ class Graph:
 
     def _following(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
         """Return where the steps from a place lead, and what the tick has noted of what is waited for then; the last step first."""
-        steps, numbers = self.leading_from(place)
+        steps, first, end = self.leading_from(place)
         return [
-            (self.place(steps.targets[step]), *behind(going_on, changed, self.waits[steps.waits[step]]))
-            for step in reversed(numbers)
+            (
+                int(self.place(i64(steps.targets[step]))),
+                *behind(going_on, changed, self.waits[steps.waits[step]]),
+            )
+            for step in range(int(end) - 1, int(first) - 1, -1)
         ]
 
     def distance(self, state: int) -> int:

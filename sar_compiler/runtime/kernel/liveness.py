@@ -40,7 +40,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from librt.vecs import vec
-from mypy_extensions import i32, i64
+from mypy_extensions import i32, i64, u8
 
 from sar_compiler.runtime.kernel.graph import Edge, Graph, behind
 
@@ -64,12 +64,12 @@ def endings(graph: Graph) -> Endings:
 
     A state that was not gone through counts as one that can end.
     """
-    can_end = bytearray(graph.places)
+    can_end, ends = vec[u8](bytes(graph.places)), vec[u8](graph.ends)
     stuck: int | None = None
     circling: list[int] | None = None
     for component in components(graph, graph.ends):
         # Components come in reverse topological order: what can be reached from this one is decided already.
-        if any(_goes_on(graph, place, can_end) for place in component):
+        if _any_goes_on(graph, component, can_end, ends):
             for place in component:
                 can_end[place] = 1
         else:
@@ -78,7 +78,7 @@ def endings(graph: Graph) -> Endings:
         if is_fair(graph, component):
             circling = _sooner(component, circling)
     for state in range(len(graph.states) if stuck is None else stuck):
-        if graph.ends[state] and not _goes_on(graph, state, can_end):
+        if ends[state] and not _any_goes_on(graph, [state], can_end, ends):
             return Endings(state, circling)
     return Endings(stuck, circling)
 
@@ -100,16 +100,18 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
     return circling
 
 
-def _goes_on(graph: Graph, place: int, can_end: bytearray) -> bool:
-    steps, numbers = graph.leading_from(place)
-    # What was not gone through may end; what only raises has.
-    if not numbers:
-        return True
-    states = len(graph.states)
-    for step in numbers:
-        target = graph.place(steps.targets[step])
-        if can_end[target] or (target < states and graph.ends[target]):
+def _any_goes_on(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8]) -> bool:
+    """Return whether from one of some places a step leads to where a run can end."""
+    for place in places:
+        steps, step, behind_last = graph.leading_from(place)
+        # What was not gone through may end; what only raises has.
+        if step == behind_last:
             return True
+        while step < behind_last:
+            target = graph.place(i64(steps.targets[step]))
+            if can_end[target] or (target < len(ends) and ends[target]):
+                return True
+            step += 1
     return False
 
 
@@ -161,37 +163,37 @@ class _DepthFirst:
     def __init__(self, graph: Graph, excluded: bytearray) -> None:
         zeros = bytes(graph.places)
         self.order, self.low, self.following = vec[i32](zeros), vec[i32](zeros), vec[i64](zeros)
-        self.on_stack = bytearray(zeros)
+        self.on_stack = vec[u8](zeros)
         self._graph = graph
-        self._excluded = excluded
+        self._excluded = vec[u8](excluded)
 
     def begin(self, place: int, number: int) -> None:
         """Give a place a number."""
         self.order[place] = self.low[place] = i32(number)
-        self.following[place] = self._graph.leading_from(place)[1].start
+        self.following[place] = self._graph.leading_from(place)[1]
         self.on_stack[place] = 1
 
     def enter(self, place: int) -> int:
         """Continue through the steps of a place; return the first new place, -1 at the end."""
-        order, on_stack, graph = self.order, self.on_stack, self._graph
-        steps, numbers = graph.leading_from(place)
-        targets, states = steps.targets, len(graph.states)
-        step, stop, least = int(self.following[place]), numbers.stop, self.low[place]
-        found = -1
+        order, on_stack, excluded, graph = self.order, self.on_stack, self._excluded, self._graph
+        steps, _, stop = graph.leading_from(place)
+        targets = steps.targets
+        step, least = self.following[place], self.low[place]
+        found: i64 = -1
         while step < stop and found < 0:
-            target = graph.place(targets[step])
+            target = graph.place(i64(targets[step]))
             step += 1
-            if target < states and self._excluded[target]:
+            if target < len(excluded) and excluded[target]:
                 continue
             if order[target] == _NEW:
                 found = target
             elif on_stack[target] and order[target] < least:
                 least = order[target]
         self.following[place], self.low[place] = step, least
-        return found
+        return int(found)
 
 
-def _pop_component(stack: list[int], on_stack: bytearray, first: int) -> list[int]:
+def _pop_component(stack: list[int], on_stack: vec[u8], first: int) -> list[int]:
     component = []
     while True:
         state = stack.pop()
@@ -210,10 +212,10 @@ def is_fair(graph: Graph, component: list[int]) -> bool:
     There may be more ticks than can be gone through. So each step is looked at once, from the states on: which of the three things a tick
     can have noted of each bit up to there.
     """
-    inside = set(component)
     states = len(graph.states)
-    if min(component) >= states:
+    if min(component) >= states or (len(component) == 1 and not _goes_round(graph, component[0])):
         return False
+    inside = set(component)
     notes: dict[int, tuple[int, int, int]] = {}
     free, found = 0, False
     # A middle leads to middles with lower numbers.
@@ -221,9 +223,9 @@ def is_fair(graph: Graph, component: list[int]) -> bool:
     order += sorted((place for place in component if place >= states), reverse=True)
     for place in order:
         nothing, going_on, changed = (_ALL, 0, 0) if place < states else notes[place]
-        steps, numbers = graph.leading_from(place)
-        for step in numbers:
-            target = graph.place(steps.targets[step])
+        steps, first, behind_last = graph.leading_from(place)
+        for step in range(first, behind_last):
+            target = int(graph.place(i64(steps.targets[step])))
             if target not in inside:
                 continue
             goes_on, changes, settled = graph.waits[steps.waits[step]]
@@ -239,6 +241,16 @@ def is_fair(graph: Graph, component: list[int]) -> bool:
                 others = notes.get(target, (0, 0, 0))
                 notes[target] = still | others[0], waits | others[1], begun | others[2]
     return found and free == _ALL
+
+
+def _goes_round(graph: Graph, place: int) -> bool:
+    """Return whether a step leads from a place to itself."""
+    steps, step, behind_last = graph.leading_from(place)
+    while step < behind_last:
+        if graph.place(i64(steps.targets[step])) == place:
+            return True
+        step += 1
+    return False
 
 
 _ALL: Final = -1
@@ -283,9 +295,9 @@ def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
         following: list[_Moment] = []
         for moment in tick:
             place, waiting, going_on, changed = moment
-            steps, numbers = graph.leading_from(place)
-            for step in numbers:
-                target = graph.place(steps.targets[step])
+            steps, first, behind_last = graph.leading_from(place)
+            for step in range(first, behind_last):
+                target = int(graph.place(i64(steps.targets[step])))
                 if target not in inside:
                     continue
                 after = behind(going_on, changed, graph.waits[steps.waits[step]])

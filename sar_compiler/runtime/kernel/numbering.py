@@ -109,7 +109,10 @@ class Numbering:
     def _grow(self) -> None:
         before = self._table
         self._mask = 2 * self._mask + 1
-        self._table = vec[i64](bytes(self._mask + 1))
+        table = vec[i64](capacity=self._mask + 1)
+        while len(table) <= self._mask:
+            table = append(table, _FREE)
+        self._table = table
         for slot in before:
             if slot != _FREE:
                 self._place(slot)

@@ -25,6 +25,7 @@ class AgainNode(DecoratorNode):
         done: The cell with the number of times so far.
         wanted: The cell with the number of times that are wanted, and 2 more, in a tick.
         before: The cell with the status of the child before it was ticked, in a tick.
+        fixed: How often it is to be ticked, where that is a constant; else `times` is read in each tick.
         told: How often one without an end has ticked its child. It makes no difference, so it is in no cell.
     """
 
@@ -34,12 +35,14 @@ class AgainNode(DecoratorNode):
         self.goes_on = goes_on
         self.noun = noun
         self.done, self.wanted, self.before = part.cell(), part.cell(), part.cell()
-        self.endless: bool = self.times.entry is None and self.times.get() == _ENDLESS
+        self.is_fixed: bool = self.times.entry is None
+        self.fixed: int = self.times.get() if self.is_fixed else 0
+        self.endless = self.is_fixed and self.fixed == _ENDLESS
         self.told = 0
 
     def begin(self, ticker: Ticker) -> int:
         """Read how often the child is to be ticked, and tick it."""
-        wanted: int = self.times.get()
+        wanted: int = self.fixed if self.is_fixed else self.times.get()
         ticker.cells[self.at] = RUNNING
         return self.go_on(ticker, wanted)
 
@@ -121,7 +124,7 @@ class RetryNode(AgainNode):
 
     def read_again(self, wanted: int) -> int:
         """Return how often the child is to be ticked, after it has been once more."""
-        again: int = self.times.get(wanted)
+        again: int = wanted if self.is_fixed else self.times.get(wanted)
         return again
 
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from librt.vecs import append, vec
-from mypy_extensions import i32, mypyc_attr
+from mypy_extensions import i32, i64, mypyc_attr
 
 from sar_compiler.runtime.kernel.graph import Breach, Graph, Steps
 from sar_compiler.runtime.kernel.numbering import Middles, Numbering
@@ -20,6 +20,10 @@ _NOWHERE: Final = (1 << 31) - 1
 """In place of a target: the tick raises."""
 _SEVERAL: Final = -1
 """In place of the only state that a place leads to."""
+_FEW: Final = 32
+"""Among so many steps one is found by looking at all of them."""
+_NARROW: Final = 20
+"""Three numbers with so many bits make one number of the machine."""
 
 NOTHING: Final = 0
 """There is no step any more."""
@@ -149,7 +153,7 @@ class _Exploration:
         self._names = names
         self._numbering = Numbering()
         self._graph = Graph(self._numbering.states)
-        self._known_waits: dict[Waits, int] = {}
+        self._known_waits: dict[Any, int] = {}
         # The only state that each middle leads to.
         self._only = vec[i32]()
         self._open: set[int] = set()
@@ -180,7 +184,8 @@ class _Exploration:
         stepper = self._stepper
         self._source = index
         self._places = [_OpenPlace(b"", (0, 0, 0))]
-        stepper.enter(self._graph.states[index])
+        state = self._graph.states[index]
+        stepper.enter(state)
         while True:
             led = stepper.step()
             if led == NOTHING:
@@ -191,7 +196,7 @@ class _Exploration:
             self._state, self._waits, self._broken = stepper.state, stepper.waits, stepper.broken
             if not self._take(led, middle):
                 return
-        self._finish()
+        self._finish(state)
 
     def _take(self, led: int, middle: int) -> bool:
         """Take the step in hand, which may lead to the middle of a number; return False if the search is over."""
@@ -226,14 +231,25 @@ class _Exploration:
         if target >= 0:
             # What has begun in the tick is not waited for.
             changed = 0
-        elif not len(self._graph.middles.of(-1 - target)):
+        elif not self._graph.middles.count(-1 - target):
             target = _NOWHERE
         if len(self._places) == 1:
             # There was nothing before.
             settled = changed
-        known = self._known_waits
-        number = known.setdefault((goes_on, changed, settled), len(known))
-        self._places[-1].steps[target << _BITS_OF_WAITS | number] = None
+        number = self._number_of(goes_on, changed, settled)
+        self._places[-1].add(i64(target) << _BITS_OF_WAITS | i64(number))
+
+    def _number_of(self, goes_on: int, changed: int, settled: int) -> int:
+        """Return the number of what a step does to what is waited for."""
+        key: Any = goes_on << 2 * _NARROW | changed << _NARROW | settled
+        if (goes_on | changed | settled) >> _NARROW:
+            key = goes_on, changed, settled
+        number = self._known_waits.get(key, -1)
+        if number < 0:
+            waits = self._graph.waits
+            number = self._known_waits[key] = len(waits)
+            waits.append((goes_on, changed, settled))
+        return number
 
     def _leave(self, count: int) -> None:
         """Write down the steps of the middles in hand, of that number."""
@@ -243,13 +259,13 @@ class _Exploration:
             self._only = append(self._only, i32(self._write(self._graph.middles, place)))
             self._lead(-1 - number, place.waits)
 
-    def _finish(self) -> None:
+    def _finish(self, state: bytes) -> None:
         """Write down the steps of the state in hand."""
         self._leave(len(self._places) - 1)
         index = self._source
         only = self._write(self._graph.steps, self._places[0])
         if index in self._open:
-            self._judge_again(index, idle=only == index)
+            self._judge_again(index, state, idle=only == index)
 
     def _count(self) -> None:
         """Count a tick, and report the progress now and then."""
@@ -267,24 +283,22 @@ class _Exploration:
 
     def _write(self, steps: Steps, place: "_OpenPlace") -> int:
         """Write down the steps of a place; return the only state that they lead to, _SEVERAL if it is not the only one."""
-        graph = self._graph
-        if len(self._known_waits) > len(graph.waits):
-            graph.waits = list(self._known_waits)
-        only = _NOWHERE
+        only: i64 = _NOWHERE
         for step in place.steps:
-            target = step >> _BITS_OF_WAITS
-            end = target
+            target = end = step >> _BITS_OF_WAITS
             if target == _NOWHERE:
                 end = _SEVERAL
             else:
-                steps.add(target, step & _WAITS)
+                steps.add(i32(target), int(step & _WAITS))
                 if target < 0:
-                    end = self._only[-1 - target]
-            only = end if only in (_NOWHERE, end) else _SEVERAL
+                    end = i64(self._only[-1 - target])
+            if only not in (_NOWHERE, end):
+                end = _SEVERAL
+            only = end
         steps.end()
-        return only
+        return int(only)
 
-    def _judge_again(self, index: int, *, idle: bool) -> None:
+    def _judge_again(self, index: int, state: bytes, *, idle: bool) -> None:
         """Judge a state again now that all of its ticks are known.
 
         Whether a state is idle depends on its ticks, and whether a run ends there may depend on that. When the
@@ -293,7 +307,7 @@ class _Exploration:
         """
         graph = self._graph
         self._open.remove(index)
-        judgement = self._stepper.judge(graph.states[index], idle)
+        judgement = self._stepper.judge(state, idle)
         graph.ends[index] = judgement.ends
         for rule in self._new(judgement.broken):
             graph.breaches[rule] = Breach(index)
@@ -337,9 +351,28 @@ class _OpenPlace:
     Args:
         middle: The middle.
         waits: What the step to it does to what is waited for.
+
+    Attributes:
+        steps: The steps: where each leads, and the number of what it does to what is waited for.
     """
 
     def __init__(self, middle: bytes, waits: Waits) -> None:
         self.middle = middle
         self.waits = waits
-        self.steps: dict[int, None] = {}
+        self.steps = vec[i64]()
+        self._many: set[int] = set()
+
+    def add(self, step: i64) -> None:
+        """Add a step, unless it is known."""
+        steps = self.steps
+        if len(steps) < _FEW:
+            for known in steps:
+                if known == step:
+                    return
+        else:
+            if not self._many:
+                self._many.update([int(known) for known in steps])
+            if int(step) in self._many:
+                return
+            self._many.add(int(step))
+        self.steps = append(steps, step)

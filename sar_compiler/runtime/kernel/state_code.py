@@ -2,24 +2,25 @@
 
 from typing import Any, Final
 
-from librt.vecs import append, vec
+from librt.vecs import vec
 from mypy_extensions import i32, i64, u8
 
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING
 
 _MORE: Final = 128
 """Added to a byte of a number of which more follows."""
-_LONGEST: Final = 10
-"""So many bytes a number of the machine takes at most."""
-_LARGE: Final = 60
-"""A number with more bits may be none of the machine."""
+_HALF: Final = 15
+"""The most that half a byte holds; in place of a number that is as large or larger, whose rest follows."""
+_LONGEST: Final = 21
+"""So many bytes a place and a number of the machine take at most."""
 
 
 class StateCode:
     """Writes states as bytes: only what is not as it was at first, which is little where few nodes run.
 
-    A number is written as in Protocol Buffers, seven bits a byte; a cell as how many cells behind the last one it stands,
-    and what is in it. First come the outcome of the last tick and what the properties remember.
+    First come the outcome of the last tick and what the properties remember, as Protocol Buffers write numbers: seven bits a byte. Then
+    comes a byte for each place that is not as it was: how many places behind the last one it stands, and what is in it. What does not fit
+    into a half of that byte goes on behind it.
 
     Args:
         cells: The cells with numbers, at the start.
@@ -31,53 +32,123 @@ class StateCode:
         self._cells = cells[:]
         self._values = list(values)
         self._forgotten = vec[u8](forgotten)
-        self._code = _Code()
         self._numbers: dict[Any, int] = {}
         self._numbered: list[Any] = []
+        # What is being written, and the last place of which something was.
+        self._room = vec[u8]()
+        self._last: i64 = 0
 
     @property
     def known(self) -> int:
         """How many other values have a number."""
         return len(self._numbered)
 
-    def write(self, head: list[int], cells: vec[i32], values: list[Any], entries: vec[i32]) -> bytes:
+    def write(
+        self, outcome: int, watched: int, cells: vec[i32], values: list[Any], entries: vec[i32]
+    ) -> bytes:
         """Return a state as bytes.
 
         Args:
-            head: The outcome of the last tick, and what the properties remember.
+            outcome: The outcome of the last tick.
+            watched: What the properties remember.
             cells: The cells with numbers.
             values: The cells with other values.
             entries: The number of what each entry holds.
         """
-        code = self._code
-        code.begin(head, len(cells) + len(values) + len(entries))
-        self._write_cells(code, cells)
-        count = len(cells)
-        for place, value in enumerate(values):
-            if value != self._values[place]:
-                code.put(count + place, self._number(value))
-        count += len(values)
-        index: i64 = 0
-        while index < len(entries):
-            if entries[index]:
-                code.put(count + index, i64(entries[index]))
-            index += 1
-        return code.written()
+        self._make_room(watched.bit_length(), len(cells) + len(values) + len(entries))
+        at = _put_number(self._room, _put_number(self._room, 0, outcome), watched)
+        return self._write(at, cells, values, entries)
 
-    def _write_cells(self, code: "_Code", cells: vec[i32]) -> None:
+    def write_middle(
+        self,
+        node: int,
+        watched: int,
+        broken: int,
+        shown: list[int],
+        cells: vec[i32],
+        values: list[Any],
+        entries: vec[i32],
+    ) -> bytes:
+        """Return the middle of a tick as bytes, which nobody reads.
+
+        Args:
+            node: The node that is next.
+            watched: What the properties remember.
+            broken: Which of them are broken.
+            shown: Forgotten nodes of which it makes a difference here how they have ended.
+            cells: The cells with numbers.
+            values: The cells with other values.
+            entries: The number of what each entry holds.
+        """
+        most = watched.bit_length() + broken.bit_length()
+        self._make_room(most, len(cells) + len(values) + len(entries))
+        at = _put_number(self._room, _put_number(self._room, 0, node), watched)
+        at = _put_number(self._room, at, broken)
+        forgotten = self._forgotten
+        for place in shown:
+            forgotten[place] = 0
+        written = self._write(at, cells, values, entries)
+        for place in shown:
+            forgotten[place] = 1
+        return written
+
+    def _make_room(self, bits: int, places: i64) -> None:
+        """Make room for a head with so many bits, and for so many places."""
+        most = bits + _LONGEST * (places + 3)
+        if len(self._room) < most:
+            self._room = vec[u8](bytes(most))
+
+    def _write(self, at: i64, cells: vec[i32], values: list[Any], entries: vec[i32]) -> bytes:
+        """Return what was written, with all places behind it."""
+        self._last = 0
+        at = self._put_cells(self._put_statuses(at, cells), cells)
+        at = self._put_values(at, len(cells), values)
+        at = self._put_entries(at, len(cells) + len(values), entries)
+        return bytes(self._room[:at])
+
+    def _put_statuses(self, at: i64, cells: vec[i32]) -> i64:
+        room, forgotten, nodes, last = self._room, self._forgotten, len(self._forgotten), self._last
         index: i64 = 0
-        forgotten, nodes = self._forgotten, len(self._forgotten)
         while index < nodes:
             held = cells[index]
             if held != INVALID and (held == RUNNING or not forgotten[index]):
-                code.put(index, i64(held) + 1)
+                at = _put(room, at, index - last, i64(held) + 1)
+                last = index
             index += 1
-        first, count = self._cells, len(cells)
+        self._last = last
+        return at
+
+    def _put_cells(self, at: i64, cells: vec[i32]) -> i64:
+        room, first, last = self._room, self._cells, self._last
+        index, count = len(self._forgotten), len(cells)
         while index < count:
             held = cells[index]
             if held != first[index]:
-                code.put(index, i64(held) + 1)
+                at = _put(room, at, index - last, i64(held) + 1)
+                last = index
             index += 1
+        self._last = last
+        return at
+
+    def _put_values(self, at: i64, before: i64, values: list[Any]) -> i64:
+        for place, first in enumerate(self._values):
+            value = values[place]
+            if value is not first and value != first:
+                now = before + i64(place)
+                at = _put(self._room, at, now - self._last, i64(self._number(value)))
+                self._last = now
+        return at
+
+    def _put_entries(self, at: i64, before: i64, entries: vec[i32]) -> i64:
+        room, last = self._room, self._last - before
+        index: i64 = 0
+        while index < len(entries):
+            held = entries[index]
+            if held:
+                at = _put(room, at, index - last, i64(held))
+                last = index
+            index += 1
+        return at
 
     def _number(self, value: Any) -> int:
         number = self._numbers.setdefault(value, len(self._numbered))
@@ -85,82 +156,60 @@ class StateCode:
             self._numbered.append(value)
         return number
 
-    def head(self, code: bytes) -> list[int]:
+    def head(self, code: bytes) -> tuple[int, int]:
         """Return the outcome of the last tick, and what the properties remember."""
-        outcome, at = _read(code, 0)
-        watched, shift = 0, 0
-        for byte in code[at : _behind(code, at)]:
+        watched, shift, at = 0, 0, 1
+        while True:
+            byte = code[at]
             watched |= (byte & (_MORE - 1)) << shift
+            if byte < _MORE:
+                return code[0], watched
             shift += 7
-        return [outcome, watched]
+            at += 1
 
-    def read(self, code: bytes, cells: vec[i32], values: list[Any]) -> vec[i32]:
-        """Return the numbers of what the entries hold in a state, and make the cells what they were in it."""
-        count, others = len(self._cells), len(self._values)
-        index: i64 = 0
-        while index < count:
-            cells[index] = self._cells[index]
-            index += 1
+    def read(self, code: bytes, values: list[Any], entries: vec[i32]) -> vec[i32]:
+        """Return what the cells hold in a state.
+
+        Args:
+            code: The state.
+            values: What the other cells hold, which is replaced.
+            entries: 0 for each entry, which is replaced by the number of what it holds.
+        """
+        cells, count, others = self._cells[:], len(self._cells), len(self._values)
         values[:] = self._values
-        entries = vec[i32]()
         place: i64 = 0
-        at = _behind(code, _behind(code, 0))
-        while at < len(code):
-            step, at = _read(code, at)
-            held, at = _read(code, at)
+        at, end = _behind(code, 1), len(code)
+        while at < end:
+            both: i64 = code[at]
+            step, held = both >> 4, both & _HALF
+            at += 1
+            if step == _HALF:
+                step, at = _read_rest(code, at)
+            if held == _HALF:
+                held, at = _read_rest(code, at)
             place += step
             if place < count:
                 cells[place] = i32(held - 1)
             elif place < count + others:
                 values[place - count] = self._numbered[held]
             else:
-                while len(entries) < place - count - others:
-                    entries = append(entries, 0)
-                entries = append(entries, i32(held))
-        return entries
+                entries[place - count - others] = i32(held)
+        return cells
 
 
-class _Code:
-    """A state that is being written."""
-
-    def __init__(self) -> None:
-        self._room = vec[u8]()
-        self._at: i64 = 0
-        self._last: i64 = 0
-
-    def begin(self, head: list[int], most: i64) -> None:
-        """Begin with the numbers at the head, of which any may have more bits than those of the machine.
-
-        Args:
-            head: The numbers.
-            most: How many places may follow.
-        """
-        room = _LONGEST * (len(head) + 2 * most)
-        for number in head:
-            if number >> _LARGE:
-                room += number.bit_length()
-        if len(self._room) < room:
-            self._room = vec[u8](bytes(room))
-        self._at = self._last = 0
-        for number in head:
-            while number >= _MORE:
-                self._room[self._at] = u8(_MORE | number & (_MORE - 1))
-                self._at += 1
-                number >>= 7  # noqa: PLW2901 - the rest of it
-            self._room[self._at] = u8(number)
-            self._at += 1
-
-    def put(self, place: i64, held: i64) -> None:
-        """Add what a place holds."""
-        self._at = _put(self._room, _put(self._room, self._at, place - self._last), held)
-        self._last = place
-
-    def written(self) -> bytes:
-        """Return what was written."""
-        return bytes(self._room[: self._at])
+def _put(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
+    """Write at a place what is so many places further on; return where the next one begins."""
+    if step < _HALF and held < _HALF:
+        code[at] = u8(step << 4 | held)
+        return at + 1
+    code[at] = u8(min(step, _HALF) << 4 | min(held, _HALF))
+    at += 1
+    if step >= _HALF:
+        at = _put_number(code, at, step - _HALF)
+    return _put_number(code, at, held - _HALF) if held >= _HALF else at
 
 
-def _put(code: vec[u8], at: i64, number: i64) -> i64:
+def _put_number(code: vec[u8], at: i64, number: int) -> i64:
     """Write a number at a place; return where the next one begins."""
     while number >= _MORE:
         code[at] = u8(_MORE | number & (_MORE - 1))
@@ -177,13 +226,14 @@ def _behind(code: bytes, at: i64) -> i64:
     return at + 1
 
 
-def _read(code: bytes, at: i64) -> tuple[i64, i64]:
-    number: i64 = 0
+def _read_rest(code: bytes, at: i64) -> tuple[i64, i64]:
+    """Return the number of which the rest begins at a place, and where what is behind it begins."""
+    number: i64 = _HALF
     shift: i64 = 0
     while True:
         byte: i64 = code[at]
         at += 1
-        number |= (byte & (_MORE - 1)) << shift
+        number += (byte & (_MORE - 1)) << shift
         if byte < _MORE:
             return number, at
         shift += 7

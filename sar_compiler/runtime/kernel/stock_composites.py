@@ -150,8 +150,9 @@ class StockSelectorNode(StockNode):
     def go_on(self, ticker: Ticker) -> int:
         """Tick the children from the one in hand on, until one does not fail."""
         cells, children = ticker.cells, self.children
-        index = cells[self.current]
-        for child in children[index:]:
+        index, count = cells[self.current], len(children)
+        while index < count:
+            child = children[index]
             cells[self.current] = index
             if child.tick(ticker) == CALLED:
                 return CALLED

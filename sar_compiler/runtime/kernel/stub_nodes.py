@@ -180,6 +180,8 @@ class StubNode(TreeNode):
         self._all = [reply for _, reply in self._replies]
         conditions = [answer.when for answer in leaf.answers if answer.when]
         self._asked: Memo | None = leaves.board.memo(leaf.entries(conditions)) if conditions else None
+        # Made once: each look would make it anew.
+        self._work: Callable[[], list[Reply]] = self._work_out
 
     def tick(self, ticker: Ticker) -> int:
         """Tick the leaf, unless it may answer several things."""
@@ -224,7 +226,7 @@ class StubNode(TreeNode):
         """Return what the leaf can answer now."""
         if self._asked is None:
             return self._all
-        possible: list[Reply] = self._asked.call(self._work_out)
+        possible: list[Reply] = self._asked.call(self._work)
         return possible
 
     def _work_out(self) -> list[Reply]:

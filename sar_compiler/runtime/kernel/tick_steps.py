@@ -50,6 +50,9 @@ class TickSteps(Stepper):
         self._judged_by = judged_by
         self._judged: dict[tuple[int, int, bool | None], Memo] = {}
         self._is_fresh = True
+        # The state whose ticks are played, and what is to be known of it when it is judged once more.
+        self._entered, self._entered_head = b"", (0, 0)
+        self._entries = ticker.entries.now
         self._first = self._write_state(0, 0)
         self.state = self._first
         self.outcome = 0
@@ -75,9 +78,10 @@ class TickSteps(Stepper):
             alone: Whether all of its ticks are played, also where those of other states came to the same middles.
             path: The choices of the first one; there are no others then.
         """
-        watched = self.restore(state)[1]
+        self._entered_head = self.restore(state)
+        self._entered, self._entries = state, self._ticker.entries.now[:]
         self._ticker.middles = None if alone else self.middles
-        self._ticker.begin(self._flat.nodes[0], watched, path)
+        self._ticker.begin(self._flat.nodes[0], self._entered_head[1], path)
         self._is_fresh = True
 
     def step(self) -> int:
@@ -134,6 +138,9 @@ class TickSteps(Stepper):
         """
         if state is self.state:
             outcome, watched = self.outcome, self._ticker.trail.watched
+        elif state is self._entered:
+            outcome, watched = self._entered_head
+            self._ticker.entries.restore(self._entries)
         else:
             outcome, watched = self.restore(state)
         place = (outcome, watched, idle)
@@ -146,11 +153,11 @@ class TickSteps(Stepper):
     def restore(self, state: bytes) -> tuple[int, int]:
         """Make the tree what it was in a state; return the outcome of the last tick, and what the properties remembered."""
         ticker = self._ticker
-        ticker.entries.restore(self._code.read(state, ticker.cells, ticker.values))
-        head = self._code.head(state)
-        return head[0], head[1]
+        ticker.entries.clear()
+        ticker.cells = self._code.read(state, ticker.values, ticker.entries.now)
+        return self._code.head(state)
 
     def _write_state(self, outcome: int, watched: int) -> bytes:
         ticker = self._ticker
         ticker.entries.settle()
-        return self._code.write([outcome, watched], ticker.cells, ticker.values, ticker.entries.now)
+        return self._code.write(outcome, watched, ticker.cells, ticker.values, ticker.entries.now)

@@ -42,6 +42,7 @@ class Trail:
         numbers: What has happened, in order.
         keeps: Whether events are kept, and what the entries hold before each of them; a search has no use for it.
         pasts: The latter, for each event.
+        known: How many leaves and timers have a bit.
         going_on: The leaves that run on as they were, and the timers that were not up, as bits.
         changed: The leaves that run and timers that count, but have begun in this tick, as bits.
         settled: Those of which something was noted that makes no difference to what was noted before, as bits.
@@ -63,7 +64,8 @@ class Trail:
         self._heard = vec[u8]([number in numbers for number in range(self._count)])
         self._after = after
         self._known: dict[int, tuple[int, int]] = {}
-        self._bits: dict[int, int] = {}
+        self._bits: list[int] = []
+        self.known = 0
         self._entries = entries
         self.numbers: list[int] = []
         self.keeps = False
@@ -72,7 +74,13 @@ class Trail:
 
     def bit(self, index: int) -> int:
         """Return the bit of the leaf or timer of a node, by the node's index."""
-        return self._bits.setdefault(index, 1 << len(self._bits))
+        bits = self._bits
+        while len(bits) <= index:
+            bits.append(0)
+        if not bits[index]:
+            bits[index] = 1 << self.known
+            self.known += 1
+        return bits[index]
 
     def begin(self, watched: int) -> None:
         """Begin a tick, with what the properties remember."""
@@ -90,11 +98,6 @@ class Trail:
         if self.keeps:
             del self.numbers[happened:]
             del self.pasts[happened:]
-
-    @property
-    def known(self) -> int:
-        """How many leaves and timers have a bit."""
-        return len(self._bits)
 
     @property
     def waits(self) -> Waits:

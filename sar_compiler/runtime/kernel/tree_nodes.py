@@ -102,6 +102,7 @@ class TreeNode:
         at: The cell of its status.
         behaviour: The behaviour.
         children: Its children.
+        around: The node whose child it is; None for the root.
         is_skippable: Whether the behaviour tells that it was skipped.
         heeds_end: Whether it matters, while the node does not run, if and how it has ended. It does not where each start is
             as the first.
@@ -115,6 +116,9 @@ class TreeNode:
         self.at = part.at
         self.behaviour = part.behaviour
         self.children = part.children
+        self.around: TreeNode | None = None
+        for child in part.children:
+            child.around = self
         self.is_skippable: bool = hasattr(part.behaviour, "skipped")
         self.heeds_end = self.shows_itself = False
         self.reached = 0

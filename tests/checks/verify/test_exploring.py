@@ -25,6 +25,12 @@ def test_ticks_that_come_to_the_same_and_wait_for_the_same_are_one():
     assert list(graph.successors(0)) == [1, 1]
 
 
+def test_of_many_ticks_each_is_kept_once():
+    many = [(state, waits) for state in range(60) for waits in (1, 1 << 30)]
+    graph = explored({0: many * 2})
+    assert graph.ticks(0) == many
+
+
 def test_the_first_breach_of_a_rule_is_kept_with_its_tick():
     graph = explored({0: [1, 2], 1: [3], 2: [3]}, broken={2: 0b10, 3: 0b11})
     first, second = graph.breaches[0], graph.breaches[1]

@@ -12,7 +12,7 @@ from sar_compiler.runtime.kernel.state_code import StateCode
 FIRST_CELLS = [INVALID] * 3 + [0, 7]
 FIRST_VALUES = [(), "x"]
 STATES = st.tuples(
-    st.tuples(st.integers(0, 4), st.integers(0, 2**200)).map(list),
+    st.tuples(st.integers(0, 4), st.integers(0, 2**200)),
     st.tuples(
         *(st.sampled_from([INVALID, RUNNING, SUCCESS, FAILURE]) for _ in range(3)),
         st.integers(-1, 300),
@@ -42,17 +42,17 @@ def without_end(entries):
 def test_a_state_is_read_as_it_was_written(state):
     head, cells, values, entries = state
     states = code()
-    written = states.write(head, numbers(cells), values, numbers(entries))
-    read_cells, read_values = numbers([9] * len(cells)), [9] * len(values)
-    assert list(states.read(written, read_cells, read_values)) == without_end(entries)
-    assert (list(read_cells), read_values, states.head(written)) == (cells, values, head)
+    written = states.write(*head, numbers(cells), values, numbers(entries))
+    read_values, read_entries = [9] * len(values), numbers([0] * len(entries))
+    assert list(states.read(written, read_values, read_entries)) == cells
+    assert (read_values, list(read_entries), states.head(written)) == (values, entries, head)
 
 
 @given(st.lists(STATES, max_size=6))
 def test_two_states_are_written_alike_only_if_they_are_the_same(states):
     coding = code()
     written = [
-        coding.write(head, numbers(cells), values, numbers(entries))
+        coding.write(*head, numbers(cells), values, numbers(entries))
         for head, cells, values, entries in states
     ]
     same = [(head, cells, values, without_end(entries)) for head, cells, values, entries in states]
@@ -63,15 +63,45 @@ def test_two_states_are_written_alike_only_if_they_are_the_same(states):
 def test_how_a_forgotten_node_has_ended_is_not_written():
     states = code([True, False, True])
     ended, running = [SUCCESS, FAILURE, INVALID, 0, 7], [INVALID, FAILURE, RUNNING, 0, 7]
-    read = numbers([0] * 5)
-    states.read(states.write([0, 0], numbers(ended), FIRST_VALUES, numbers([])), read, [0, 0])
-    assert list(read) == [INVALID, FAILURE, INVALID, 0, 7]
-    states.read(states.write([0, 0], numbers(running), FIRST_VALUES, numbers([])), read, [0, 0])
-    assert list(read) == running
+
+    def read(cells):
+        written = states.write(0, 0, numbers(cells), FIRST_VALUES, numbers([]))
+        return list(states.read(written, [0, 0], numbers([])))
+
+    assert read(ended) == [INVALID, FAILURE, INVALID, 0, 7]
+    assert read(running) == running
+
+
+def test_a_middle_says_how_those_forgotten_nodes_have_ended_that_are_shown_there():
+    states = code([True, True, True])
+
+    def middle(cells, shown):
+        return states.write_middle(3, 0, 0, shown, numbers(cells), FIRST_VALUES, numbers([]))
+
+    one, other = [SUCCESS, SUCCESS, INVALID, 0, 7], [SUCCESS, FAILURE, INVALID, 0, 7]
+    assert middle(one, [1]) != middle(other, [1])
+    assert middle(one, [0, 2]) == middle(other, [0, 2])
+    assert middle(one, []) == middle(other, [])
+
+
+def test_a_middle_is_another_one_where_a_property_is_broken():
+    states = code()
+    middles = {
+        states.write_middle(node, watched, broken, [], numbers(FIRST_CELLS), FIRST_VALUES, numbers([]))
+        for node in (0, 200)
+        for watched in (0, 1, 2**70)
+        for broken in (0, 1)
+    }
+    assert len(middles) == 12
+
+
+def test_a_change_takes_one_byte():
+    changed = [RUNNING, FAILURE, SUCCESS, 13, 7]
+    assert len(code().write(0, 0, numbers(changed), FIRST_VALUES, numbers([0, 14]))) == 2 + 5
 
 
 def test_a_tree_as_it_was_at_first_takes_two_bytes():
-    assert len(code().write([0, 0], numbers(FIRST_CELLS), FIRST_VALUES, numbers([0, 0]))) == 2
+    assert len(code().write(0, 0, numbers(FIRST_CELLS), FIRST_VALUES, numbers([0, 0]))) == 2
 
 
 @given(st.lists(st.binary(max_size=2), max_size=3000))
