@@ -9,6 +9,7 @@ import yaml
 from py_trees.common import Status
 
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.missions import MissionPhase
 from sar_compiler.missions.search_and_rescue.actions.coming_home import (
     AwaitCharge,
     FullBatterySuffices,
@@ -16,6 +17,7 @@ from sar_compiler.missions.search_and_rescue.actions.coming_home import (
 )
 from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
 from sar_compiler.missions.search_and_rescue.homing import Homing
+from sar_compiler.missions.search_and_rescue.search import BASE as BASE_NAME
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.clock import ManualClock
@@ -194,13 +196,15 @@ class TestAwaitCharge:
     def test_it_waits_at_home_until_the_battery_was_swapped(self, stage: "Stage", robot: Robot) -> None:
         robot.tells(0.4)
         robot.answer(robot.asks)
+        assert robot.search.display().phase.name == ""
         robot.comes_home()
         assert robot.answer(robot.waits) == "waiting"
         assert robot.waits.status is Status.RUNNING
+        assert robot.search.display().phase == MissionPhase("waiting", "for another battery", BASE_NAME)
         robot.tells(0.95)
         assert robot.answer(robot.waits) == "charged"
         assert stage.lines == ["The battery is at 95%: on to zone_a."]
-        assert robot.facts == []
+        assert (robot.facts, robot.search.display().phase.name) == ([], "")
 
     def test_a_battery_that_is_charged_a_little_does_not_suffice(self, robot: Robot) -> None:
         robot.tells(0.3)
@@ -233,6 +237,8 @@ class TestAwaitCharge:
         assert robot.answer(robot.waits) == "not charged"
         assert robot.search.record.alarm == "the battery was not charged within 60 s at home"
         assert stage.warnings[-1] == "The battery was not charged within 60 s at home."
+        assert robot.facts == ["the battery was not charged within 60 s at home"]
+        assert robot.search.display().phase.name == ""
 
     def test_away_from_home_there_is_nothing_to_wait_for(self, robot: Robot) -> None:
         robot.tells(0.4)

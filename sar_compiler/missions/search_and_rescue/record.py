@@ -247,7 +247,7 @@ class MissionRecord:
         zone: The zone that was set out for and not left yet; empty if there is none.
         home: Whether the robot has returned to the base station and not left it for a zone since.
         alarms: The reasons to cut the mission short, in words, the latest last.
-        homing_for: Why the robot comes home before it goes on, in words; empty if it does not, or the battery was charged since.
+        homing_for: Why the robot comes home before it goes on, in words; empty if it does not, the battery was charged since, or the mission is cut short.
         navigation_lost: Why nobody can judge a drive, in words; empty while somebody can. It is no fact.
     """
 
@@ -478,7 +478,7 @@ class MissionRecord:
         self.homing_for = ""
 
     def _take_alarmed(self, _: FactTime, reason: str) -> None:
-        self.alarms = (*self.alarms, str(reason))
+        self.alarms, self.homing_for = (*self.alarms, str(reason)), ""
 
     def _place_of(self, x: float, y: float) -> int:
         """Return the place in the list of who was found last at a position; behind the last one if nobody was."""

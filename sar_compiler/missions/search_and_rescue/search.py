@@ -167,6 +167,8 @@ class Search(MissionRun):
         orders, place = self.orders, self.record.zone or (BASE if self.record.home else "")
         name = "aborted" if "abort" in orders.given else "held" if orders.held else ""
         why = "by the operator" if name else "called home by the operator" if "recall" in orders.given else ""
+        if self.record.homing_for and self.record.home and not name:
+            name, why = "waiting", "for another battery"
         return MissionPhase(name, why, place)
 
     def _zone(self, zone: Zone) -> Landmark:
