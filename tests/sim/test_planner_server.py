@@ -67,7 +67,7 @@ def test_a_way_leads_around_the_walls_of_the_map(planning: Planning) -> None:
     status, result = planning.way(THERE, HERE)
     assert (status, result.error_code, result.path.header.frame_id) == (SUCCEEDED, 0, "map")
     way = points(result)
-    assert math.dist(way[0], (HERE.x, HERE.y)) < 0.1
+    assert math.dist(way[0], (HERE.x, HERE.y)) < 0.3
     assert way[-1] == (THERE.x, THERE.y)
     assert sum(math.dist(*step) for step in itertools.pairwise(way)) > 3.0 * HERE.distance_to(THERE)
 
@@ -75,7 +75,7 @@ def test_a_way_leads_around_the_walls_of_the_map(planning: Planning) -> None:
 def test_without_a_start_a_way_begins_where_the_robot_is(planning: Planning) -> None:
     status, result = planning.way(THERE)
     assert status == SUCCEEDED
-    assert math.dist(points(result)[0], (0.0, 0.0)) < 0.1
+    assert math.dist(points(result)[0], (0.0, 0.0)) < 0.3
 
 
 @pytest.mark.parametrize(

@@ -222,7 +222,7 @@ SPECS = [
         attribute(
             "ways_timeout_sec",
             Seconds,
-            "How long the planner may take for all ways together, seconds; not waited for where it is not there.",
+            "How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.",
             5.0,
         ),
         attribute(

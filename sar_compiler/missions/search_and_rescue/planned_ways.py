@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.leaves import ActionQuestions, Deadline, LeafDefinitionError, deadline_clock, turn_by
+from sar_compiler.leaves import ActionQuestions, Deadline, LeafDefinitionError, turn_by
 from sar_compiler.missions.search_and_rescue.zone_manager import (
     DETOUR,
     MAP_FRAME,
@@ -27,7 +27,7 @@ class PlannedWays:
     Args:
         node: The mission's node.
         zones: Hear of each way.
-        timeout_sec: How long all answers together may take, seconds.
+        timeout_sec: How long all answers together may take, seconds of the machine's clock.
         planner_id: Which of the server's planners is asked; empty for its only one.
         wake: Called when the last answer has come.
     """
@@ -36,12 +36,12 @@ class PlannedWays:
         self, node: "Node", zones: ZoneManager, timeout_sec: float, planner_id: str, wake: Callable[[], None]
     ) -> None:
         self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
-        self._clock = deadline_clock(node)
         self._planner: ActionQuestions | None = None
         # The interfaces of an environment that was made earlier may lack this action.
         with suppress(LeafDefinitionError):
             self._planner = ActionQuestions(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
-        self._due = Deadline(0.0, self._clock)
+        # A planner computes by the machine's clock, also where a simulation is faster than that.
+        self._due = Deadline(0.0)
         self._ways: Sequence[PosePair] = ()
         self._left: list[PosePair] = []
         self._is_waiting = False
@@ -52,7 +52,7 @@ class PlannedWays:
         self.give_up()
         self._ways, self._reasons = ways, set()
         self._left = [way for way in ways if not self._zones.knows_way(*way)]
-        self._due = Deadline(self._timeout_sec, self._clock)
+        self._due = Deadline(self._timeout_sec)
         if self._left and (self._planner is None or not self._planner.has_server):
             self._stop(f"no server of {_ACTION} is there")
 

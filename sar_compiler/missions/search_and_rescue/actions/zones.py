@@ -47,7 +47,7 @@ class ChooseZone(RosLeaf):
     Args:
         zone_manager: The mission's zones, and where somebody may be.
         order: How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.
-        ways_timeout_sec: How long the planner may take for all ways together, seconds; not waited for where it is not there.
+        ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
         planner_id: Which of the planner server's planners is asked; empty for its only one.
     """
 
