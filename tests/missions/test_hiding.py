@@ -69,6 +69,7 @@ def as_answers(finds: list[float]) -> dict[str, object]:
         for answer, chance in ((found, find / begins[done]), (nothing, 1 - find / begins[done]))
     ]
     usual = {
+        "FullBatterySuffices": "suffices",
         "ReturnInReach": "in reach",
         "NavigateToZone": "arrived",
         "NavigateToBase": "arrived",
