@@ -85,6 +85,7 @@ def test_a_shell_completes_commands_options_and_names(shell, folder):
         "search_and_rescue_guarded",
         "search_and_rescue_resilient",
         "search_areas",
+        "search_sweeps",
     }
 
 

@@ -124,6 +124,10 @@ EXTRAS = {
         "pyproj",
         f"sar-run {{folder}}/plain.xml --report {{folder}}/report.geojson --ros-args {PLACE}",
     ),
+    "search": (
+        "shapely",
+        f"sar-run search_sweeps --check --params {Path('config/search_sweeps_params.yaml').resolve()}",
+    ),
     "sweep": (
         "distributed",
         "sar-compile sweep {folder}/plain.xml --unusual 0.1 --dask tcp://127.0.0.1:8786",

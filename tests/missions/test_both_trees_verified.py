@@ -56,9 +56,15 @@ def test_the_shipped_trees_that_give_zones_up_are_proved_to_give_none_up_while_n
         "_resilient": HOLDS,
         "_guarded": HOLDS,
         "search_areas": HOLDS,
+        "search_sweeps": HOLDS,
         "": left_out,
         "failsafes": "",
     }
+
+
+def test_the_tree_that_sweeps_is_proved_for_one_zone() -> None:
+    status, output = verify("trees/search_sweeps.xml", "--set", "zones_left=1")
+    assert (status, broken(output)) == (0, set())
 
 
 @pytest.mark.slow

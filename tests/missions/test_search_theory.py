@@ -8,7 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.search_theory import PoaMap, Tour
+from sar_compiler.missions.search_and_rescue.search_theory import (
+    PoaMap,
+    Tour,
+    pod_at_random,
+    pod_of_parallel_sweep,
+)
 from sar_compiler.missions.search_and_rescue.zone_order import EXACT_UP_TO, beam, exact, ordered
 from tests.chance import rounds
 
@@ -174,3 +179,11 @@ def test_what_is_no_probability_is_refused(poa: dict[str, float], pod: dict[str,
 def test_tenths_that_sum_to_one_are_not_refused_for_their_rounding() -> None:
     poa = {str(area): 0.1 for area in range(10)}
     assert PoaMap(poa, dict.fromkeys(poa, 0.5), {}).pos() == 0.0
+
+
+@pytest.mark.parametrize(("coverage", "at_random", "in_parallel"), [(0.0, 0.0, 0.0), (0.5, 0.393, 0.469), (1.0, 0.632, 0.790), (2.0, 0.865, 0.988)])  # fmt: skip
+def test_the_pod_of_a_coverage_is_that_of_the_tables(
+    coverage: float, at_random: float, in_parallel: float
+) -> None:
+    assert pod_at_random(coverage) == pytest.approx(at_random, abs=0.001)
+    assert pod_of_parallel_sweep(coverage) == pytest.approx(in_parallel, abs=0.001)

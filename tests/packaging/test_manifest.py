@@ -26,7 +26,18 @@ NEVER_RUN |= {"tomli", "tomllib"}
 # No package of apt's: lists stand in for it.
 NEVER_RUN |= {"librt", "mypy_extensions"}
 # Extras, which say what to install where they are missing.
-NEVER_RUN |= {"distributed", "mcap", "msgpack", "zmq", "rich", "cap_tools", "geojson", "pyproj", "xsdata"}
+NEVER_RUN |= {
+    "distributed",
+    "mcap",
+    "msgpack",
+    "zmq",
+    "rich",
+    "cap_tools",
+    "geojson",
+    "pyproj",
+    "shapely",
+    "xsdata",
+}
 NEVER_RUN |= {"starlette", "uvicorn", "pygls", "lsprotocol"}
 # Of BehaviorTree.ROS2, which is no package of apt's: `--serve` says so where it is missing.
 NEVER_RUN |= {"btcpp_ros2_interfaces"}

@@ -17,7 +17,7 @@ from sar_compiler.leaves import (
     leaf_spec,
     reference,
 )
-from sar_compiler.missions.search_and_rescue.search_theory import VisitingOrder
+from sar_compiler.missions.search_and_rescue.search_theory import SweepPattern, VisitingOrder
 
 _condition = partial(leaf_spec, kind=Kind.CONDITION)
 _HERE = "sar_compiler.missions.search_and_rescue"
@@ -28,6 +28,7 @@ _ORDERS = f"{_HERE}.orders:OperatorOrders"
 _SEARCH = f"{_HERE}.actions.survivors:DetectSurvivor"
 _FENCE = f"{_HERE}.zone_manager:Fence"
 _HOMING = f"{_HERE}.homing:Homing"
+_SWEEPS = f"{_HERE}.sweep_record:Sweeps"
 
 _NAMED = "named_by_{detect_node} = true; kept_by_{detect_node} = false"
 _ACKNOWLEDGED = (
@@ -62,6 +63,13 @@ _DRIVE = (
     ),
 )
 
+
+_ON_GROUND = (
+    handed_over("zone_manager", _ZONES, "The mission's zones."),
+    handed_over("sweeps", _SWEEPS, "The mission's sweeps."),
+)
+_CLEARANCE = attribute("clearance", float, "How far pieces keep from obstacles, metres.", 0.3)
+_PIECES = {"zones_left": 3, "pieces_left": 0}
 
 SPECS = [
     leaf_spec(
@@ -292,6 +300,97 @@ SPECS = [
         facts={"zones_left": 3, "at": ""},
     ),
     leaf_spec(
+        f"{_HERE}.actions.sweeping:PlanSweep",
+        "Plan the sweep of the current zone's ground; one that is planned goes on where it is.",
+        *_ON_GROUND,
+        attribute(
+            "pattern",
+            SweepPattern,
+            "How: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's "
+            "pose, or the diameters of a `sector` search through it.",
+            "parallel",
+        ),
+        attribute(
+            "coverage",
+            float,
+            "How often each place is covered by the sweep width: legs are sweep width / coverage apart.",
+            0.9,
+        ),
+        _CLEARANCE,
+        effects="plans the pieces of a sweep",
+        answers=(
+            Answer("SUCCESS", "planned", "zones_left > 0 && pieces_left == 0", "pieces_left = 2"),
+            Answer("SUCCESS", "going on", "zones_left > 0"),
+            Answer("FAILURE", "nothing to sweep", "zones_left > 0 && pieces_left == 0"),
+            Answer("FAILURE", "no zone", "zones_left == 0"),
+            Answer("RUNNING", "planning", "zones_left > 0 && pieces_left == 0"),
+        ),
+        facts=_PIECES,
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.sweeping:RefineSweep",
+        "Plan to look once more at what the sweep of the current zone has missed: SUCCESS if there is such ground.",
+        *_ON_GROUND,
+        attribute("until_pod", float, "How likely somebody there must have been found, 0 to 1.", 0.8),
+        attribute("max_passes", at_least(1), "How many passes there are at most, the first one included.", 3),
+        _CLEARANCE,
+        effects="plans the pieces of a further pass",
+        answers=(
+            Answer("SUCCESS", "planned", "zones_left > 0 && pieces_left == 0", "pieces_left = 2"),
+            Answer("SUCCESS", "going on", "zones_left > 0 && pieces_left > 0"),
+            Answer("FAILURE", "nothing to sweep", "zones_left > 0 && pieces_left == 0"),
+            Answer("FAILURE", "no zone", "zones_left == 0"),
+            Answer("RUNNING", "planning", "zones_left > 0 && pieces_left == 0"),
+        ),
+        facts=_PIECES,
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.sweeping:NavigateToPiece",
+        "Drive to the current piece of the sweep, and keep what is seen on the way.",
+        *_ON_GROUND,
+        handed_over("record", _RECORD, "Where the drive is noted.", required=False),
+        *_DRIVE,
+        effects="drives the robot to the current piece",
+        uses=(Use.action("{action}"), Use.nav2()),
+        answers=(
+            Answer("SUCCESS", "arrived", "pieces_left > 0", "at = 'zone'; navigation_lost = false"),
+            Answer("FAILURE", "aborted", "pieces_left > 0", "navigation_lost = false"),
+            Answer("FAILURE", "no piece", "pieces_left == 0"),
+            Answer("FAILURE", "unavailable", "pieces_left > 0", "navigation_lost = true"),
+            Answer("RUNNING", "driving", "pieces_left > 0", "at = ''; navigation_lost = false"),
+            Answer("RUNNING", "waiting for Nav2", "pieces_left > 0", "at = ''; navigation_lost = true"),
+        ),
+        facts={"pieces_left": 0, "at": "", "navigation_lost": False},
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.sweeping:AdvancePiece",
+        "Mark the current piece as swept, with what was seen so far; the next one becomes the current piece.",
+        *_ON_GROUND,
+        attribute(
+            "until_pod",
+            float,
+            "Ground where somebody would have been found with less than that, 0 to 1, is a gap.",
+            0.8,
+        ),
+        effects="marks the current piece as swept",
+        answers=(
+            Answer("SUCCESS", "advanced", "pieces_left > 0", "pieces_left -= 1"),
+            Answer("SUCCESS", "no piece", "pieces_left == 0"),
+        ),
+        facts={"pieces_left": 0},
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.sweeping:SkipPiece",
+        "Leave the current piece out, because it was not reached, or not searched; the next one becomes the current piece.",
+        *_ON_GROUND,
+        effects="leaves the current piece out",
+        answers=(
+            Answer("SUCCESS", "skipped", "pieces_left > 0", "pieces_left -= 1"),
+            Answer("SUCCESS", "no piece", "pieces_left == 0"),
+        ),
+        facts={"pieces_left": 0},
+    ),
+    leaf_spec(
         f"{_HERE}.actions.zones:PostponeZone",
         "Put the current zone after all others, to try it again later; FAILURE after its last attempt.",
         handed_over("zone_manager", _ZONES, "The mission's zones."),
@@ -337,6 +436,36 @@ SPECS = [
             Answer("FAILURE", "none left", "zones_left == 0"),
         ),
         facts={"zones_left": 3},
+    ),
+    _condition(
+        f"{_HERE}.actions.sweeping:ZoneHasGround",
+        "Has the current zone an outline, so that it can be swept? SUCCESS if so, else FAILURE.",
+        *_ON_GROUND,
+        answers=(Answer("SUCCESS", "yes", "zones_left > 0"), Answer("FAILURE", "no")),
+        facts={"zones_left": 3},
+    ),
+    _condition(
+        f"{_HERE}.actions.sweeping:PiecesRemaining",
+        "Is a piece of the current zone's sweep open? SUCCESS if so, else FAILURE.",
+        *_ON_GROUND,
+        answers=(
+            Answer("SUCCESS", "some left", "pieces_left > 0"),
+            Answer("FAILURE", "none left", "pieces_left == 0"),
+        ),
+        facts={"pieces_left": 0},
+    ),
+    _condition(
+        f"{_HERE}.actions.sweeping:IsFindNew",
+        "Is the survivor that the last search has found somebody who has no name yet? SUCCESS if so, else FAILURE.",
+        reference("detect_node", _SEARCH, "The search whose answer counts."),
+        handed_over("record", _RECORD, "Who was found before."),
+        attribute("same_within", float, "How near two finds of a zone are the same survivor, metres.", 1.0),
+        answers=(
+            Answer("SUCCESS", "new", "found_by_{detect_node}"),
+            Answer("FAILURE", "known", "found_by_{detect_node}"),
+            Answer("FAILURE", "nobody", "!found_by_{detect_node}"),
+        ),
+        facts={"found_by_{detect_node}": False},
     ),
     _condition(
         f"{_HERE}.conditions:IsSurvivorDetected",

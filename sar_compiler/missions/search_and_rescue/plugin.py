@@ -6,26 +6,24 @@ from pathlib import Path
 from sar_compiler.missions import Mission, ParameterReader, shipped
 from sar_compiler.missions.search_and_rescue.actions.coming_home import ReturnInReach
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
+from sar_compiler.missions.search_and_rescue.actions.sweeping import PlanSweep
+from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, read_areas, read_grounds, read_priorities
+from sar_compiler.missions.search_and_rescue.areas_file import AREAS_FILE, take_areas_file
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.hiding import HIDDEN, read_hiding
 from sar_compiler.missions.search_and_rescue.homing import ENERGY, Homing, read_homing
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, KeptReports, MissionRecord
 from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import (
-    AREA_KEYS,
-    Fence,
-    ZoneManager,
-    read_areas,
-    read_fence,
-)
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager, read_fence
 
 
 class SearchAndRescue(Mission):
     """Search zones for survivors, report them, come home."""
 
     name = "search_and_rescue"
-    context_types = (ZoneManager, MissionRecord, KeptReports, OperatorOrders, Fence, Homing)
+    context_types = (ZoneManager, MissionRecord, KeptReports, OperatorOrders, Fence, Homing, Sweeps)
     parameter_names = (
         "zone_order",
         "zones",
@@ -35,6 +33,7 @@ class SearchAndRescue(Mission):
         "duplicate_radius_m",
         ENERGY,
         HIDDEN,
+        AREAS_FILE,
     )
     faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
     default_tree = "search_and_rescue"
@@ -45,20 +44,29 @@ class SearchAndRescue(Mission):
         return shipped("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the shipped file for a tree that visits the zones and returns home; another one if it may return early, and go on."""
+        """Return the shipped file for a tree that visits the zones and returns home: others if it may return early, or sweeps."""
         if not {ZonesRemaining, NavigateToBase} <= set(leaves):
             return None
-        kind = "search_areas" if ReturnInReach in leaves else "mission"
-        return shipped("config", f"{kind}_properties.yaml")
+        early = "search_areas" if ReturnInReach in leaves else "mission"
+        return shipped("config", f"{'search_sweeps' if PlanSweep in leaves else early}_properties.yaml")
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Begin a run with no zone visited."""
+        take_areas_file(reader)
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
-        areas, speed = read_areas(reader, zones), reader.cruise_speed()
-        plan = ZoneManager(zones, base, areas=areas, speed_mps=speed)
-        homing, hides = read_homing(reader, plan, speed), read_hiding(reader, areas)
-        return Search(plan, MissionRecord(radius), fence=read_fence(reader), homing=homing, hides=hides)
+        speed, fence = reader.cruise_speed(), read_fence(reader)
+        areas, priorities = read_areas(reader, zones), read_priorities(reader, zones)
+        plan = ZoneManager(zones, base, areas=areas, priorities=priorities, speed_mps=speed)
+        homing, sweeps = read_homing(reader, plan, speed), Sweeps(read_grounds(reader, zones, fence))
+        return Search(
+            plan,
+            MissionRecord(radius),
+            fence=fence,
+            homing=homing,
+            sweeps=sweeps,
+            hides=read_hiding(reader, areas),
+        )
 
 
 MISSION = SearchAndRescue()

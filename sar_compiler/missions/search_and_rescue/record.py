@@ -169,7 +169,7 @@ class KeptReports:
 class DoneBefore:
     """What an earlier run has done of what a resumed one begins with: the tree starts anew, and this is not done again.
 
-    Searches and names are those of the zone that was not left yet. Each is handed out once, in its order: what a tree does
+    Searches and names are those of the zone, or of the piece of its sweep, that was not left yet. Each is handed out once, in its order: what a tree does
     again on purpose is done again.
 
     Attributes:
@@ -198,7 +198,13 @@ class DoneBefore:
         elif fact.kind == "survivor_named":
             self._names.append((data["survivor"], position(data["x"], data["y"])))
             self._survivors.add(data["survivor"])
-        elif fact.kind in ("zone_visited", "zone_postponed", "zone_abandoned"):
+        elif fact.kind in (
+            "zone_visited",
+            "zone_postponed",
+            "zone_abandoned",
+            "piece_swept",
+            "piece_skipped",
+        ):
             self._searches.clear()
             self._names.clear()
         elif fact.kind in ("zone_started", "base_reached"):
@@ -217,6 +223,10 @@ class DoneBefore:
         """Return the name of the survivor at a position; it is then not there any more."""
         index = next((index for index, (_, place) in enumerate(self._names) if place == (x, y)), None)
         return None if index is None else self._names.pop(index)[0]
+
+    def has_open_name(self, x: float, y: float) -> bool:
+        """Return whether there is a name of the survivor at a position."""
+        return any(place == (x, y) for _, place in self._names)
 
     def has_named(self, survivor_id: str) -> bool:
         """Return whether an earlier run has named a survivor so, in whatever zone."""

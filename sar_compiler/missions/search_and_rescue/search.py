@@ -1,6 +1,6 @@
 """One run of the mission: what its facts make of the plan, the record, the reports and the orders, and what is shown of that."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,7 @@ from sar_compiler.missions.search_and_rescue.record import (
     Standing,
     how_given_up,
 )
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.zone_manager import DETOUR, Fence, Zone, ZoneManager
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ KINDS = (
     LandmarkKind("geofence", "geofence"),
 )
 """What a search shows on the map."""
+GROUND_KINDS = (LandmarkKind("area", "areas"), LandmarkKind("gap", "gaps"))
+"""What it shows as well where zones have outlines."""
 # As of a log line: it comes home, and means to go on.
 _WARNING = 30
 BASE = "base station"
@@ -62,6 +65,7 @@ class Search(MissionRun):
         orders: What the operator has ordered.
         fence: The geofence.
         homing: What it takes to come home; with the default rates if None.
+        sweeps: The ground of zones that can be swept, and what has become of it.
         hides: Whether somebody hides in the simulator, instead of the survivors of its table.
     """
 
@@ -71,22 +75,24 @@ class Search(MissionRun):
     _: KW_ONLY
     fence: Fence = field(default_factory=Fence)
     homing: Homing | None = None
+    sweeps: Sweeps = field(default_factory=Sweeps)
     hides: bool = False
-
-    kinds = KINDS
 
     def __post_init__(self) -> None:
         self.kept = KeptReports()
         zones = self.zones
         self._home = self.homing or Homing(zones)
-        parts = (zones, self.record, self.kept, self.orders, self.fence, self._home)
+        parts = (zones, self.record, self.kept, self.orders, self.fence, self._home, self.sweeps)
         self.context = {type(part): part for part in parts}
+        self.kinds = (*KINDS, *(GROUND_KINDS if self.sweeps.grounds else ()))
         self._identity: dict[str, object] = {
             "zones": zones.remaining_zones(),
             "base_station": zones.base_pose(),
         }
         if zones.areas:
             self._identity["areas"] = {name: list(area) for name, area in zones.areas.items()}
+        if self.sweeps.grounds:
+            self._identity["grounds"] = {name: list(ground) for name, ground in self.sweeps.grounds.items()}
         self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
         self._share(Journal(apply=self.apply))
 
@@ -124,12 +130,12 @@ class Search(MissionRun):
         Raises:
             JournalError: If the facts are not those of a search.
         """
-        journal.attach(self, KINDS)
+        journal.attach(self, self.kinds)
         self.record.before = DoneBefore.of(journal.facts())
         self._share(journal)
 
     def _share(self, journal: Journal) -> None:
-        self.zones.journal = self.record.journal = self.orders.journal = journal
+        self.zones.journal = self.record.journal = self.orders.journal = self.sweeps.journal = journal
 
     def apply(self, fact: JournalEntry) -> None:
         """Change the state by a fact.
@@ -137,7 +143,7 @@ class Search(MissionRun):
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
-        for part in (self.zones, self.kept, self.record, self.orders):
+        for part in (self.zones, self.kept, self.record, self.orders, self.sweeps):
             part.apply(fact)
         if fact.kind == "zone_added":
             added = self.zones.remaining_zones()[-1]
@@ -147,7 +153,8 @@ class Search(MissionRun):
         """Return what is shown of it: zones, survivors, the base station; how far it is."""
         survivors, zones = self.record.survivors, self.zones
         found = map(_survivor, survivors, count(1))
-        landmarks = [*map(self._zone, self._plan.values()), *found, self._base(), *self._area()]
+        zones_shown = list(map(self._zone, self._plan.values()))
+        landmarks = [*zones_shown, *found, self._base(), *self._area(), *self._grounds(zones_shown)]
         figures = [
             Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
             Figure("survivors found", len(survivors)),
@@ -207,6 +214,42 @@ class Search(MissionRun):
     def _area(self) -> list[Landmark]:
         corners = self.fence.corners
         return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
+
+    def _grounds(self, zones: Sequence[Landmark]) -> Iterator[Landmark]:
+        """Yield the outlines that are swept, each as far as its zone is, and the gaps in them."""
+        for zone in zones:
+            ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.of(zone.name)
+            if ground is None:
+                continue
+            state = f"{sweep.done} of {len(sweep.pieces)} pieces" if sweep.passes else ""
+            yield zone._replace(
+                kind="area",
+                state=state,
+                reason="",
+                within=zone.name,
+                corners=ground.polygon,
+                details=self._swept(zone.name),
+            )
+            for number, gap in enumerate(sweep.gaps, 1):
+                name = f"{zone.name} gap {number}"
+                yield Landmark("gap", name, *gap[0], level=Level.GIVEN_UP, within=zone.name, corners=gap)
+
+    def _swept(self, zone: str) -> dict[str, object]:
+        """Return what is known of the sweep of a zone, in the words of the manuals."""
+        ground, sweep = self.sweeps.grounds[zone], self.sweeps.of(zone)
+        before = self.zones.areas.get(zone)
+        return {
+            "POA before": f"{before.poa:.1%}" if before else "",
+            "POA now": f"{self.zones.poa_map().now()[zone]:.1%}" if before else "",
+            "sweep width W": f"{ground.sweep_width:g} m",
+            "track length L": f"{sweep.metres:.1f} m",
+            "area A": f"{sweep.area_m2:.1f} m²" if sweep.area_m2 else "",
+            "coverage C": f"{sweep.coverage:.2f}",
+            "POD": f"{sweep.pod:.1%}",
+            "seen": f"{sweep.seen:.1%}",
+            "passes": sweep.passes,
+            "pieces skipped": sweep.skipped,
+        }
 
     def sentence(self, fact: JournalEntry) -> str:
         """Return a fact as a sentence."""
@@ -309,6 +352,14 @@ def _searched(zone: str, survivor: Sequence[float] | None) -> str:
     return f"searched {zone}: {'nobody' if survivor is None else f'somebody at {_at(*survivor)}'}"
 
 
+def _planned(zone: str, pattern: str, spacing: float, pieces: Sequence[object]) -> str:
+    return f"planned to sweep {zone} in {len(pieces)} pieces ({pattern}, {spacing:g} m apart)"
+
+
+def _piece_swept(zone: str, piece: int, pod: float, seen: float, **_more: object) -> str:
+    return f"swept piece {piece + 1} of {zone}: {seen:.0%} seen, POD {pod:.0%}"
+
+
 def _abandoned(zone: str, attempts: int, reason: str) -> str:
     return f"{zone} was {how_given_up(attempts, reason)}"
 
@@ -326,6 +377,9 @@ _ORDERS = {"hold": "pause", "release": "resume", "recall": "go home"}
 _SENTENCES: Mapping[str, Callable[..., str]] = {
     "zone_added": lambda id, x, y, yaw: f"the operator: {id} was added at {_at(x, y)}",  # noqa: A006, ARG005
     "zone_chosen": lambda zone: f"chose {zone}",
+    "sweep_planned": _planned,
+    "piece_swept": _piece_swept,
+    "piece_skipped": lambda zone, piece, reason: f"skipped piece {piece + 1} of {zone}: {reason}",
     "zone_started": lambda zone: f"set out for {zone}",
     "zone_searched": _searched,
     "survivor_unplaced": lambda zone, reason: f"somebody in {zone} at no usable position: {reason}",

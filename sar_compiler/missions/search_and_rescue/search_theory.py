@@ -6,14 +6,34 @@ POA is how likely somebody is in an area, POD how likely a look there finds who 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 VisitingOrder = Literal["listed", "nearest", "expected_find"]
 """How the next zone is chosen."""
 
+SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"]
+"""How a sweep goes: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""
+
 ROUNDING = 1e-9
 """How much above 1 a sum of probabilities may be."""
+SWEEP_FACTORS = {"high": 1.8, "medium": 1.6, "low": 1.1}
+"""How many times the detection range the sweep width is, by visibility (Koester et al., Wilderness & Environmental Medicine 25, 2014)."""
+
+
+def sweep_width_of(detection_range: float, visibility: str = "medium") -> float:
+    """Return the sweep width W of a detection range, both in metres."""
+    return SWEEP_FACTORS[visibility] * detection_range
+
+
+def pod_at_random(coverage: float) -> float:
+    """Return the POD of a search without any order, a lower bound: 1 - exp(-C) (Koopman 1946)."""
+    return -math.expm1(-coverage)
+
+
+def pod_of_parallel_sweep(coverage: float) -> float:
+    """Return the POD where parallel legs are kept, by the inverse-cube law of detection: erf(√π / 2 · C) (Koopman 1946)."""
+    return math.erf(math.sqrt(math.pi) / 2.0 * coverage)
 
 
 class Area(NamedTuple):
@@ -40,6 +60,7 @@ class PoaMap:
         poa: How likely each area was before the first look, 0 to 1; 1 at most in sum.
         pod: How likely a look in each area finds who is there, 0 to 1.
         looks: How often it was looked in an area; areas that are not named, never.
+        swept: How likely the sweeps of an area have found who is there, 0 to 1; areas that are not named were not swept.
 
     Raises:
         ValueError: If something is no probability, the areas sum above 1, or an area has no `pod`.
@@ -48,6 +69,7 @@ class PoaMap:
     poa: Mapping[str, float]
     pod: Mapping[str, float]
     looks: Mapping[str, int]
+    swept: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for area, value in (*self.poa.items(), *self.pod.items()):
@@ -60,17 +82,20 @@ class PoaMap:
             raise ValueError(f"the areas' POA sum to {total:g}; they can be 1 at most")
 
     @classmethod
-    def of(cls, areas: Mapping[str, Area], looks: Mapping[str, int]) -> "PoaMap":
-        """Return the map of some areas after some looks."""
+    def of(
+        cls, areas: Mapping[str, Area], looks: Mapping[str, int], swept: Mapping[str, float] | None = None
+    ) -> "PoaMap":
+        """Return the map of some areas after some looks and sweeps."""
         return cls(
             {name: area.poa for name, area in areas.items()},
             {name: area.pod for name, area in areas.items()},
             looks,
+            swept or {},
         )
 
     def missed(self, area: str) -> float:
-        """Return how likely all looks in an area have missed who is there: (1 - POD) to the power of their number."""
-        return (1.0 - self.pod[area]) ** self.looks.get(area, 0)
+        """Return how likely all that was done in an area has missed who is there: (1 - POD) for each look, and for its sweeps."""
+        return (1.0 - self.pod[area]) ** self.looks.get(area, 0) * (1.0 - self.swept.get(area, 0.0))
 
     def now(self) -> dict[str, float]:
         """Return how likely each area is now, by Bayes; 0 everywhere if nobody can be anywhere any more."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
 
+from sar_compiler.leaves import robot_estimate
 from sar_compiler.missions import (
     DataNode,
     ServiceFaults,
@@ -24,6 +25,8 @@ SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
 class DetectSurvivorServer(DataNode):
     """Answers from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default one.
 
+    In a zone with a `zones.<zone>.detection_range` (metres) somebody is found only from within that range of the robot.
+
     Args:
         faults: The faults to inject.
         hiding: Who hides from it; then there is no table.
@@ -41,20 +44,30 @@ class DetectSurvivorServer(DataNode):
         parameters = flat_parameters(self)
         table = read_survivors(parameters, SURVIVORS)
         self._look: Callable[[str], tuple[float, float] | None] = hiding.look if hiding else table.get
-        for note in lookalikes(parameters, ["survivors"]):
+        # The mission's parameters reach its servers as well where one file has them for all nodes.
+        ranges = {zone: parameters.get(f"zones.{zone}.detection_range") for zone in table}
+        self._ranges = {zone: reach for zone, reach in ranges.items() if isinstance(reach, int | float)}
+        self._robot = robot_estimate(self) if self._ranges and not hiding else None
+        for note in lookalikes(parameters, ["survivors", "zones"]):
             self.get_logger().warning(note)
         create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
         self.get_logger().info("DetectSurvivor service ready.")
 
     def _answer(self, request: Any, response: Any) -> Any:
         survivor, zone = self._look(request.zone_id), short_line(request.zone_id)
-        if survivor is None:
+        if survivor is None or not self._is_seen(request.zone_id, survivor):
             self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
             return response
         response.found = True
         response.survivor_x, response.survivor_y = x, y = survivor
         self.get_logger().info(f"Detection request for {zone}: FOUND at ({x:.2f}, {y:.2f})")
         return response
+
+    def _is_seen(self, zone: str, survivor: tuple[float, float]) -> bool:
+        if self._robot is None or zone not in self._ranges:
+            return True
+        place = self._robot.place()
+        return place is not None and math.dist(place[:2], survivor) <= self._ranges[zone]
 
 
 class ReportSurvivorServer(DataNode):

@@ -8,20 +8,17 @@ from copy import deepcopy
 from typing import Any, TypedDict, cast
 
 from sar_compiler.missions import (
-    FACTS_LOST,
     Journal,
     JournalEntry,
     ParameterReader,
     mission_context,
     position,
 )
-from sar_compiler.missions.search_and_rescue.search_theory import ROUNDING, Area, PoaMap, Tour
+from sar_compiler.missions.search_and_rescue.search_theory import Area, PoaMap, Tour
 
 _GEOFENCE = "geofence"
 _LEAST_CORNERS = 3
 _POINT = ("x", "y")
-AREA_KEYS = ("poa", "pod", "look_sec")
-"""What may stand beside the pose of a zone."""
 _LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 
 DETOUR = 1.5
@@ -63,13 +60,15 @@ class ZoneManager:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
         base_station: The pose to return to: `x`, `y` (metres), `yaw` (radians).
         areas: What is expected of looks in the zones, by their ids; none where no probabilities are given.
+        priorities: Which zones are chosen before others, by their ids: the higher ones; 0 where nothing is said.
         speed_mps: How fast the robot drives, for estimates of time, m/s.
 
     Attributes:
         journal: Where it is written what becomes of the zones: `zone_added`, `zone_chosen`, `zone_visited`,
             `zone_postponed`, `zone_abandoned`.
         areas: What is expected of looks in the zones.
-        looks: How often it was looked in each zone.
+        looks: How often it was looked in each zone; a sweep counts as what it has seen.
+        swept: How likely the sweep of each zone has found who is there, 0 to 1.
     """
 
     def __init__(
@@ -78,10 +77,13 @@ class ZoneManager:
         base_station: Mapping[str, Any],
         *,
         areas: Mapping[str, Area] | None = None,
+        priorities: Mapping[str, float] | None = None,
         speed_mps: float = 1.0,
     ) -> None:
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
+        self.swept: dict[str, float] = {}
+        self._priorities = dict(priorities or {})
         self._speed_mps = speed_mps
         self.journal = Journal(apply=self.apply)
         self._zones = [cast("Zone", deepcopy(dict(zone))) for zone in zones]
@@ -116,13 +118,16 @@ class ZoneManager:
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
 
     def eligible_zones(self) -> list[Zone]:
-        """Return the zones among which the next one may be chosen: those left that were postponed least, the current one first.
+        """Return the zones among which the next one may be chosen: those left that were postponed least, of these the most urgent ones.
 
-        So a zone that was postponed comes again only when all others have been tried as often.
+        So a zone that was postponed comes again only when all others have been tried as often. The current one is first.
         """
         left = self.remaining_zones()
-        fewest = min((self._postponed[zone["id"]] for zone in left), default=0)
-        return [zone for zone in left if self._postponed[zone["id"]] == fewest]
+        best = min(map(self._urgency, left), default=None)
+        return [zone for zone in left if self._urgency(zone) == best]
+
+    def _urgency(self, zone: Zone) -> tuple[int, float]:
+        return self._postponed[zone["id"]], -self._priorities.get(zone["id"], 0.0)
 
     def choose(self, zone_id: str) -> None:
         """Make one of the zones that are left the current one; the others keep their order."""
@@ -130,7 +135,7 @@ class ZoneManager:
 
     def poa_map(self) -> PoaMap:
         """Return where somebody may be, after the looks so far; with no areas where no probabilities are given."""
-        return PoaMap.of(self.areas, self.looks)
+        return PoaMap.of(self.areas, self.looks, self.swept)
 
     def tour(self, zones: Sequence[Zone]) -> Tour:
         """Return what there is to choose an order of some zones by, from where the robot has looked last, or the base station.
@@ -238,34 +243,46 @@ class ZoneManager:
         Raises:
             LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
-        data = fact.data
-        if fact.kind == "zone_chosen":
-            index = next(
-                (at for at, zone in enumerate(self.remaining_zones()) if zone["id"] == data["zone"]), None
-            )
-            if index is None:
-                raise ValueError(f"{data['zone']} is not left then")
-            self._zones.insert(self._index, self._zones.pop(self._index + index))
-        elif fact.kind == "zone_searched":
-            self.looks[data["zone"]] += 1
-            places = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] == data["zone"])
-            self._here = next(places, self._here)
-        elif fact.kind == "base_reached":
-            self._here = self._base_station
-        elif fact.kind == "zone_added":
-            x, y = position(data["x"], data["y"])
-            self._zones.append(Zone(id=data["id"], x=x, y=y, yaw=position(data["yaw"], 0.0)[0]))
+        take = getattr(self, f"_take_{fact.kind}", None)
+        if take is not None:
+            take(fact.data)
         elif fact.kind in _LEAVING:
             zone = self.current_zone()
-            if data["zone"] != zone["id"]:
+            if fact.data["zone"] != zone["id"]:
                 raise ValueError(f"the zone is then {zone['id']}")
             self._leave(fact.kind, zone)
-        elif fact.kind == "survivor_named":
-            number = data["survivor"].rpartition("_")[2]
-            # A leaf of somebody's own may give other names.
-            self._survivors = max(self._survivors, int(number) if number.isdecimal() else 0)
-        elif fact.kind == FACTS_LOST:
-            self._survivors = max(self._survivors, int(data["numbers"].get("survivor", 0)))
+
+    def _take_zone_chosen(self, data: Mapping[str, Any]) -> None:
+        left = [zone["id"] for zone in self.remaining_zones()]
+        if data["zone"] not in left:
+            raise ValueError(f"{data['zone']} is not left then")
+        self._zones.insert(self._index, self._zones.pop(self._index + left.index(data["zone"])))
+
+    def _take_zone_searched(self, data: Mapping[str, Any]) -> None:
+        self.looks[data["zone"]] += data["zone"] not in self.swept
+        places = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] == data["zone"])
+        self._here = next(places, self._here)
+
+    def _take_sweep_planned(self, data: Mapping[str, Any]) -> None:
+        self.swept.setdefault(data["zone"], 0.0)
+
+    def _take_piece_swept(self, data: Mapping[str, Any]) -> None:
+        self.swept[data["zone"]] = float(data["pod"])
+
+    def _take_base_reached(self, _: Mapping[str, Any]) -> None:
+        self._here = self._base_station
+
+    def _take_zone_added(self, data: Mapping[str, Any]) -> None:
+        x, y = position(data["x"], data["y"])
+        self._zones.append(Zone(id=data["id"], x=x, y=y, yaw=position(data["yaw"], 0.0)[0]))
+
+    def _take_survivor_named(self, data: Mapping[str, Any]) -> None:
+        number = data["survivor"].rpartition("_")[2]
+        # A leaf of somebody's own may give other names.
+        self._survivors = max(self._survivors, int(number) if number.isdecimal() else 0)
+
+    def _take_facts_lost(self, data: Mapping[str, Any]) -> None:
+        self._survivors = max(self._survivors, int(data["numbers"].get("survivor", 0)))
 
     def _leave(self, kind: str, zone: Zone) -> None:
         if kind == "zone_visited":
@@ -324,33 +341,6 @@ def read_fence(reader: ParameterReader) -> Fence:
         reader.report(_GEOFENCE, text)
         return Fence()
     return Fence(corners)
-
-
-def read_areas(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, Area]:
-    """Read what is expected of looks in zones, `zones.<id>.{poa,pod,look_sec}`; of all zones, or of none."""
-    keys = [f"zones.{zone['id']}.{name}" for zone in zones for name in AREA_KEYS]
-    if not any(key in reader.parameters for key in keys):
-        return {}
-    areas, mistakes = dict[str, Area](), len(reader.problems)
-    for zone in zones:
-        prefix = f"zones.{zone['id']}"
-        poa, pod = (_probability(reader, f"{prefix}.{name}") for name in ("poa", "pod"))
-        look_sec = reader.number(f"{prefix}.look_sec", 0.0)
-        if look_sec < 0:
-            reader.report(f"{prefix}.look_sec", f"must be 0 or above, is {look_sec:g}")
-        areas[zone["id"]] = Area(poa, pod, look_sec)
-    total = math.fsum(area.poa for area in areas.values())
-    if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
-        text = f"the zones' poa sum to {total:g}: write 1 at most, less if somebody may be elsewhere"
-        reader.report(f"zones.{zones[0]['id']}.poa", text)
-    return areas
-
-
-def _probability(reader: ParameterReader, key: str) -> float:
-    value = reader.number(key)
-    if not 0.0 <= value <= 1.0:
-        reader.report(key, f"must be a probability from 0 to 1, is {value:g}")
-    return value
 
 
 def read_survivors(

@@ -15,8 +15,13 @@ if TYPE_CHECKING:
     from nav_msgs.msg import MapMetaData
     from rclpy.node import Node
 
+    from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap
+
 _MAP_TOPIC = "map"
 """What Nav2's map server, or SLAM, publishes the map on, for late subscribers as well."""
+
+# From how many percent on a cell of the map is occupied, as map_server writes them.
+_OCCUPIED = 65
 
 FARTHEST = 100_000.0
 """No robot drives so far, metres: the limit of a coordinate while nobody publishes a map."""
@@ -37,6 +42,8 @@ class MapExtent:
         from nav_msgs.msg import OccupancyGrid
 
         self._info: MapMetaData | None = None
+        self._grid: OccupancyGrid | None = None
+        self._obstacles: ObstacleMap | None = None
         latched = qos_profile(type(self).__name__, "transient_local")
         node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._take, latched)
 
@@ -55,7 +62,21 @@ class MapExtent:
         origin, turn = info.origin.position, info.origin.orientation
         numbers = (info.resolution, origin.x, origin.y, yaw_of(turn))
         if all(map(math.isfinite, numbers)) and info.resolution > 0.0:  # else it is no map
-            self._info = info
+            self._info, self._grid, self._obstacles = info, message, None
+
+    def obstacles(self) -> "ObstacleMap | None":
+        """Return what nobody sees or drives through: cells that are occupied, or unknown; None while there is no map."""
+        # Only who sweeps needs NumPy.
+        import numpy as np
+
+        from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap
+
+        if self._grid is not None and self._obstacles is None:
+            info = self._grid.info
+            cells = np.array(self._grid.data, np.int8).reshape(info.height, info.width)
+            origin = info.origin.position.x, info.origin.position.y, yaw_of(info.origin.orientation)
+            self._obstacles = ObstacleMap((cells < 0) | (cells >= _OCCUPIED), info.resolution, origin)
+        return self._obstacles
 
 
 def _contains(info: "MapMetaData", x: float, y: float) -> bool:

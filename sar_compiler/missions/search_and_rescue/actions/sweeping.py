@@ -1,0 +1,341 @@
+"""Sweeping the ground of a zone: piece by piece, and what was missed once more."""
+
+import math
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import KW_ONLY, dataclass
+from typing import Annotated, Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import RobotEstimate, RosLeaf, at_least, robot_estimate
+from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateTo
+from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
+from sar_compiler.missions.search_and_rescue.areas import Corners
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.search_theory import (
+    SweepPattern,
+    pod_at_random,
+    pod_of_parallel_sweep,
+)
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
+from sar_compiler.missions.search_and_rescue.sweeps import sweep
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+
+Passes = Annotated[int, at_least(1)]
+
+# What is nearer than that is the robot's place as well, metres.
+_STANDS_M = 0.05
+# Who was here and is there now did not drive there, metres: the localisation has jumped.
+_JUMP_M = 2.0
+
+
+@dataclass(eq=False, repr=False)
+class _SweepLeaf(RosLeaf):
+    """The common base of leaves on the current zone's ground.
+
+    Args:
+        zone_manager: The mission's zones.
+        sweeps: The mission's sweeps.
+    """
+
+    name: str
+    zone_manager: ZoneManager
+    sweeps: Sweeps
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+
+    @property
+    def _zone(self) -> str:
+        """The current zone; empty if none is left."""
+        return self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
+
+
+class ZoneHasGround(_SweepLeaf):
+    """Has the current zone an outline, so that it can be swept? SUCCESS if so, else FAILURE."""
+
+    def update(self) -> Status:
+        """Look at the zone."""
+        return Status.SUCCESS if self._zone in self.sweeps.grounds else Status.FAILURE
+
+
+class PiecesRemaining(_SweepLeaf):
+    """Is a piece of the current zone's sweep open? SUCCESS if so, else FAILURE."""
+
+    def update(self) -> Status:
+        """Look at the sweep."""
+        sweep = self.sweeps.of(self._zone)
+        self.feedback_message = f"{sweep.done} of {len(sweep.pieces)} pieces done"
+        return Status.SUCCESS if sweep.left else Status.FAILURE
+
+
+@dataclass(eq=False, repr=False)
+class _PlanLeaf(_SweepLeaf):
+    """The common base of leaves that plan pieces, beside the ticks: RUNNING meanwhile.
+
+    Args:
+        clearance: How far pieces keep from obstacles, metres.
+    """
+
+    _: KW_ONLY
+    clearance: float = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._under_way: tuple[str, float, Future[list[MapPose]]] | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map."""
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+
+    def update(self) -> Status:
+        """Begin to plan, or take what has come of it."""
+        zone = self._zone
+        if not zone:
+            return self.answer(Status.FAILURE, "no zone")
+        if self.sweeps.of(zone).left:
+            return self.answer(Status.SUCCESS, "going on")
+        if self._under_way is None or self._under_way[0] != zone:
+            return self._begin(zone)
+        _, spacing, future = self._under_way
+        return (
+            self._planned(zone, spacing, future) if future.done() else self.answer(Status.RUNNING, "planning")
+        )
+
+    def terminate(self, new_status: Status) -> None:
+        """Forget what is planned, if the leaf is stopped."""
+        if new_status is Status.INVALID:
+            self._under_way = None
+
+    def _begin(self, zone: str) -> Status:
+        raise NotImplementedError
+
+    def _plan(self, zone: str, polygons: "list[Corners]", pattern: SweepPattern, coverage: float) -> Status:
+        spacing = self.sweeps.grounds[zone].sweep_width / coverage
+        obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
+        worker = ThreadPoolExecutor(1, "sweep")
+        future = worker.submit(sweep, polygons, pattern, spacing, datum, obstacles, self.clearance)
+        worker.shutdown(wait=False)
+        future.add_done_callback(lambda _: self._wake())
+        self._under_way = zone, spacing, future
+        return self.answer(Status.RUNNING, "planning")
+
+    def _planned(self, zone: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
+        self._under_way = None
+        try:
+            pieces = future.result()
+        except ValueError as error:
+            self.complain(f"{zone} cannot be swept: {error}.")
+            return self.answer(Status.FAILURE, "nothing to sweep")
+        self.sweeps.plan(zone, self._pattern, spacing, pieces)
+        coverage = self.sweeps.grounds[zone].sweep_width / spacing
+        least, most = pod_at_random(coverage), pod_of_parallel_sweep(coverage)
+        self.say(
+            f"{zone} is swept in {len(pieces)} pieces ({self._pattern}, {spacing:.2f} m apart): "
+            f"POD {least:.0%} at random to {most:.0%} where legs are kept."
+        )
+        return self.answer(Status.SUCCESS, "planned")
+
+    @property
+    def _pattern(self) -> str:
+        raise NotImplementedError
+
+
+@dataclass(eq=False, repr=False)
+class PlanSweep(_PlanLeaf):
+    """Plan the sweep of the current zone's ground; one that is planned goes on where it is.
+
+    FAILURE if nothing of the ground can be driven to.
+
+    Args:
+        pattern: How: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's
+            pose, or the diameters of a `sector` search through it.
+        coverage: How often each place is covered by the sweep width: legs are sweep width / coverage apart.
+        clearance: How far pieces keep from obstacles, metres.
+    """
+
+    pattern: SweepPattern = "parallel"
+    coverage: float = 0.9
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.coverage > 0.0:
+            raise ValueError(
+                f"coverage is {self.coverage:g}; legs must be some way apart: write more than 0, such as 0.9"
+            )
+
+    def _begin(self, zone: str) -> Status:
+        if zone not in self.sweeps.grounds:
+            self.complain(f"{zone} cannot be swept: it has no polygon.")
+            return self.answer(Status.FAILURE, "nothing to sweep")
+        if self.sweeps.of(zone).passes:
+            return self.answer(Status.SUCCESS, "going on")
+        return self._plan(zone, [self.sweeps.grounds[zone].polygon], self.pattern, self.coverage)
+
+    @property
+    def _pattern(self) -> str:
+        return self.pattern
+
+
+@dataclass(eq=False, repr=False)
+class RefineSweep(_PlanLeaf):
+    """Plan to look once more at what the sweep of the current zone has missed: SUCCESS if there is such ground.
+
+    FAILURE if the zone was looked at well enough, if all of its passes were made, or if no gap can be driven to.
+
+    Args:
+        until_pod: How likely somebody there must have been found, 0 to 1.
+        max_passes: How many passes there are at most, the first one included.
+        clearance: How far pieces keep from obstacles, metres.
+    """
+
+    until_pod: float = 0.8
+    max_passes: Passes = 3
+
+    _pattern = "gaps"
+
+    def _begin(self, zone: str) -> Status:
+        swept = self.sweeps.of(zone)
+        if zone not in self.sweeps.grounds or swept.pod >= self.until_pod or swept.passes >= self.max_passes:
+            self.feedback_message = f"{zone}: POD {swept.pod:.0%} after {swept.passes} passes"
+            return self.answer(Status.FAILURE, "nothing to sweep")
+        gaps = self.sweeps.raster(zone, map_extent_of(self.node).obstacles()).gaps(self.until_pod)
+        return self._plan(zone, gaps, "parallel", 1.0)
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class NavigateToPiece(NavigateTo):
+    """Drive to the current piece of the sweep, and keep what is seen on the way.
+
+    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+
+    Args:
+        sweeps: The mission's sweeps.
+    """
+
+    sweeps: Sweeps
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._robot: RobotEstimate | None = None
+        self._place: tuple[float, float] | None = None
+        self._zone_id = ""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map, and to where the robot is."""
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+        self._robot = robot_estimate(self.node)
+
+    def goal(self) -> Any:
+        """Return the goal for the current piece; SUCCESS if it was searched before, FAILURE if no piece is open."""
+        zone = self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
+        sweep = self.sweeps.of(zone)
+        if not sweep.left:
+            self.complain(f"'{self.name}' has nowhere to drive to: no piece is open.")
+            return self.answer(Status.FAILURE, "no piece")
+        self._zone_id, self._place = zone, None
+        piece = f"piece {sweep.done + 1}/{len(sweep.pieces)} of {zone}"
+        if self.record.before.has_searched(zone):
+            self.feedback_message = f"{piece} was searched by an earlier run"
+            return Status.SUCCESS
+        if self.record.zone != zone:
+            self.record.zone_started(zone)
+        return self._drive_to(piece, sweep.pieces[sweep.done])
+
+    def update(self) -> Status:
+        """Return the leaf's status; until the goal has ended, the drive counts as looked."""
+        status = super().update()
+        self._look()
+        return status
+
+    def _look(self) -> None:
+        place = self._robot.place() if self._robot is not None else None
+        if place is None or not self._zone_id:
+            return
+        here = (float(place[0]), float(place[1]))
+        before, self._place = self._place or here, here
+        far = math.dist(before, here)
+        if far < _STANDS_M:
+            self._place = before
+        elif far < _JUMP_M:
+            obstacles = map_extent_of(self.node).obstacles()
+            self.sweeps.drive(self._zone_id, [before, here], obstacles)
+
+
+@dataclass(eq=False, repr=False)
+class AdvancePiece(_SweepLeaf):
+    """Mark the current piece as swept, with what was seen so far; the next one becomes the current piece.
+
+    Args:
+        until_pod: Ground where somebody would have been found with less than that, 0 to 1, is a gap.
+    """
+
+    _: KW_ONLY
+    until_pod: float = 0.8
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map."""
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+
+    def update(self) -> Status:
+        """Advance, and tell at the end of a pass what it has come to."""
+        zone = self._zone
+        if not self.sweeps.of(zone).left:
+            return self.answer(Status.SUCCESS, "no piece")
+        self.sweeps.advance(zone, map_extent_of(self.node).obstacles(), self.until_pod)
+        sweep = self.sweeps.of(zone)
+        if not sweep.left:
+            self.say(f"{zone}: {sweep.seen:.0%} seen, POD {sweep.pod:.0%}, {len(sweep.gaps)} gaps.")
+        self._wake()
+        return self.answer(Status.SUCCESS, "advanced")
+
+
+class SkipPiece(_SweepLeaf):
+    """Leave the current piece out, because it was not reached, or not searched; the next one becomes the current piece."""
+
+    def update(self) -> Status:
+        """Skip it."""
+        zone = self._zone
+        sweep = self.sweeps.of(zone)
+        if not sweep.left:
+            return self.answer(Status.SUCCESS, "no piece")
+        self.complain(f"Piece {sweep.done + 1}/{len(sweep.pieces)} of {zone} is skipped.")
+        self.sweeps.skip(zone, "it was not reached, or not searched")
+        return self.answer(Status.SUCCESS, "skipped")
+
+
+@dataclass(eq=False, repr=False)
+class IsFindNew(RosLeaf):
+    """Is the survivor that the last search has found somebody who has no name yet? SUCCESS if so, else FAILURE.
+
+    In a sweep the same survivor is seen from several pieces, each time a little elsewhere.
+
+    Args:
+        detect_node: The search whose answer counts.
+        record: Who was found before.
+        same_within: How near two finds of a zone are the same survivor, metres.
+    """
+
+    name: str
+    detect_node: DetectSurvivor
+    record: MissionRecord
+    _: KW_ONLY
+    same_within: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+
+    def update(self) -> Status:
+        """Look who was found before."""
+        place = self.detect_node.survivor_pose()
+        if place is None:
+            return self.answer(Status.FAILURE, "nobody")
+        known = [each for each in self.record.survivors if each.survivor_id and each.counts]
+        near = next((each for each in known if math.dist((each.x, each.y), place) <= self.same_within), None)
+        if near is None or self.record.before.has_open_name(*place):
+            return self.answer(Status.SUCCESS, "new")
+        self.feedback_message = f"{near.survivor_id} was found before"
+        return self.answer(Status.FAILURE, "known")

@@ -1,0 +1,151 @@
+"""Zones as planners draw them: a GeoJSON file of polygons in degrees, as CalTopo, QGIS and TAK write it."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from sar_compiler.missions import ParameterReader
+from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, LEAST_CORNERS
+
+AREAS_FILE = "areas_file"
+"""The parameter."""
+_GEOREFERENCE = tuple(f"georeference.{name}" for name in ("lat", "lon", "heading"))
+_NAMES = ("name", "title")
+_LARGEST_BYTES = 10_000_000
+# Nobody drives farther from the origin of a map.
+_FARTHEST_M = 50_000.0
+_MOST_DEGREES = (180.0, 90.0)
+
+
+class _AreasFileError(ValueError):
+    """What is wrong with the file, in words."""
+
+
+def take_areas_file(reader: ParameterReader) -> None:
+    """Add the zones of the file that the parameter `areas_file` names to the parameters; what is written there counts before it.
+
+    Each polygon is a zone: `zones.<name>.polygon` in metres, and of its properties those that may stand beside a pose. Where no pose is given
+    it is a point inside. Without a `zone_order` the zones are listed as in the file. A path is relative to the file with the parameter.
+
+    Raises:
+        ImportError: If there is such a file, and shapely or pyproj is not installed.
+    """
+    if AREAS_FILE not in reader.parameters:
+        return
+    try:
+        zones = dict(_zones(_features(_text(reader)), _origin(reader)))
+    except _AreasFileError as error:
+        reader.report(AREAS_FILE, str(error))
+        return
+    drawn: dict[str, object] = {"zone_order": list(zones)}
+    for name, values in zones.items():
+        drawn |= {f"zones.{name}.{key}": value for key, value in values.items()}
+    reader.parameters = {**drawn, **reader.parameters}
+
+
+def _text(reader: ParameterReader) -> str:
+    value = reader.parameters[AREAS_FILE]
+    if not isinstance(value, str) or not value:
+        raise _AreasFileError(f"must be the path of a GeoJSON file, is {value!r}")
+    beside = Path(reader.place_of(AREAS_FILE).rsplit(":", 2)[0]).parent
+    path = beside / value
+    try:
+        if path.stat().st_size > _LARGEST_BYTES:
+            raise _AreasFileError(f"{path} has more than {_LARGEST_BYTES // 1_000_000} MB")
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise _AreasFileError(f"{path} cannot be read: {error}") from error
+
+
+def _features(text: str) -> list[Mapping[str, Any]]:
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _AreasFileError(f"is no GeoJSON: {error}") from error
+    features = data.get("features") if isinstance(data, dict) else None
+    if not isinstance(features, list) or not all(isinstance(each, dict) for each in features):
+        raise _AreasFileError("is no GeoJSON of polygons: it must be a FeatureCollection with features")
+    return features
+
+
+def _origin(reader: ParameterReader) -> tuple[float, float, float]:
+    """Return latitude, longitude and heading of the map."""
+    values = [reader.number(key, math.nan if key not in reader.parameters else None) for key in _GEOREFERENCE]
+    if any(math.isnan(value) for value in values):
+        raise _AreasFileError(
+            f"is in degrees: give the place of the map on the earth, {', '.join(_GEOREFERENCE)}"
+        )
+    return values[0], values[1], values[2]
+
+
+def _zones(
+    features: list[Mapping[str, Any]], origin: tuple[float, float, float]
+) -> Iterator[tuple[str, dict[str, object]]]:
+    """Yield the name of each polygon, with what is a parameter of its zone.
+
+    Raises:
+        _AreasFileError: At the first feature that is none of a zone.
+    """
+    names = set[str]()
+    for number, feature in enumerate(features, 1):
+        properties = feature.get("properties") or {}
+        name = next((properties[key] for key in _NAMES if properties.get(key)), "")
+        where = f"feature {number}" + (f" ({name!r})" if name else "")
+        if not isinstance(name, str) or not name or "." in name:
+            raise _AreasFileError(f"{where} needs a property `name` without a dot")
+        if name in names:
+            raise _AreasFileError(f"{where} has the name of another one")
+        names.add(name)
+        corners = [_placed(corner, origin, where) for corner in _ring(feature.get("geometry"), where)]
+        yield name, {**_pose(corners), **_beside(properties)}
+
+
+def _ring(geometry: Any, where: str) -> list[Any]:
+    geometry = geometry if isinstance(geometry, dict) else {}
+    rings = geometry.get("coordinates")
+    if geometry.get("type") != "Polygon" or not isinstance(rings, list) or not any(rings):
+        raise _AreasFileError(
+            f"{where} is no Polygon but {geometry.get('type')}: draw each area as one polygon"
+        )
+    if len(rings) > 1:
+        raise _AreasFileError(
+            f"{where} has holes: draw it without; what the map has as an obstacle is left out"
+        )
+    # The last corner of a ring is the first one again.
+    return list(rings[0])[:-1]
+
+
+def _placed(corner: Any, origin: tuple[float, float, float], where: str) -> tuple[float, float]:
+    """Return a position of longitude and latitude in the frame `map`, metres."""
+    from pyproj import Geod
+
+    degrees = corner[:2] if isinstance(corner, list) else []
+    if not (len(degrees) == len(_MOST_DEGREES) and all(isinstance(each, int | float) for each in degrees)):
+        raise _AreasFileError(f"{where} has a corner that is no [longitude, latitude]: {corner!r:.60}")
+    if not all(abs(each) <= most for each, most in zip(degrees, _MOST_DEGREES, strict=True)):
+        raise _AreasFileError(f"{where} is not in degrees: GeoJSON has longitude and latitude, not metres")
+    lat, lon, heading = origin
+    bearing, _, far = Geod(ellps="WGS84").inv(lon, lat, degrees[0], degrees[1])
+    if far > _FARTHEST_M:
+        km = f"{far / 1000:.0f} km from the origin of the map"
+        raise _AreasFileError(
+            f"{where} lies {km}: are longitude and latitude in their order, and the georeference right?"
+        )
+    turn = math.radians(heading - bearing)
+    return round(far * math.cos(turn), 3), round(far * math.sin(turn), 3)
+
+
+def _pose(corners: list[tuple[float, float]]) -> dict[str, object]:
+    import shapely
+
+    shape = shapely.Polygon(corners) if len(corners) >= LEAST_CORNERS else shapely.MultiPoint(corners)
+    inside = shape.representative_point()
+    flat = [number for corner in corners for number in corner]
+    return {"polygon": flat, "x": round(inside.x, 3), "y": round(inside.y, 3), "yaw": 0.0}
+
+
+def _beside(properties: Mapping[str, Any]) -> dict[str, object]:
+    """Return what may stand beside a pose; other tools keep much else there."""
+    return {key: value for key, value in properties.items() if key in AREA_KEYS and value is not None}

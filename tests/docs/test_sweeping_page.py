@@ -1,0 +1,44 @@
+"""The page about sweeps does what it says, and names every pattern and every factor."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
+from sar_compiler.missions.search_and_rescue.search_theory import SWEEP_FACTORS
+from tests.docs.markdown import blocks, codes, tables
+from tests.docs.test_worked_pages import follow
+
+PAGE = Path("docs/sweeping.md").resolve()
+
+
+@pytest.mark.ros
+def test_the_flight_that_the_page_shows_is_what_is_told(tmp_path: Path) -> None:
+    (tmp_path / "config").symlink_to(Path("config").resolve())
+    typed, otherwise = follow(PAGE, tmp_path)
+    assert typed == 1
+    assert otherwise == [], "\n".join(otherwise)
+
+
+def test_the_page_names_every_pattern() -> None:
+    (spec,) = [spec for spec in SPECS if spec.tag == "PlanSweep"]
+    told = [codes(cells[0])[0] for heading, _, cells in tables(PAGE) if heading == "The flight"]
+    assert set(told) == set(spec.parameters["pattern"].value_type.choices)
+
+
+def test_the_page_has_the_factors_of_the_sweep_width() -> None:
+    told = {codes(cells[0])[0]: cells[1] for heading, _, cells in tables(PAGE) if heading == "The outline"}
+    assert told == {
+        name: f"{factor} \N{MULTIPLICATION SIGN} detection range" for name, factor in SWEEP_FACTORS.items()
+    }
+
+
+def test_the_lines_of_the_tree_are_those_of_the_shipped_one() -> None:
+    (shown,) = [block.text for block in blocks(PAGE) if block.language == "xml"]
+    assert shown.strip() in Path("trees/search_sweeps.xml").read_text(encoding="utf-8")
+
+
+def test_the_outline_that_the_page_shows_is_that_of_the_shipped_parameters() -> None:
+    (shown,) = [block.text for block in blocks(PAGE) if block.language == "yaml"]
+    shipped = Path("config/search_sweeps_params.yaml").read_text(encoding="utf-8")
+    assert " ".join(shown.split()) in " ".join(shipped.split())

@@ -1,0 +1,118 @@
+"""Zones as planners draw them on a map of the world: a GeoJSON file becomes zones in metres, or says what is wrong with it."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.missions import ParameterError, ParameterReader
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search import Search
+
+PLACE = Georeference(48.1, 11.5, 30.0)
+CORNERS = [(10.0, 5.0), (30.0, 5.0), (30.0, 20.0), (10.0, 20.0)]
+
+
+def ring(corners: list[tuple[float, float]] = CORNERS) -> list[list[float]]:
+    """Return corners in metres as GeoJSON has them: longitude, latitude, closed."""
+    turned = [PLACE.located(*corner)[::-1] for corner in corners]
+    return [list(each) for each in (*turned, turned[0])]
+
+
+def feature(
+    name: str = "north", rings: Any = None, kind: str = "Polygon", **properties: Any
+) -> dict[str, Any]:
+    given = {"name": name, "poa": 0.4, "pod": 0.7, "detection_range": 3.0, "stroke": "#FF0000", **properties}
+    geometry = {"type": kind, "coordinates": [ring()] if rings is None else rings}
+    return {"type": "Feature", "properties": given, "geometry": geometry}
+
+
+def begun(folder: Path, content: Any, **changed: object) -> Search:
+    """Begin a search with a file of areas; content that is no text is written as features."""
+    text = (
+        content
+        if isinstance(content, str)
+        else json.dumps({"type": "FeatureCollection", "features": content})
+    )
+    (folder / "areas.geojson").write_text(text, encoding="utf-8")
+    given: dict[str, object] = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
+    given |= {"areas_file": str(folder / "areas.geojson"), **changed}
+    reader = ParameterReader({key: value for key, value in given.items() if value is not None})
+    search = MISSION.begin(reader)
+    reader.complain()
+    return search
+
+
+def test_each_polygon_is_a_zone_in_metres_with_what_stands_beside_a_pose(tmp_path: Path) -> None:
+    search = begun(tmp_path, [feature(), feature("south", poa=0.2, sweep_width=2.0)])
+    grounds = search.sweeps.grounds
+    assert list(grounds) == ["north", "south"]
+    for found, drawn in zip(grounds["north"].polygon, CORNERS, strict=True):
+        assert math.dist(found, drawn) < 0.002
+    assert (grounds["south"].sweep_width, grounds["south"].detection_range) == (2.0, 3.0)
+    assert [search.zones.areas[name].poa for name in ("north", "south")] == [0.4, 0.2]
+    zone = search.zones.remaining_zones()[0]
+    assert 10.0 < zone["x"] < 30.0
+    assert 5.0 < zone["y"] < 20.0
+
+
+def test_caltopos_title_is_a_name_and_a_pose_and_an_order_of_the_parameters_count(tmp_path: Path) -> None:
+    titled = feature("", title="south")
+    poses = {"zones.south.x": 12.0, "zones.south.y": 6.0, "zones.south.yaw": 1.0}
+    search = begun(tmp_path, [feature(), titled], zone_order=["south", "north"], **poses)
+    first = search.zones.current_zone()
+    assert (first["id"], first["x"]) == ("south", 12.0)
+
+
+def test_a_path_is_relative_to_the_file_with_the_parameter(tmp_path: Path) -> None:
+    (tmp_path / "areas.geojson").write_text(
+        json.dumps({"type": "FeatureCollection", "features": [feature()]}), encoding="utf-8"
+    )
+    params = tmp_path / "params.yaml"
+    place = ", ".join(f"{key}: {value}" for key, value in PLACE._asdict().items())
+    params.write_text(
+        f"/**:\n  ros__parameters:\n    areas_file: areas.geojson\n    georeference: {{{place}}}\n",
+        encoding="utf-8",
+    )
+    flat = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
+    reader = ParameterReader.of_files({**flat, "areas_file": "areas.geojson"}, [params], "/search_and_rescue")
+    assert [zone["id"] for zone in MISSION.begin(reader).zones.remaining_zones()] == ["north"]
+    assert reader.problems == []
+
+
+SWAPPED = [[corner[::-1] for corner in ring()]]
+
+
+@pytest.mark.parametrize(
+    ("content", "changed", "said"),
+    [
+        ("no json", {}, "areas_file: is no GeoJSON: "),
+        ("[" * 100_000, {}, "areas_file: is no GeoJSON: "),
+        ("[]", {}, "areas_file: is no GeoJSON of polygons: it must be a FeatureCollection"),
+        ('{"features": [1]}', {}, "areas_file: is no GeoJSON of polygons"),
+        ([feature("")], {}, "areas_file: feature 1 needs a property `name` without a dot"),
+        ([feature("a.b")], {}, "areas_file: feature 1 ('a.b') needs a property `name` without a dot"),
+        ([feature(), feature()], {}, "areas_file: feature 2 ('north') has the name of another one"),
+        ([feature(kind="Point")], {}, "areas_file: feature 1 ('north') is no Polygon but Point"),
+        ([feature(rings=[])], {}, "areas_file: feature 1 ('north') is no Polygon"),
+        ([feature(rings=[ring(), ring()])], {}, "areas_file: feature 1 ('north') has holes"),
+        ([feature(rings=[[[10, "a"], [1, 2]]])], {}, "areas_file: feature 1 ('north') has a corner that is no"),
+        ([feature(rings=[[[500, 10], [1, 2]]])], {}, "areas_file: feature 1 ('north') is not in degrees"),
+        ([feature(rings=SWAPPED)], {}, "areas_file: feature 1 ('north') lies "),
+        ([feature()], {"georeference.lat": None}, "areas_file: is in degrees: give the place of the map on the earth"),
+        ([feature()], {"areas_file": 3}, "areas_file: must be the path of a GeoJSON file, is 3"),
+        ([feature()], {"areas_file": "/nowhere/areas.geojson"}, "areas_file: /nowhere/areas.geojson cannot be read"),
+        ([feature(poa=1.5)], {}, "zones.north.poa: must be a probability from 0 to 1, is 1.5"),
+        ([feature(rings=[ring(CORNERS[:2])])], {}, "zones.north.polygon: must hold x and y of three corners"),
+        ([feature(rings=[[]])], {}, "areas_file: feature 1 ('north') is no Polygon"),
+    ],
+)  # fmt: skip
+def test_each_mistake_in_the_file_is_named_before_the_flight(
+    tmp_path: Path, content: Any, changed: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(ParameterError) as raised:
+        begun(tmp_path, content, **changed)
+    assert str(raised.value.problems[0]).startswith(said)

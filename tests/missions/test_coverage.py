@@ -1,0 +1,144 @@
+"""What was seen of ground: by the law of random search, through no wall, and the same as other code says."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.missions.search_and_rescue.areas import Ground
+from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap, Raster
+
+FIELD = ((0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0))
+
+
+def field(reach: float = 2.0, width: float = 3.2) -> Ground:
+    return Ground(FIELD, width, reach)
+
+
+def room(*walls: tuple[float, float, float, float]) -> ObstacleMap:
+    """Return a map of 10 x 10 m in cells of 0.05 m, with walls from (x, y) to (x, y)."""
+    blocked = np.zeros((200, 200), bool)
+    for left, low, right, high in walls:
+        blocked[round(low * 20) : round(high * 20), round(left * 20) : round(right * 20)] = True
+    return ObstacleMap(blocked, 0.05)
+
+
+def test_the_effort_of_a_drive_is_sweep_width_times_its_length() -> None:
+    raster = Raster(field())
+    inside = raster.drive([(10.0, 15.0), (30.0, 15.0), (30.0, 10.0)])
+    assert inside == pytest.approx(25.0)
+    assert raster.area_m2() == pytest.approx(1200.0, rel=0.01)
+    assert raster.mean_coverage() == pytest.approx(3.2 * 25.0 / 1200.0, rel=0.005)
+
+
+def test_ground_that_is_covered_evenly_has_the_pod_of_a_random_search() -> None:
+    raster = Raster(Ground(((10.0, 10.0), (30.0, 10.0), (30.0, 20.0), (10.0, 20.0)), 3.2, 2.0))
+    for y in np.arange(6.0, 24.0, 0.5):
+        raster.drive([(5.0, y), (35.0, y)])
+    coverage = 3.2 / 0.5
+    assert raster.mean_coverage() == pytest.approx(coverage, rel=0.005)
+    assert raster.pod() == pytest.approx(1.0 - math.exp(-coverage), abs=0.001)
+
+
+def test_repeated_passes_add_up() -> None:
+    once, twice = Raster(field()), Raster(field())
+    way = [(10.0, 15.0), (30.0, 15.0)]
+    once.drive(way)
+    for _ in range(2):
+        twice.drive(way)
+    assert twice.coverage == pytest.approx(2.0 * once.coverage)
+    assert twice.pod() > once.pod()
+    assert twice.seen() == once.seen()
+
+
+def test_outside_of_the_ground_it_is_seen_and_no_length_is_counted() -> None:
+    raster = Raster(field())
+    assert raster.drive([(-1.0, 10.0), (-1.0, 20.0)]) == 0.0
+    assert 0.0 < raster.seen() < 0.05
+
+
+def test_nothing_is_seen_through_a_wall_and_a_wall_is_nothing_to_search() -> None:
+    wall = room((4.9, 0.0, 5.1, 10.0))
+    raster = Raster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 20.0), wall)
+    raster.drive([(2.0, 2.0), (2.0, 8.0)])
+    seen = raster.coverage > 0.0
+    assert seen[raster.centres[:, 0] < 4.8].all()
+    assert not seen[raster.centres[:, 0] > 5.2].any()
+    assert raster.seen() == pytest.approx(0.5, abs=0.02)
+    assert raster.area_m2() == pytest.approx(98.0, abs=2.5)
+
+
+def test_what_is_beyond_the_map_can_be_searched_by_nobody() -> None:
+    raster = Raster(Ground(((5.0, 0.0), (15.0, 0.0), (15.0, 10.0), (5.0, 10.0)), 4.0, 3.0), room())
+    assert raster.area_m2() == pytest.approx(50.0, rel=0.03)
+
+
+def test_a_map_that_is_turned_is_read_as_it_lies() -> None:
+    turned = ObstacleMap(room((0.0, 0.0, 1.0, 2.0)).blocked, 0.05, (3.0, 1.0, math.pi / 2))
+    points = np.array([[2.0, 1.5], [2.9, 1.1], [1.1, 1.9], [0.9, 1.5], [2.0, 2.1], [3.1, 1.5]])
+    assert turned.at(points).tolist() == [True, True, True, False, False, True]
+
+
+@given(
+    x=st.floats(0.5, 9.5),
+    y=st.floats(0.5, 9.5),
+    walls=st.lists(st.tuples(st.integers(1, 8), st.integers(1, 8), st.booleans()), max_size=4),
+)
+def test_as_much_is_seen_as_sight_lines_between_the_walls_allow(
+    x: float, y: float, walls: list[tuple[int, int, bool]]
+) -> None:
+    """Other code: shapely's lines from the eye to each cell, against the walls as boxes."""
+    boxes = [(a, b, a + (2.0 if lies else 0.2), b + (0.2 if lies else 2.0)) for a, b, lies in walls]
+    obstacles = room(*boxes)
+    if obstacles.at(np.array([[x, y]])).any():
+        return
+    raster = Raster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 4.0), obstacles)
+    mine = np.zeros(len(raster.centres), bool)
+    mine[raster.seen_from(x, y, 4.0)] = True
+    solid = shapely.union_all([shapely.box(*box) for box in boxes])
+    lines = [shapely.LineString([(x, y), centre]) for centre in raster.centres]
+    theirs = ~shapely.intersects(lines, solid) & (shapely.length(lines) <= 4.0)
+    assert np.mean(mine != theirs) <= 0.02
+
+
+def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
+    raster = Raster(field())
+    raster.drive([(10.0, 15.0), (30.0, 12.0)])
+    again = Raster(field(), cells=raster.text())
+    assert again.coverage == pytest.approx(raster.coverage, abs=0.0005)
+    assert again.text() == raster.text()
+
+
+@pytest.mark.parametrize("cells", ["no base64!", "AAAA"])
+def test_a_text_that_is_no_raster_is_refused(cells: str) -> None:
+    with pytest.raises(ValueError, match="the cells are no raster"):
+        Raster(field(), cells=cells)
+
+
+def test_the_raster_of_other_ground_is_refused() -> None:
+    cells = Raster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).text()
+    with pytest.raises(ValueError, match="the raster has other ground"):
+        Raster(field(), cells=cells)
+
+
+def test_the_gaps_are_what_was_looked_at_too_little_in_polygons_without_holes() -> None:
+    raster = Raster(field(reach=3.0, width=6.0))
+    for y in np.arange(8.0, 23.0, 2.0):
+        raster.drive([(8.0, y), (32.0, y)])
+    gaps = [shapely.Polygon(corners) for corners in raster.gaps(0.5)]
+    missed = raster.centres[1.0 - np.exp(-raster.coverage) < 0.5]
+    assert all(gap.is_valid for gap in gaps)
+    assert sum(gap.area for gap in gaps) == pytest.approx(len(missed) * raster.cell_m**2, rel=0.01)
+    joined = shapely.union_all(gaps)
+    assert shapely.contains_xy(joined.buffer(1e-6), missed).all()
+    assert not shapely.contains_xy(joined, 20.0, 15.0)
+
+
+def test_ground_that_was_looked_at_well_has_no_gaps() -> None:
+    raster = Raster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
+    for _ in range(20):
+        raster.drive([(0.0, 1.0), (2.0, 1.0)])
+    assert raster.gaps(0.8) == []

@@ -1,0 +1,91 @@
+"""The ground of zones: its parameters, and every mistake in them that is found before the flight."""
+
+from typing import Any
+
+import pytest
+
+from sar_compiler.missions import ParameterError, ParameterReader
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search import Search
+
+SQUARE = [0.0, 0.0, 4.0, 0.0, 4.0, 4.0, 0.0, 4.0]
+
+
+def begun(**changed: object) -> Search:
+    """Begin a search of one zone with an outline, its parameters changed; None for none."""
+    given: dict[str, object] = {f"zones.a.{name}": 1.0 for name in ("x", "y", "yaw")}
+    given |= {"zone_order": ["a"], "zones.a.polygon": SQUARE, "zones.a.detection_range": 2.0}
+    given |= {
+        key.replace("__", ".") if key.startswith("geo") else f"zones.a.{key}": value
+        for key, value in changed.items()
+    }
+    reader = ParameterReader({key: value for key, value in given.items() if value is not None})
+    search = MISSION.begin(reader)
+    reader.complain()
+    return search
+
+
+@pytest.mark.parametrize(
+    ("changed", "width", "reach"),
+    [
+        ({}, 3.2, 2.0),
+        ({"visibility": "high"}, 3.6, 2.0),
+        ({"visibility": "low"}, 2.2, 2.0),
+        ({"sweep_width": 1.5}, 1.5, 2.0),
+        ({"sweep_width": 3.2, "detection_range": None}, 3.2, 2.0),
+    ],
+)
+def test_sweep_width_and_detection_range_follow_from_each_other_by_the_visibility(
+    changed: dict[str, Any], width: float, reach: float
+) -> None:
+    ground = begun(**changed).sweeps.grounds["a"]
+    assert ground.polygon == ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
+    assert list(ground[1:]) == pytest.approx([width, reach])
+
+
+def test_a_zone_without_an_outline_has_no_ground_and_shows_none() -> None:
+    search = begun(polygon=None, detection_range=None)
+    assert search.sweeps.grounds == {}
+    assert "grounds" not in search.identity()
+    assert not any(kind.name == "area" for kind in search.kinds)
+
+
+def test_other_ground_makes_another_mission() -> None:
+    assert begun().identity() != begun(detection_range=3.0).identity()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"polygon": [0.0, 0.0, 1.0]}, "zones.a.polygon: must hold x and y of three corners or more"),
+        ({"polygon": [0.0, 0.0, 1.0, 1.0]}, "zones.a.polygon: must hold x and y of three corners or more"),
+        ({"polygon": [0.0, 0.0, 4.0, 4.0, 4.0, 0.0, 0.0, 4.0]}, "zones.a.polygon: crosses or touches itself at (2.00, 2.00)"),
+        ({"polygon": [0.0, 0.0, 2.0, 2.0, 4.0, 4.0]}, "zones.a.polygon: has no area: its corners lie on a line"),
+        ({"polygon": "here"}, "zones.a.polygon: must be a list of numbers"),
+        ({"polygon": None}, "zones.a.detection_range: says nothing without an outline: give zones.a.polygon too"),
+        ({"detection_range": None}, "zones.a.sweep_width: is missing: give zones.a.detection_range"),
+        ({"detection_range": -1.0}, "zones.a.detection_range: must be above 0, is -1"),
+        ({"sweep_width": 0.0}, "zones.a.sweep_width: must be above 0, is 0"),
+        ({"visibility": "foggy"}, "zones.a.visibility: must be high, medium, low, is 'foggy'"),
+        ({"geofence": [-1.0, -1.0, 3.0, -1.0, 3.0, 5.0, -1.0, 5.0]}, "zones.a.polygon: has the corner (4, 0) outside the geofence"),
+        (
+            {"polygon": [11.5, 48.1, 11.501, 48.1, 11.501, 48.101], "georeference__lat": 48.1, "georeference__lon": 11.5},
+            "zones.a.polygon: looks like degrees: write metres in the frame `map`",
+        ),
+        (
+            {"polygon": [48.1, 11.5, 48.1, 11.501, 48.101, 11.501], "georeference__lat": 48.1, "georeference__lon": 11.5},
+            "zones.a.polygon: looks like degrees",
+        ),
+        ({"priority": "high"}, "zones.a.priority: must be a number"),
+    ],
+)  # fmt: skip
+def test_each_mistake_in_the_ground_is_named_before_the_flight(changed: dict[str, Any], said: str) -> None:
+    with pytest.raises(ParameterError) as raised:
+        begun(**changed)
+    [problem] = raised.value.problems
+    assert str(problem).startswith(said)
+
+
+def test_a_polygon_in_metres_far_from_the_georeferences_degrees_is_one_in_metres() -> None:
+    search = begun(georeference__lat=48.1, georeference__lon=11.5)
+    assert search.sweeps.grounds["a"].polygon == ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))

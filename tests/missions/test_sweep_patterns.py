@@ -1,0 +1,129 @@
+"""The patterns of sweeps: where they stop, in which order, and around what."""
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap
+from sar_compiler.missions.search_and_rescue.sweeps import MOST_PIECES, GroundError, sweep
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+
+OBLONG = ((0.0, 0.0), (8.0, 0.0), (8.0, 4.0), (0.0, 4.0))
+DATUM = MapPose(x=0.0, y=0.0, yaw=0.0)
+
+
+def places(poses: list[MapPose]) -> list[tuple[float, float]]:
+    return [(round(pose["x"], 6), round(pose["y"], 6)) for pose in poses]
+
+
+def swept(
+    pattern: Any, spacing: float = 2.0, polygon: Any = OBLONG, datum: MapPose = DATUM, **more: Any
+) -> Any:
+    return places(sweep([polygon], pattern, spacing, datum, **more))
+
+
+def test_parallel_legs_go_along_the_long_side_half_a_spacing_from_the_edge() -> None:
+    assert swept("parallel") == [(1, 1), (3, 1), (5, 1), (7, 1), (7, 3), (5, 3), (3, 3), (1, 3)]
+
+
+def test_a_creeping_line_goes_along_the_short_side() -> None:
+    assert swept("creeping_line") == [(1, 1), (1, 3), (3, 3), (3, 1), (5, 1), (5, 3), (7, 3), (7, 1)]
+
+
+def test_a_sweep_begins_at_the_end_that_is_near() -> None:
+    assert swept("parallel", datum=MapPose(x=9.0, y=4.0, yaw=0.0))[0] == (7, 3)
+
+
+def test_an_expanding_square_grows_around_the_datum() -> None:
+    around = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
+    assert swept("expanding_square", polygon=around)[:10] == [
+        (0, 0), (2, 0), (2, 2), (0, 2), (-2, 2), (-2, 0), (-2, -2), (0, -2), (2, -2), (4, -2),
+    ]  # fmt: skip
+
+
+def test_an_expanding_square_reaches_every_corner() -> None:
+    around = ((-5.0, -3.0), (5.0, -3.0), (5.0, 3.0), (-5.0, 3.0))
+    stops = swept("expanding_square", polygon=around)
+    assert all(min(math.dist(corner, stop) for stop in stops) <= 2.0 for corner in around)
+    assert all(abs(x) <= 5.0 and abs(y) <= 3.0 for x, y in stops)
+
+
+def test_a_sector_search_goes_through_the_datum_by_turns_of_120_degrees() -> None:
+    around = ((-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0))
+    reach = 20.0 * math.sqrt(2.0)
+    stops = swept("sector", spacing=15.0, polygon=around)
+    half = reach / 2
+    turns = [round(math.degrees(math.atan2(y, x))) % 360 for x, y in stops[1:]]
+    assert all(round(math.hypot(x, y) % half, 3) in (0.0, round(half, 3)) for x, y in stops)
+    assert [turn for turn, _ in itertools.groupby(turns)] == [0, 60, 240, 300, 120, 180]
+
+
+def test_poses_look_along_the_way_and_the_last_one_as_the_one_before() -> None:
+    yaws = [pose["yaw"] for pose in sweep([OBLONG], "parallel", 2.0, DATUM)]
+    assert yaws == pytest.approx([0, 0, 0, math.pi / 2, math.pi, math.pi, math.pi, math.pi])
+
+
+def walled(*boxes: tuple[float, float, float, float]) -> ObstacleMap:
+    blocked = np.zeros((200, 200), bool)
+    for left, low, right, high in boxes:
+        blocked[round(low * 20) : round(high * 20), round(left * 20) : round(right * 20)] = True
+    return ObstacleMap(blocked, 0.05)
+
+
+def test_stops_keep_their_distance_from_obstacles() -> None:
+    box = (3.0, 0.0, 5.0, 2.0)
+    stops = swept("parallel", spacing=1.0, obstacles=walled(box), clearance=0.4)
+    solid = shapely.box(*box)
+    assert min(shapely.distance(shapely.Point(stop), solid) for stop in stops) >= 0.4 - 0.05
+    assert any(x < 3.0 and y < 2.0 for x, y in stops)
+    assert any(x > 5.0 and y < 2.0 for x, y in stops)
+
+
+def test_ground_of_several_polygons_is_swept_in_one_way() -> None:
+    far = ((20.0, 0.0), (24.0, 0.0), (24.0, 4.0), (20.0, 4.0))
+    stops = places(sweep([OBLONG, far], "parallel", 2.0, DATUM))
+    assert {x > 10.0 for x, _ in stops} == {True, False}
+    sides = [side for side, _ in itertools.groupby(x > 10.0 for x, _ in stops)]
+    assert sides == [False, True] or len(sides) <= 4
+
+
+def test_ground_without_a_free_place_is_refused() -> None:
+    with pytest.raises(GroundError, match="no stop of it can be driven to"):
+        swept("parallel", obstacles=walled((0.0, 0.0, 9.0, 9.0)))
+
+
+def test_a_sweep_of_too_many_stops_is_refused_with_the_numbers() -> None:
+    with pytest.raises(GroundError, match=rf"32 m² in steps of 0.05 m are more than {MOST_PIECES} stops"):
+        swept("parallel", spacing=0.05)
+
+
+@given(
+    turn=st.floats(0.0, math.pi),
+    width=st.floats(1.0, 30.0),
+    height=st.floats(1.0, 30.0),
+    spacing=st.floats(0.8, 5.0),
+    pattern=st.sampled_from(["parallel", "creeping_line"]),
+)
+def test_every_place_of_a_rectangle_is_near_a_stop_however_it_lies(
+    turn: float, width: float, height: float, spacing: float, pattern: Any
+) -> None:
+    flat = shapely.box(0.0, 0.0, width, height)
+    lying = shapely.affinity.rotate(flat, turn, origin=(0.0, 0.0), use_radians=True)
+    corners: Any = tuple(lying.exterior.coords[:-1])
+    stops = shapely.MultiPoint(places(sweep([corners], pattern, spacing, DATUM)))
+    # A cell of legs and steps is no larger than the spacing in either direction.
+    across, along = np.meshgrid(np.linspace(0.0, width, 12), np.linspace(0.0, height, 12))
+    anywhere = shapely.affinity.rotate(
+        shapely.MultiPoint(np.column_stack([across.ravel(), along.ravel()])),
+        turn,
+        (0.0, 0.0),
+        use_radians=True,
+    )
+    assert max(shapely.distance(list(anywhere.geoms), stops)) <= spacing * math.sqrt(0.5) + 1e-5
+    assert lying.buffer(1e-5).contains(stops)

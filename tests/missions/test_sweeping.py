@@ -1,0 +1,344 @@
+"""Sweeping a zone: planned, driven piece by piece, looked at, once more where it was missed; and the same after a resume."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.errors import SarError
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.missions import Level
+from sar_compiler.missions.search_and_rescue.actions import sweeping
+from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
+from sar_compiler.missions.search_and_rescue.areas import Ground
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.search_theory import Area
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import Stage
+
+BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+GROUND = Ground(((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)), 2.0, 1.25)
+PIECES = [(1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0)]
+
+
+def searching(**areas: Area) -> Search:
+    """Return a search of the zone `a` with ground, and of `b` without."""
+    plan = [{"id": name, "x": 2.0 * x, "y": 0.0, "yaw": 0.0} for x, name in enumerate("ab")]
+    return Search(ZoneManager(plan, BASE, areas=areas), sweeps=Sweeps({"a": GROUND}))
+
+
+def planned(search: Search, count: int = 4) -> Search:
+    search.sweeps.plan("a", "parallel", 2.0, [MapPose(x=x, y=y, yaw=0.0) for x, y in PIECES[:count]])
+    return search
+
+
+def places(search: Search) -> list[tuple[float, float]]:
+    return [(pose["x"], pose["y"]) for pose in search.sweeps.of("a").pieces]
+
+
+def status(leaf: Any) -> Status:
+    """Return what one tick of a leaf comes to."""
+    leaf.tick_once()
+    answered: Status = leaf.status
+    return answered
+
+
+def test_a_look_in_a_sweep_counts_as_what_was_seen_and_not_as_a_look_at_the_zones_pose() -> None:
+    search = planned(searching(a=Area(0.5, 0.9), b=Area(0.3, 0.5)))
+    for _ in range(3):
+        search.record.zone_searched("a", None)
+    assert search.zones.poa_map().pos() == 0.0
+    search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
+    search.sweeps.advance("a", None, 0.5)
+    pod = search.sweeps.of("a").pod
+    assert 0.2 < pod < 0.5
+    assert search.zones.poa_map().pos() == pytest.approx(0.5 * pod)
+    assert search.zones.poa_map().now()["a"] == pytest.approx(0.5 * (1 - pod) / (1 - 0.5 * pod))
+
+
+def test_a_piece_that_is_swept_has_what_was_driven_since_the_last_one() -> None:
+    search = planned(searching())
+    search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
+    search.sweeps.advance("a", None, 0.5)
+    first = search.sweeps.of("a")
+    search.sweeps.advance("a", None, 0.5)
+    second = search.sweeps.of("a")
+    assert (first.metres, second.metres) == (4.0, 4.0)
+    assert (first.done, second.done) == (1, 2)
+    assert first.area_m2 == 16.0
+    # Two of the four metres across see beyond the ground with half of their range.
+    assert 0.3 < first.coverage < 2.0 * 4.0 / 16.0
+    assert second.cells == first.cells
+
+
+def test_gaps_are_looked_for_at_the_end_of_a_pass_alone() -> None:
+    search = planned(searching(), count=2)
+    search.sweeps.advance("a", None, 0.5)
+    assert search.sweeps.of("a").gaps == ()
+    search.sweeps.advance("a", None, 0.5)
+    [gap] = search.sweeps.of("a").gaps
+    assert sorted(gap) == sorted(GROUND.polygon)
+
+
+def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_left() -> None:
+    search = planned(searching(a=Area(0.5, 0.9), b=Area(0.3, 0.5)), count=1)
+    search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
+    search.sweeps.advance("a", None, 0.9)
+    area, *gaps = [each for each in search.display().landmarks if each.corners]
+    assert (area.kind, area.name, area.within, area.state) == ("area", "a", "a", "1 of 1 pieces")
+    assert area.corners == GROUND.polygon
+    assert {key: area.details[key] for key in ("sweep width W", "track length L", "area A", "POA before", "passes")} == {
+        "sweep width W": "2 m",
+        "track length L": "4.0 m",
+        "area A": "16.0 m²",
+        "POA before": "50.0%",
+        "passes": 1,
+    }  # fmt: skip
+    assert [(gap.kind, gap.name, gap.level) for gap in gaps] == [("gap", "a gap 1", Level.GIVEN_UP)]
+
+
+def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
+    search = searching()
+    told: list[str] = []
+    search.sweeps.journal.listen(lambda entry: told.append(search.sentence(entry)))
+    planned(search)
+    search.sweeps.advance("a", None, 0.5)
+    search.sweeps.skip("a", "it was not reached, or not searched")
+    assert [line for line in told if line] == [
+        "planned to sweep a in 4 pieces (parallel, 2 m apart)",
+        "swept piece 1 of a: 0% seen, POD 0%",
+        "skipped piece 2 of a: it was not reached, or not searched",
+    ]
+    assert search.sweeps.of("a").skipped == 1
+
+
+def opened(place: Path, search: Search, *, resume: bool) -> Any:
+    kept = open_journal(place, resume=resume)
+    search.keep_in(kept)
+    kept.begin({}, {})
+    return kept
+
+
+def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_path: Path) -> None:
+    first, second = searching(), searching()
+    kept = opened(tmp_path / "sweep.journal", first, resume=False)
+    planned(first)
+    first.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
+    first.sweeps.advance("a", None, 0.5)
+    first.sweeps.skip("a", "it was not reached, or not searched")
+    kept.close()
+    opened(tmp_path / "sweep.journal", second, resume=True).close()
+    assert second.sweeps.of("a") == first.sweeps.of("a")
+    assert second.sweeps.of("a").left == 2
+    assert second.sweeps.raster("a", None).pod() == pytest.approx(first.sweeps.of("a").pod, abs=0.001)
+    assert second.zones.poa_map() == first.zones.poa_map()
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        ("piece_skipped", {"zone": "a", "piece": 1, "reason": ""}),
+        ("piece_skipped", {"zone": "b", "piece": 0, "reason": ""}),
+        ("sweep_planned", {"zone": "b", "pattern": "parallel", "spacing": 1.0, "pieces": [[0, 0, 0]]}),
+        ("sweep_planned", {"zone": "a", "pattern": "parallel", "spacing": 1.0, "pieces": [[0, 0]]}),
+        ("sweep_planned", {"zone": "a", "pattern": "parallel", "spacing": math.nan, "pieces": [[0, 0, 0]]}),
+        ("sweep_planned", {"zone": "a", "pattern": "parallel", "spacing": 1.0, "pieces": [[math.inf, 0, 0]]}),
+        ("piece_swept", {"zone": "a", "piece": 0, "metres": 1.0, "cells": "", "gaps": [], "pod": "much"}),
+    ],
+)
+def test_facts_that_cannot_be_are_none_of_a_sweep(kind: str, data: dict[str, Any]) -> None:
+    search = planned(searching())
+    before = search.sweeps.of("a")
+    with pytest.raises((ArithmeticError, LookupError, TypeError, ValueError, SarError)):
+        search.sweeps.journal.note(kind, **data)
+    assert search.sweeps.of("a") == before
+
+
+def test_legs_without_a_distance_from_each_other_are_refused() -> None:
+    search = searching()
+    with pytest.raises(ValueError, match="coverage is 0; legs must be some way apart: write more than 0"):
+        sweeping.PlanSweep("PlanSweep", search.zones, search.sweeps, coverage=0.0)
+
+
+class TestIsFindNew:
+    def answered(self, search: Search, place: tuple[float, float] | None) -> Status:
+        detect = DetectSurvivor("DetectSurvivor", search.zones, record=search.record)
+        detect.survivor_pose = lambda: place  # type: ignore[method-assign]
+        leaf = sweeping.IsFindNew("IsFindNew", detect, search.record, same_within=1.0)
+        leaf.tick_once()
+        return leaf.status
+
+    def test_nobody_is_not_new(self) -> None:
+        assert self.answered(searching(), None) is Status.FAILURE
+
+    def test_whom_nobody_has_named_is_new(self) -> None:
+        search = searching()
+        search.record.zone_searched("a", (1.0, 1.0))
+        assert self.answered(search, (1.0, 1.0)) is Status.SUCCESS
+
+    def test_whoever_is_near_a_named_survivor_is_the_same_one(self) -> None:
+        search = searching()
+        search.record.survivor_named("survivor_1", 1.0, 1.0)
+        assert self.answered(search, (1.0, 2.0)) is Status.FAILURE
+        assert self.answered(search, (1.0, 2.01)) is Status.SUCCESS
+
+    def test_whom_the_operator_has_rejected_is_nobody_to_be_the_same_as(self) -> None:
+        from sar_compiler.missions.search_and_rescue.record import Standing
+
+        search = searching()
+        search.record.survivor_named("survivor_1", 1.0, 1.0)
+        search.record.survivor_judged("survivor_1", Standing.REJECTED)
+        assert self.answered(search, (1.0, 1.0)) is Status.SUCCESS
+
+    def test_who_was_named_by_an_earlier_run_at_an_open_piece_is_dealt_with_once_more(
+        self, tmp_path: Path
+    ) -> None:
+        first, second = searching(), searching()
+        kept = opened(tmp_path / "sweep.journal", first, resume=False)
+        planned(first)
+        first.record.zone_searched("a", (1.0, 1.0))
+        first.record.survivor_named("survivor_1", 1.0, 1.0)
+        kept.close()
+        opened(tmp_path / "sweep.journal", second, resume=True).close()
+        assert self.answered(second, (1.0, 1.0)) is Status.SUCCESS
+
+
+@pytest.mark.ros
+class TestLeaves:
+    def take(self, stage: "Stage", search: Search, name: str, **ports: Any) -> Any:
+        return stage.take(getattr(sweeping, name)(name, search.zones, sweeps=search.sweeps, **ports))
+
+    def walled(self, stage: "Stage", left: float) -> Any:
+        """Publish a map of 5 x 5 m that is blocked from x = left on."""
+        from nav_msgs.msg import OccupancyGrid
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        grid = OccupancyGrid()
+        grid.info.resolution, grid.info.width, grid.info.height = 0.1, 50, 50
+        grid.data = [100 if (at % 50) * 0.1 >= left else 0 for at in range(2500)]
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        publisher = stage.host().node.create_publisher(OccupancyGrid, "map", latched)
+        publisher.publish(grid)
+        extent = map_extent_of(stage.node)
+        stage.until(lambda: extent.obstacles() is not None, "the map")
+        return publisher
+
+    def test_a_sweep_is_planned_beside_the_ticks(self, stage: "Stage") -> None:
+        search = searching()
+        leaf = self.take(stage, search, "PlanSweep", coverage=1.0)
+        assert status(leaf) is Status.RUNNING
+        stage.until(lambda: stage.wakes == 1, "the tick that is requested")
+        assert status(leaf) is Status.SUCCESS
+        assert places(search) == PIECES
+        assert stage.lines == [
+            "a is swept in 4 pieces (parallel, 2.00 m apart): POD 63% at random to 79% where legs are kept."
+        ]
+
+    def test_one_that_is_planned_goes_on_where_it_is(self, stage: "Stage") -> None:
+        search = planned(searching())
+        search.sweeps.skip("a", "it was not reached, or not searched")
+        leaf = self.take(stage, search, "PlanSweep", pattern="sector")
+        leaf.tick_once()
+        assert leaf.status is Status.SUCCESS
+        assert (search.sweeps.of("a").passes, search.sweeps.of("a").left) == (1, 3)
+
+    def test_one_that_is_swept_is_not_planned_again(self, stage: "Stage") -> None:
+        search = planned(searching(), count=1)
+        search.sweeps.skip("a", "it was not reached, or not searched")
+        assert stage.run(self.take(stage, search, "PlanSweep")) is Status.SUCCESS
+        assert (search.sweeps.of("a").passes, search.sweeps.of("a").left) == (1, 0)
+
+    def test_a_zone_without_ground_cannot_be_swept(self, stage: "Stage") -> None:
+        search = searching()
+        search.zones.advance()
+        assert stage.run(self.take(stage, search, "ZoneHasGround")) is Status.FAILURE
+        assert stage.run(self.take(stage, search, "PlanSweep")) is Status.FAILURE
+        assert stage.warnings == ["b cannot be swept: it has no polygon."]
+
+    def test_without_a_zone_there_is_nothing_to_plan(self, stage: "Stage") -> None:
+        search = searching()
+        search.zones.advance()
+        search.zones.advance()
+        assert stage.run(self.take(stage, search, "PlanSweep")) is Status.FAILURE
+        assert stage.run(self.take(stage, search, "RefineSweep")) is Status.FAILURE
+
+    def test_what_is_blocked_is_left_out_of_the_plan(self, stage: "Stage") -> None:
+        search = searching()
+        leaf = self.take(stage, search, "PlanSweep", coverage=1.0, clearance=0.3)
+        publisher = self.walled(stage, 2.0)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert all(x <= 1.75 for x, _ in places(search))
+        assert publisher.topic_name.endswith("map")
+
+    def test_ground_that_is_blocked_altogether_cannot_be_swept(self, stage: "Stage") -> None:
+        search = searching()
+        leaf = self.take(stage, search, "PlanSweep")
+        publisher = self.walled(stage, 0.0)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "a cannot be swept: no stop of it can be driven to" in stage.warnings[0]
+        assert publisher.topic_name.endswith("map")
+
+    def test_pieces_are_driven_to_and_what_is_seen_on_the_way_is_kept(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        search = planned(searching())
+        leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
+        robot = [(0.0, 1.0, 0.0)]
+        leaf._robot.place = lambda: robot[0]
+        leaf.tick_once()
+        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        for step in range(11):
+            robot[0] = (step / 10.0, 1.0, 0.0)
+            leaf.tick_once()
+        robot[0] = (9.0, 9.0, 0.0)
+        leaf.tick_once()
+        server.goals[0].orders.put("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+        assert server.goals[0].pose[:3] == ("map", 1.0, 1.0)
+        assert "Navigating to piece 1/4 of a..." in stage.lines
+        assert self.take(stage, search, "AdvancePiece").tick_once() is None
+        assert search.sweeps.of("a").metres == pytest.approx(1.0)
+        assert search.record.zone == "a"
+
+    def test_where_no_piece_is_open_there_is_nowhere_to_drive_to(self, stage: "Stage") -> None:
+        search = searching()
+        assert stage.run(self.take(stage, search, "NavigateToPiece", record=search.record)) is Status.FAILURE
+        assert stage.warnings == ["'NavigateToPiece' has nowhere to drive to: no piece is open."]
+
+    def test_pieces_are_swept_or_skipped_until_none_remains(self, stage: "Stage") -> None:
+        search = planned(searching(), count=2)
+        remaining = self.take(stage, search, "PiecesRemaining")
+        assert stage.run(remaining) is Status.SUCCESS
+        assert stage.run(self.take(stage, search, "SkipPiece")) is Status.SUCCESS
+        assert stage.run(self.take(stage, search, "AdvancePiece")) is Status.SUCCESS
+        assert stage.run(remaining) is Status.FAILURE
+        assert stage.run(self.take(stage, search, "SkipPiece")) is Status.SUCCESS
+        assert stage.run(self.take(stage, search, "AdvancePiece")) is Status.SUCCESS
+        assert stage.warnings == ["Piece 1/2 of a is skipped."]
+        assert stage.lines == ["a: 0% seen, POD 0%, 1 gaps."]
+
+    def test_what_was_missed_is_swept_once_more_until_all_passes_are_made(self, stage: "Stage") -> None:
+        search = planned(searching(), count=1)
+        search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)] * 4, None)
+        stage.run(self.take(stage, search, "AdvancePiece"))
+        leaf = self.take(stage, search, "RefineSweep", until_pod=0.8, max_passes=2)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert (search.sweeps.of("a").pattern, search.sweeps.of("a").passes) == ("gaps", 2)
+        assert {y > 2.0 for _, y in places(search)} == {True}
+        while search.sweeps.of("a").left:
+            search.sweeps.skip("a", "it was not reached, or not searched")
+        assert stage.run(leaf) is Status.FAILURE
+
+    def test_what_was_looked_at_well_enough_is_not_swept_again(self, stage: "Stage") -> None:
+        search = planned(searching(), count=1)
+        for y in (0.5, 1.5, 2.5, 3.5):
+            search.sweeps.drive("a", [(0.0, y), (4.0, y)] * 2, None)
+        stage.run(self.take(stage, search, "AdvancePiece"))
+        assert search.sweeps.of("a").pod > 0.6
+        leaf = self.take(stage, search, "RefineSweep", until_pod=0.6)
+        assert stage.run(leaf) is Status.FAILURE
+        assert leaf.feedback_message.startswith("a: POD")
