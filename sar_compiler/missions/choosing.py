@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, cast
 
+from sar_compiler.commands import not_installed
 from sar_compiler.errors import SarError
 from sar_compiler.missions import ENTRY_POINTS
 from sar_compiler.missions.mission import Mission, MissionRun
@@ -37,6 +38,9 @@ class _GuardedMission:
         except SarError:
             raise
         except Exception as error:
+            # A library that is not installed is no fault of the mission: the command says which extra has it.
+            if isinstance(error, ImportError) and not_installed(error):
+                raise
             place = traceback.extract_tb(error.__traceback__)[-1]
             message = f"{failed}: {type(error).__name__}: {error} ({place.filename}:{place.lineno})"
             raise MissionError(message) from error
