@@ -185,7 +185,9 @@ def test_each_way_is_needed_once_and_none_from_a_place_to_itself() -> None:
     assert needed() == [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0)]
     assert needed(between=False) == [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0)]
     search.record.zone_searched("b", None)
-    assert sorted(map(sorted, needed())) == [[1.0, 2.0], [1.0, 3.0], [2.0, 3.0]]
+    home = [[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]]
+    assert sorted(map(sorted, needed())) == [*home, [1.0, 2.0], [1.0, 3.0], [2.0, 3.0]]
+    assert sorted(map(sorted, needed(between=False))) == [*home, [1.0, 2.0], [2.0, 3.0]]
 
 
 def test_a_drive_that_has_failed_may_have_changed_every_way() -> None:

@@ -152,13 +152,13 @@ class ZoneManager:
         )
 
     def ways(self, zones: Sequence[Zone], *, between: bool = True) -> list[PosePair]:
-        """Return the ways by which some zones are put in an order, each in one direction.
+        """Return the ways by which some zones are put in an order, and those home from them, each in one direction.
 
         Args:
             zones: The zones.
             between: Whether those from zone to zone are among them, or only those from where the robot has looked last.
         """
-        ways = [(self._here, zone) for zone in zones]
+        ways = [(start, zone) for start in (self._here, self._base_station) for zone in zones]
         ways += itertools.combinations(zones, 2) if between else ()
         by_ends = {_ends(*way): way for way in ways}
         return [way for ends, way in by_ends.items() if len(ends) > 1]
