@@ -83,6 +83,7 @@ class TestReturnInReach:
         assert robot.answer(robot.asks) == "in reach"
         assert robot.asks.status is Status.SUCCESS
         assert (stage.warnings, robot.facts) == ([], [])
+        assert "metres to the point of no return" in {each.name for each in robot.search.display().figures}
 
     def test_one_that_does_not_brings_it_home_first_and_is_told_with_figures(
         self, stage: "Stage", robot: Robot
