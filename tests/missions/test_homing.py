@@ -85,6 +85,18 @@ def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last
     assert found.home().metres == 0.0
 
 
+def test_near_where_it_has_looked_a_planner_s_ways_count() -> None:
+    made = homing()
+    zones = made._zones
+    zones.learn_way(BASE, zones.current_zone(), 40.0)
+    assert made.leg().metres == 80.0
+    made.place = pose(0.5)
+    assert made.leg().metres == 80.75
+    assert made.home().metres == 0.75
+    made.place = pose(1.5)
+    assert made.leg().metres == pytest.approx(1.5 * 8.5 + 40.0)
+
+
 def test_what_a_leg_lacks_is_told_with_figures() -> None:
     assert homing(share=0.46).shortage() == ""
     assert (

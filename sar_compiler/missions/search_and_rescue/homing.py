@@ -14,6 +14,7 @@ RESERVE = 0.15
 PRIOR = Rates(per_m=0.0005, per_sec=0.0001)
 """What a robot is expected to use, where the parameters do not say it."""
 _WRONG_BY = EnergyModel.wrong_by
+_NEAR_M = 1.5
 _NAMES = (*Rates._fields, "wrong_by", "reserve")
 
 
@@ -80,7 +81,7 @@ class Homing:
 
     def home(self) -> Trip:
         """Return the way home."""
-        return self._drive(self._zones.way_m(self._here(), self._zones.base_pose()))
+        return self._drive(self._way_from_here(self._zones.base_pose()))
 
     def leg(self, start: MapPose | None = None) -> Trip:
         """Return the way to the current zone, a look there and the way home from it.
@@ -91,13 +92,19 @@ class Homing:
         Raises:
             IndexError: If every zone is visited.
         """
-        zone, start = self._zones.current_zone(), start or self._here()
-        metres = self._zones.way_m(start, zone) + self._zones.way_m(zone, self._zones.base_pose())
+        zone = self._zones.current_zone()
+        out = self._zones.way_m(start, zone) if start is not None else self._way_from_here(zone)
+        metres = out + self._zones.way_m(zone, self._zones.base_pose())
         look_sec = self._zones.areas.get(zone["id"], Area(0.0, 0.0)).look_sec
         return self._drive(metres, look_sec)
 
-    def _here(self) -> MapPose:
-        return self.place or self._zones.here()
+    def _way_from_here(self, target: MapPose) -> float:
+        looked = self._zones.here()
+        apart = self._zones.way_m(self.place, looked) if self.place is not None else 0.0
+        # What a planner has said begins where the robot has looked, and is worth more than a straight line from near there.
+        if self.place is None or apart <= _NEAR_M:
+            return apart + self._zones.way_m(looked, target)
+        return self._zones.way_m(self.place, target)
 
     def _drive(self, metres: float, waited_sec: float = 0.0) -> Trip:
         return Trip(metres, metres / self._speed_mps + waited_sec)
