@@ -348,7 +348,7 @@ class PlanningServer:
             result.error_code = result.NO_VALID_PATH
             handle.abort()
             return result
-        for x, y in ((start, 0.0), (start, detour_m / 2), (start, 0.0)):
+        for x, y in ((start, detour_m / 2), (start, 0.0)):
             pose = PoseStamped()
             pose.pose.position.x, pose.pose.position.y = x, y
             result.path.poses.append(pose)
@@ -415,6 +415,17 @@ class TestAskingThePlanner:
         server.detour_m = {}
         assert stage.run(leaf) is Status.SUCCESS
         assert self.to_c(search.zones) == 3.0
+        server.detour_m = {frozenset({0.0, 3.0}): None}
+        search.zones._ways.clear()
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.warnings[1:] == stage.warnings[:1]
+
+    def test_the_questions_follow_one_another_beside_the_ticks(self, stage: "Stage") -> None:
+        server = PlanningServer(stage.host())
+        leaf = self.take(stage, searching())
+        assert status(leaf) is Status.RUNNING
+        stage.until(lambda: stage.wakes == 1, "the tick that is requested")
+        assert tuple(server.asked) == self.NEEDED
 
     def test_a_planner_that_rejects_gives_no_ways(self, stage: "Stage") -> None:
         server, search = PlanningServer(stage.host()), searching()

@@ -78,6 +78,7 @@ def test_what_is_answered_to_a_question_that_was_given_up_is_ignored(stage: "Sta
     who.ask(1.5)
     stage.until(lambda: server.goals, "the goal")
     who.questions.give_up()
+    assert not who.questions._results._pending_requests
     server.order("succeed")
     server.wait_for_end()
     server.script = ["abort"]

@@ -88,10 +88,8 @@ class ActionQuestions:
             self._pending = None
             take(future.result())
 
-    def _on_taken(self, goal_id: Any, on_answer: Callable[[Any | None], None], response: Any) -> None:
-        if not response.accepted:
-            on_answer(None)
-            return
+    def _on_taken(self, goal_id: Any, on_answer: Callable[[Any | None], None], _: Any) -> None:
+        # The result of a goal that was rejected is that the server does not know it.
         request = self._results.srv_type.Request(goal_id=goal_id)
         self._call(
             self._results, request, lambda end: on_answer(end.result if end.status == SUCCEEDED else None)
