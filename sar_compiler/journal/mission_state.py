@@ -241,6 +241,7 @@ class MissionState:
         situation: What the mission shows of itself.
         is_told: Whether the mission itself has said what it shows: journals of earlier versions have facts alone.
         since: Since when each alarm is there, by what it says.
+        courses: What each figure in percent was when, by its name: the moments at which it has changed.
         facts: What has happened, with the operator's orders, in its order; of goals of actions, `goals` tells.
         pose: Where the robot was last; None before anything is known of it.
         trail: Where it has been.
@@ -272,6 +273,7 @@ class MissionState:
         self.situation = Situation()
         self.is_told = False
         self.since: dict[str, Instant] = {}
+        self.courses: dict[str, list[tuple[Instant, float]]] = {}
         self.facts: list[KnownFact] = []
         self.pose: RobotPose | None = None
         self.trail: list[RobotPose] = []
@@ -513,6 +515,11 @@ class MissionState:
             self._why_ordered = reason, str(by)
         self._finish(data.get("landmarks", ()))
         self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
+        for name, value in (
+            (each["name"], each["value"]) for each in data.get("figures", ()) if each.get("unit") == "%"
+        ):
+            if isinstance(value, int | float) and math.isfinite(value):
+                self.courses.setdefault(name, []).append((self.now, value))
         if said and self.facts:
             self.facts[-1] = self.facts[-1]._replace(text=told_with_giver(str(said), str(by)))
 

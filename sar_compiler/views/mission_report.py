@@ -78,6 +78,10 @@ def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
             for kind in situation.kinds.values()
         },
         "figures": [each._asdict() for each in situation.figures.values()],
+        "courses": {
+            name: [{**_at(at), "value": value} for at, value in course]
+            for name, course in state.courses.items()
+        },
         "gauges": [each._asdict() for each in state.gauges],
         "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
         "properties": [

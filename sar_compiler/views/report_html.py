@@ -22,6 +22,10 @@ from sar_compiler.views.mission_report import georeference, not_done, to_visit
 from sar_compiler.views.mission_view import sign
 from sar_compiler.views.why import Why, first_to_look_at
 
+# Of a plot: the width and the height of its field, and what is left for the words left of it and below.
+_PLOT = (640, 140, 60, 30)
+_SHARES = (0, 50, 100)
+_CLOCK = "%H:%M:%S"
 _NONE = "-"
 _POSITION = ("x, y in map (m)", "latitude, longitude")
 # Of the log's warnings so many are told, and of the facts.
@@ -44,6 +48,7 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
     parts = (
         _head(state),
         found,
+        _courses(state),
         _map(state),
         others,
         _alarms(state),
@@ -270,7 +275,7 @@ def _when(state: MissionState, instant: Instant | None) -> str:
     run = f"run {instant.run}, " if len(state.runs) > 1 else ""
     day = _day(instant, "%Y-%m-%d")
     is_first = bool(state.runs) and day == _day(state.runs[0].began, "%Y-%m-%d")
-    return f"{run}{'' if is_first else f'{day} '}{_day(instant, '%H:%M:%S')} ({clock_text(instant.time)})"
+    return f"{run}{'' if is_first else f'{day} '}{_day(instant, _CLOCK)} ({clock_text(instant.time)})"
 
 
 def _day(instant: Instant, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
@@ -349,6 +354,46 @@ class MapBox(NamedTuple):
     low: float
     right: float
     high: float
+
+
+def _courses(state: MissionState) -> Iterator[str]:
+    """Yield a plot of each figure in percent that has risen or fallen: over the wall's time, from 0 to 100 %."""
+    for name, course in state.courses.items():
+        if len({value for _, value in course}) > 1:
+            yield f'<h2>{_text(name[:1].upper() + name[1:])}</h2><div class="scroll">{_plot(state, name, course)}</div>'
+
+
+def _plot(state: MissionState, name: str, course: Sequence[tuple[Instant, float]]) -> str:
+    began, (width, height, left, low) = course[0][0].wall, _PLOT
+    whole = max(state.now.wall - began, 1e-9)
+
+    def at(wall: float, value: float) -> str:
+        return f"{left + width * (wall - began) / whole:.1f},{5 + height * (1 - min(max(value, 0), 100) / 100):.1f}"
+
+    # What it was holds until it is something else.
+    ends = [*(moment.wall for moment, _ in course[1:]), state.now.wall]
+    steps = [
+        at(wall, value)
+        for (moment, value), end in zip(course, ends, strict=True)
+        for wall in (moment.wall, end)
+    ]
+    lines = [
+        f'<polyline class="axis" points="{at(began, share)} {at(began + whole, share)}"/>'
+        for share in _SHARES
+    ]
+    marks = [
+        f'<text text-anchor="end" x="{left - 6}" y="{9 + height * (1 - share / 100):.0f}">{share} %</text>'
+        for share in _SHARES
+    ]
+    times = [
+        f'<text x="{left}" y="{height + low - 8}">{_day(course[0][0], _CLOCK)}</text>',
+        f'<text text-anchor="end" x="{left + width}" y="{height + low - 8}">{_day(state.now, _CLOCK)}</text>',
+    ]
+    label = escape(visible(f"{name}: {course[0][1]:g} % at first, {course[-1][1]:g} % at last"))
+    return (
+        f'<svg class="course" viewBox="0 0 {left + width + 5} {height + low}" role="img" aria-label="{label}">'
+        f'{"".join((*lines, *marks, *times))}<polyline class="course" points="{" ".join(steps)}"/></svg>'
+    )
 
 
 def report_map(state: MissionState) -> str:

@@ -455,6 +455,36 @@ def texts(page):
     return html.unescape(re.sub(r"<[^>]*>", "\n", body))
 
 
+def percent(value, name="share seen"):
+    return ("changed", {"figures": [{"name": name, "value": value, "unit": "%"}]})
+
+
+class TestCourses:
+    def test_a_figure_in_percent_is_kept_with_each_moment_at_which_it_has_changed(self):
+        data = report_data(mission(percent(10), percent(40.5)))
+        assert [each["value"] for each in data["courses"]["share seen"]] == [10, 40.5]
+        assert all(each["utc"] for each in data["courses"]["share seen"])
+
+    def test_one_that_has_changed_is_drawn_in_steps_between_0_and_100(self):
+        page = html_report(mission(percent(10), percent(150)))
+        [points] = re.findall(r'<polyline class="course" points="([^"]+)"', page)
+        heights = [float(point.partition(",")[2]) for point in points.split()]
+        assert heights == [131.0, 131.0, 5.0, 5.0]
+        assert "<h2>Share seen</h2>" in page
+        assert 'aria-label="share seen: 10 % at first, 150 % at last"' in page
+
+    @pytest.mark.parametrize(
+        "told", [[percent(10)], [percent(10), percent(10)], [percent(math.nan), percent(10)]]
+    )
+    def test_one_that_has_not_changed_or_is_no_number_is_not_drawn(self, told):
+        assert 'polyline class="course"' not in html_report(mission(*told))
+
+    def test_what_a_stranger_has_called_a_figure_is_a_text(self):
+        page = html_report(mission(percent(1, "<b>"), percent(2, "<b>")))
+        assert "<b>" not in page
+        assert "&lt;b&gt;" in page
+
+
 class TestThePage:
     def test_it_needs_nothing_but_itself(self):
         page = html_report(mission())
