@@ -240,10 +240,89 @@ def test_a_resumed_search_has_the_same_map_and_the_same_zone(journal: Path) -> N
     assert tours[0] == tours[1]
 
 
+def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
+    first, second = searching(), searching()
+    kept = open_journal(journal, resume=False)
+    first.keep_in(kept)
+    kept.begin({}, {})
+    first.zones.hint("a", 3.0)
+    first.zones.hint("a", 2.0)
+    kept.close()
+    kept = open_journal(journal, resume=True)
+    second.keep_in(kept)
+    told = [second.sentence(fact) for fact in kept.facts() if fact.kind == "hint_given"]
+    assert told == ["the operator: a hint on a, times 3", "the operator: a hint on a, times 2"]
+    kept.close()
+    assert second.zones.hints == {"a": 6.0}
+    assert second.zones.poa_map().now()["a"] == pytest.approx(0.6 / 1.5)
+
+
+@pytest.mark.parametrize(
+    ("zone", "ratio"), [("z", 2.0), ("a", 0.0), ("a", math.nan), ("a", 1001.0), ("a", "much")]
+)
+def test_a_hint_that_cannot_be_is_no_fact(zone: str, ratio: Any) -> None:
+    search = searching()
+    with pytest.raises((TypeError, ValueError)):
+        search.zones.hint(zone, ratio)
+    assert search.zones.hints == {}
+
+
 @pytest.mark.ros
 class TestChooseZone:
     def take(self, stage: "Stage", search: Search, **order: Any) -> ChooseZone:
         return stage.take(ChooseZone("ChooseZone", search.zones, **order))
+
+    def hint(self, stage: "Stage", search: Search, **values: Any) -> tuple[bool, str]:
+        """Give a hint as an operator does."""
+        from sar_interfaces.srv import AddHint
+
+        self.take(stage, search, order="expected_find")
+        request = AddHint.Request(zone_id=values.get("zone", ""), likelihood_ratio=values.get("times", 3.0))
+        request.point.header.frame_id = values.get("frame", "map")
+        request.point.point.x = values.get("x", 0.0)
+        client = stage.host().node.create_client(AddHint, f"{stage.node.get_fully_qualified_name()}/add_hint")
+        stage.until(client.service_is_ready, "the service")
+        answer = client.call_async(request)
+        stage.until(answer.done, "the answer")
+        response: Any = answer.result()
+        return response.success, response.message
+
+    @pytest.mark.parametrize(("values", "zone"), [({"zone": "a"}, "a"), ({"x": 2.4}, "b"), ({"x": 2.6}, "c")])
+    def test_a_hint_counts_for_the_zone_it_names_or_the_one_nearest_to_the_place(
+        self, stage: "Stage", values: dict[str, Any], zone: str
+    ) -> None:
+        search = searching()
+        assert self.hint(stage, search, **values) == (True, f"it counts for {zone}")
+        assert search.zones.hints == {zone: 3.0}
+        assert stage.lines == [f"Operator: add_hint: {zone}, times 3."]
+
+    @pytest.mark.parametrize(
+        ("values", "said"),
+        [
+            ({"zone": "z"}, "there is no zone 'z' with a probability"),
+            ({"x": math.nan}, "there is no zone '' with a probability"),
+            ({"frame": "odom"}, "the point is in the frame 'odom', and must be in 'map'"),
+            (
+                {"zone": "a", "times": 0.0},
+                "the likelihood ratio is 0, and must be a thousandth to a thousand",
+            ),
+            (
+                {"zone": "a", "times": math.inf},
+                "the likelihood ratio is inf, and must be a thousandth to a thousand",
+            ),
+        ],
+    )
+    def test_a_hint_that_makes_no_sense_is_refused_with_the_reason(
+        self, stage: "Stage", values: dict[str, Any], said: str
+    ) -> None:
+        search = searching()
+        assert self.hint(stage, search, **values) == (False, said)
+        assert search.zones.hints == {}
+
+    def test_where_no_zone_has_a_probability_no_hints_are_taken(self, stage: "Stage") -> None:
+        self.take(stage, searching({}), order="nearest")
+        names = [name for name, _ in stage.node.get_service_names_and_types()]
+        assert not any(name.endswith("add_hint") for name in names)
 
     def test_the_zone_that_finds_soonest_is_chosen(self, stage: "Stage") -> None:
         search = searching()

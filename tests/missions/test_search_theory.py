@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sar_compiler.missions.search_and_rescue.search_theory import (
+    Area,
     PoaMap,
     Tour,
     pod_at_random,
@@ -179,6 +180,31 @@ def test_what_is_no_probability_is_refused(poa: dict[str, float], pod: dict[str,
 def test_tenths_that_sum_to_one_are_not_refused_for_their_rounding() -> None:
     poa = {str(area): 0.1 for area in range(10)}
     assert PoaMap(poa, dict.fromkeys(poa, 0.5), {}).pos() == 0.0
+
+
+@given(
+    poa=st.lists(st.floats(0.01, 1.0), min_size=1, max_size=5),
+    ratio=st.floats(0.01, 100.0),
+    elsewhere=st.floats(0.01, 1.0),
+)
+def test_a_hint_changes_the_map_by_bayes(poa: list[float], ratio: float, elsewhere: float) -> None:
+    total = sum(poa) + elsewhere
+    areas = {str(at): Area(each / total, 0.5) for at, each in enumerate(poa)}
+    hinted = PoaMap.of(areas, {}, hints={"0": ratio}).now()
+    # How likely the hint is: the ratio where somebody is, 1 anywhere else.
+    evidence = ratio * areas["0"].poa + 1.0 - areas["0"].poa
+    for name, area in areas.items():
+        expected = area.poa * (ratio if name == "0" else 1.0) / evidence
+        assert hinted[name] == pytest.approx(expected)
+
+
+def test_a_look_and_a_hint_count_the_same_in_either_order() -> None:
+    areas = {"a": Area(0.5, 0.8), "b": Area(0.3, 0.5)}
+    both = PoaMap.of(areas, {"a": 1}, hints={"a": 4.0}).now()
+    # By Bayes twice: first the look, then the hint.
+    looked = PoaMap.of(areas, {"a": 1}).now()
+    evidence = 4.0 * looked["a"] + 1.0 - looked["a"]
+    assert both["a"] == pytest.approx(4.0 * looked["a"] / evidence)
 
 
 @pytest.mark.parametrize(("coverage", "at_random", "in_parallel"), [(0.0, 0.0, 0.0), (0.5, 0.393, 0.469), (1.0, 0.632, 0.790), (2.0, 0.865, 0.988)])  # fmt: skip

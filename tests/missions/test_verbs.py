@@ -1,5 +1,7 @@
 """What comes with an order is what its verb asks for."""
 
+import math
+
 import pytest
 
 from sar_compiler.missions.mission import Verb, VerbError, VerbField
@@ -87,3 +89,15 @@ def test_the_orders_of_the_mission_fill_the_requests_of_its_services():
         JudgeSurvivor.Request.SAME,
         "survivor_1",
     )
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(("x", "y"), [(None, None), (1.5, -2.0)])
+def test_a_hint_is_about_a_zone_or_a_place(x, y):
+    from sar_interfaces.srv import AddHint
+
+    verb, request = {each.name: each for each in VERBS}["add_hint"], AddHint.Request()
+    verb.fill(request, verb.check({"zone": "zone_b", "x": x, "y": y, "times": 3}))
+    assert (request.zone_id, request.likelihood_ratio) == ("zone_b", 3.0)
+    assert math.isnan(request.point.point.x) == (x is None)
+    assert request.point.header.frame_id == "map"

@@ -236,6 +236,7 @@ SPECS = [
         attribute(
             "planner_id", str, "Which of the planner server's planners is asked; empty for its only one.", ""
         ),
+        handed_over("orders", _ORDERS, "Takes the operator's hints.", required=False),
         effects="makes one of the zones that are left the current one",
         answers=(
             Answer("SUCCESS", "chosen", "zones_left > 0"),

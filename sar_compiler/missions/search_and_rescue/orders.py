@@ -81,6 +81,15 @@ def _add_zone(request: Any, values: Mapping[str, Any]) -> None:
     turn_by(turn, math.radians(values["heading"]))
 
 
+def _add_hint(request: Any, values: Mapping[str, Any]) -> None:
+    request.zone_id, request.likelihood_ratio = values["zone"], values["times"]
+    request.point.header.frame_id = MAP_FRAME
+    # Without a zone and a place it is refused.
+    request.point.point.x, request.point.point.y = (
+        math.nan if values[axis] is None else values[axis] for axis in ("x", "y")
+    )
+
+
 def _judge(request: Any, values: Mapping[str, Any]) -> None:
     request.survivor_id, request.same_as = values["survivor"], values["same_as"]
     request.verdict = getattr(type(request), values["verdict"])
@@ -107,6 +116,19 @@ VERBS = (
             VerbField("heading", "heading, degrees counterclockwise from x", "number"),
         ),
         fill=_add_zone,
+    ),
+    Verb(
+        "add_hint",
+        "Add a hint",
+        "Somebody may be, or is hardly, in a zone: it counts when the next zone is chosen.",
+        "sar_interfaces/srv/AddHint",
+        (
+            VerbField("zone", "Zone; empty for the one nearest to a place", optional=True),
+            VerbField("x", "x, metres", "number", optional=True),
+            VerbField("y", "y, metres", "number", optional=True),
+            VerbField("times", "times likelier: 3 for, 0.3 against", "number"),
+        ),
+        fill=_add_hint,
     ),
     Verb(
         "judge_survivor",

@@ -380,6 +380,7 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     "sweep_planned": _planned,
     "piece_swept": _piece_swept,
     "piece_skipped": lambda zone, piece, reason: f"skipped piece {piece + 1} of {zone}: {reason}",
+    "hint_given": lambda zone, ratio: f"the operator: a hint on {zone}, times {ratio:g}",
     "zone_started": lambda zone: f"set out for {zone}",
     "zone_searched": _searched,
     "survivor_unplaced": lambda zone, reason: f"somebody in {zone} at no usable position: {reason}",

@@ -83,15 +83,24 @@ class PoaMap:
 
     @classmethod
     def of(
-        cls, areas: Mapping[str, Area], looks: Mapping[str, int], swept: Mapping[str, float] | None = None
+        cls,
+        areas: Mapping[str, Area],
+        looks: Mapping[str, int],
+        swept: Mapping[str, float] | None = None,
+        hints: Mapping[str, float] | None = None,
     ) -> "PoaMap":
-        """Return the map of some areas after some looks and sweeps."""
-        return cls(
-            {name: area.poa for name, area in areas.items()},
-            {name: area.pod for name, area in areas.items()},
-            looks,
-            swept or {},
-        )
+        """Return the map of some areas after some looks, sweeps and hints.
+
+        Args:
+            areas: What was expected of them.
+            looks: How often it was looked in each.
+            swept: How likely the sweeps of each have found who is there.
+            hints: How many times likelier all hints on an area are if somebody is there than if nobody is; 1 for others, and for elsewhere.
+        """
+        weights = {name: area.poa * (hints or {}).get(name, 1.0) for name, area in areas.items()}
+        total = max(0.0, 1.0 - math.fsum(area.poa for area in areas.values())) + math.fsum(weights.values())
+        poa = {name: weight / total if hints and total else weight for name, weight in weights.items()}
+        return cls(poa, {name: area.pod for name, area in areas.items()}, looks, swept or {})
 
     def missed(self, area: str) -> float:
         """Return how likely all that was done in an area has missed who is there: (1 - POD) for each look, and for its sweeps."""

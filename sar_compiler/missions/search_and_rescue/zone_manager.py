@@ -23,8 +23,14 @@ _LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 
 DETOUR = 1.5
 """How many times as long as the straight line a way is taken to be that nobody has planned."""
+_LARGEST_RATIO = 1000.0
 MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
+
+
+def is_ratio(value: float) -> bool:
+    """Return whether a likelihood ratio is one that somebody can mean: a thousandth to a thousand."""
+    return 1.0 / _LARGEST_RATIO <= value <= _LARGEST_RATIO
 
 
 class MapPose(TypedDict):
@@ -69,6 +75,7 @@ class ZoneManager:
         areas: What is expected of looks in the zones.
         looks: How often it was looked in each zone; a sweep counts as what it has seen.
         swept: How likely the sweep of each zone has found who is there, 0 to 1.
+        hints: How many times likelier all hints on a zone are if somebody is there than if nobody is.
     """
 
     def __init__(
@@ -83,6 +90,7 @@ class ZoneManager:
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
         self.swept: dict[str, float] = {}
+        self.hints: dict[str, float] = {}
         self._priorities = dict(priorities or {})
         self._speed_mps = speed_mps
         self.journal = Journal(apply=self.apply)
@@ -135,7 +143,18 @@ class ZoneManager:
 
     def poa_map(self) -> PoaMap:
         """Return where somebody may be, after the looks so far; with no areas where no probabilities are given."""
-        return PoaMap.of(self.areas, self.looks, self.swept)
+        return PoaMap.of(self.areas, self.looks, self.swept, self.hints)
+
+    def hint(self, zone_id: str, ratio: float) -> None:
+        """Note a hint on a zone: how many times likelier it is if somebody is there than if nobody is."""
+        self.journal.note("hint_given", zone=zone_id, ratio=ratio)
+
+    def nearest(self, x: float, y: float) -> str:
+        """Return the zone with probabilities whose pose is nearest to a position in the frame `map`, metres; empty if there is none."""
+        zones = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] in self.areas)
+        return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), (x, y)), default={"id": ""})[
+            "id"
+        ]
 
     def tour(self, zones: Sequence[Zone]) -> Tour:
         """Return what there is to choose an order of some zones by, from where the robot has looked last, or the base station.
@@ -268,6 +287,12 @@ class ZoneManager:
 
     def _take_piece_swept(self, data: Mapping[str, Any]) -> None:
         self.swept[data["zone"]] = float(data["pod"])
+
+    def _take_hint_given(self, data: Mapping[str, Any]) -> None:
+        zone, ratio = data["zone"], float(data["ratio"])
+        if zone not in self.areas or not is_ratio(ratio):
+            raise ValueError(f"there is no such hint on {zone}")
+        self.hints[zone] = self.hints.get(zone, 1.0) * ratio
 
     def _take_base_reached(self, _: Mapping[str, Any]) -> None:
         self._here = self._base_station

@@ -1,15 +1,17 @@
 """Going through the list of zones: visited, postponed, and finally abandoned."""
 
+import math
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Annotated, Any
 
 from py_trees.common import Status
 
 from sar_compiler.leaves import RosLeaf, Seconds, at_least
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.planned_ways import PlannedWays
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search_theory import VisitingOrder
-from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Zone, ZoneManager, is_ratio
 
 Attempts = Annotated[int, at_least(1)]
 
@@ -49,6 +51,7 @@ class ChooseZone(RosLeaf):
         order: How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.
         ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
         planner_id: Which of the planner server's planners is asked; empty for its only one.
+        orders: Takes the operator's hints on where somebody may be, by the service `~/add_hint` (`sar_interfaces/srv/AddHint`).
     """
 
     def __init__(
@@ -59,9 +62,10 @@ class ChooseZone(RosLeaf):
         order: VisitingOrder = "listed",
         ways_timeout_sec: Seconds = 5.0,
         planner_id: str = "",
+        orders: OperatorOrders | None = None,
     ) -> None:
         super().__init__(name)
-        self._zones = zone_manager
+        self._zones, self._orders = zone_manager, orders or OperatorOrders()
         self._order: VisitingOrder = order
         self._ways_timeout_sec, self._planner_id = ways_timeout_sec, planner_id
         self._ways: PlannedWays | None = None
@@ -73,6 +77,10 @@ class ChooseZone(RosLeaf):
         """Make the clients of the planner, if it is to be asked."""
         self.shutdown()
         super().setup(**kwargs)
+        if self._zones.areas:
+            from sar_interfaces.srv import AddHint
+
+            self._orders.offer(self.node, "add_hint", AddHint, self._on_hint)
         if self._order != "listed":
             self._ways = PlannedWays(
                 self.node, self._zones, self._ways_timeout_sec, self._planner_id, self._wake
@@ -103,10 +111,33 @@ class ChooseZone(RosLeaf):
     def shutdown(self) -> None:
         """Release the clients, and the node."""
         self._forget()
+        self._orders.withdraw()
         if self._ways is not None:
             self._ways.release()
         self._ways = None
         super().shutdown()
+
+    def _on_hint(self, request: Any, response: Any) -> Any:
+        """Take a hint, which counts from the next choice on."""
+        point, ratio = request.point.point, request.likelihood_ratio
+        known = all(map(math.isfinite, (point.x, point.y)))
+        zone = request.zone_id or (self._zones.nearest(point.x, point.y) if known else "")
+        refusal = ""
+        if not request.zone_id and request.point.header.frame_id != MAP_FRAME:
+            refusal = (
+                f"the point is in the frame '{request.point.header.frame_id}', and must be in '{MAP_FRAME}'"
+            )
+        elif not is_ratio(ratio):
+            refusal = f"the likelihood ratio is {ratio:g}, and must be a thousandth to a thousand"
+        elif zone not in self._zones.areas:
+            refusal = f"there is no zone '{zone}' with a probability"
+        response.success, response.message = not refusal, refusal or f"it counts for {zone}"
+        if refusal:
+            self.complain(f"Operator: add_hint: refused, {refusal}.")
+        else:
+            self._zones.hint(zone, ratio)
+            self.say(f"Operator: add_hint: {zone}, times {ratio:g}.")
+        return response
 
     def _choose(self, zone_id: str) -> Status:
         self._forget()
