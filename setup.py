@@ -64,6 +64,9 @@ def kernel() -> "list[Extension]":
         module.optional = True
         # What there is to be warned of in C that a program wrote: looking for it takes a third of the time.
         module.extra_compile_args.append("-w")
+        # Nobody else calls its functions: so they call each other directly, and small ones are inlined.
+        if os.name != "nt":
+            module.extra_compile_args.append("-fvisibility=hidden")
     RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
     return modules
 

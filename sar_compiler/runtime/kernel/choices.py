@@ -43,7 +43,7 @@ class Choices:
     def begin(self, path: tuple[int, ...] = ()) -> None:
         """Begin with the first combination; with *path* the first one that begins with these options."""
         self._path = list(path)
-        self._counts = [0] * len(path)
+        self._counts = [0 for _ in path]
         self._asked = 0
 
     def pick(self, count: int) -> int:

@@ -129,6 +129,7 @@ class ForkingTicker(Ticker):
         self._forks: list[Fork] = []
         self._seen: set[tuple[bytes, Waits]] = set()
         self._forgotten: list[bool] = []
+        self._none: list[int] = []
         # By the node around the next one: whose ends may be looked at in the middle of a tick, although they are forgotten.
         self._shown: dict[int, list[int]] = {}
 
@@ -191,7 +192,7 @@ class ForkingTicker(Ticker):
         """Return KNOWN if a tick was here before, with nothing behind it that makes a difference; else ENTERED in a middle, or CALLED."""
         trail, entries = self.trail, self.entries
         entries.settle()
-        shown = self._shown_at(node) if self._forgotten else []
+        shown = self._shown_at(node) if self._forgotten else self._none
         middle = self._code.write_middle(
             node.index, trail.watched, trail.broken, shown, self.cells, self.values, entries.now
         )

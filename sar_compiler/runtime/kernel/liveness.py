@@ -212,10 +212,9 @@ def is_fair(graph: Graph, component: list[int]) -> bool:
     There may be more ticks than can be gone through. So each step is looked at once, from the states on: which of the three things a tick
     can have noted of each bit up to there.
     """
-    states = len(graph.states)
-    if min(component) >= states or (len(component) == 1 and not _goes_round(graph, component[0])):
+    if len(component) == 1 and not _goes_round(graph, component[0]):
         return False
-    inside = set(component)
+    inside, states = set(component), len(graph.states)
     notes: dict[int, tuple[int, int, int]] = {}
     free, found = 0, False
     # A middle leads to middles with lower numbers.

@@ -154,9 +154,12 @@ class _Exploration:
         self._numbering = Numbering()
         self._graph = Graph(self._numbering.states)
         self._known_waits: dict[Any, int] = {}
+        self._last_waits: Waits = (-1, -1, -1)
+        self._last_number = 0
         # The only state that each middle leads to.
         self._only = vec[i32]()
-        self._open: set[int] = set()
+        # 1 for each state of which there is more to say once it is known whether it is idle.
+        self._open = bytearray()
         self._played = 0
         # The place in hand, and those around it in the tick: the steps of each, its middle, and the part of the tick up to it.
         self._places: list[_OpenPlace] = []
@@ -241,6 +244,8 @@ class _Exploration:
 
     def _number_of(self, goes_on: int, changed: int, settled: int) -> int:
         """Return the number of what a step does to what is waited for."""
+        if (goes_on, changed, settled) == self._last_waits:
+            return self._last_number
         key: Any = goes_on << 2 * _NARROW | changed << _NARROW | settled
         if (goes_on | changed | settled) >> _NARROW:
             key = goes_on, changed, settled
@@ -249,6 +254,7 @@ class _Exploration:
             waits = self._graph.waits
             number = self._known_waits[key] = len(waits)
             waits.append((goes_on, changed, settled))
+        self._last_waits, self._last_number = (goes_on, changed, settled), number
         return number
 
     def _leave(self, count: int) -> None:
@@ -264,7 +270,7 @@ class _Exploration:
         self._leave(len(self._places) - 1)
         index = self._source
         only = self._write(self._graph.steps, self._places[0])
-        if index in self._open:
+        if self._open[index]:
             self._judge_again(index, state, idle=only == index)
 
     def _count(self) -> None:
@@ -306,7 +312,6 @@ class _Exploration:
         is for `liveness`, after the search.
         """
         graph = self._graph
-        self._open.remove(index)
         judgement = self._stepper.judge(state, idle)
         graph.ends[index] = judgement.ends
         for rule in self._new(judgement.broken):
@@ -320,8 +325,7 @@ class _Exploration:
         judgement = self._stepper.judge(state, None)
         graph.ends.append(judgement.ends)
         graph.pending.append(judgement.pending)
-        if judgement.is_open:
-            self._open.add(number)
+        self._open.append(judgement.is_open)
         if judgement.broken:
             self._note_breaches(judgement.broken)
         return number
@@ -360,7 +364,7 @@ class _OpenPlace:
         self.middle = middle
         self.waits = waits
         self.steps = vec[i64]()
-        self._many: set[int] = set()
+        self._many: set[int] | None = None
 
     def add(self, step: i64) -> None:
         """Add a step, unless it is known."""
@@ -370,8 +374,8 @@ class _OpenPlace:
                 if known == step:
                     return
         else:
-            if not self._many:
-                self._many.update([int(known) for known in steps])
+            if self._many is None:
+                self._many = {int(known) for known in steps}
             if int(step) in self._many:
                 return
             self._many.add(int(step))

@@ -5,7 +5,7 @@ from typing import Any, Final
 from librt.vecs import vec
 from mypy_extensions import i32, i64, u8
 
-from sar_compiler.runtime.kernel.cells import INVALID, RUNNING
+from sar_compiler.runtime.kernel.cells import RUNNING
 
 _MORE: Final = 128
 """Added to a byte of a number of which more follows."""
@@ -23,7 +23,7 @@ class StateCode:
     into a half of that byte goes on behind it.
 
     Args:
-        cells: The cells with numbers, at the start.
+        cells: The cells with numbers, at the start; no node has ended.
         values: The cells with other values, at the start.
         forgotten: For each node whether it makes no difference, while it does not run, if and how it has ended.
     """
@@ -100,33 +100,21 @@ class StateCode:
 
     def _write(self, at: i64, cells: vec[i32], values: list[Any], entries: vec[i32]) -> bytes:
         """Return what was written, with all places behind it."""
-        self._last = 0
-        at = self._put_cells(self._put_statuses(at, cells), cells)
+        at = self._put_cells(at, cells)
         at = self._put_values(at, len(cells), values)
         at = self._put_entries(at, len(cells) + len(values), entries)
         return bytes(self._room[:at])
 
-    def _put_statuses(self, at: i64, cells: vec[i32]) -> i64:
-        room, forgotten, nodes, last = self._room, self._forgotten, len(self._forgotten), self._last
-        index: i64 = 0
-        while index < nodes:
-            held = cells[index]
-            if held != INVALID and (held == RUNNING or not forgotten[index]):
-                at = _put(room, at, index - last, i64(held) + 1)
-                last = index
-            index += 1
-        self._last = last
-        return at
-
     def _put_cells(self, at: i64, cells: vec[i32]) -> i64:
-        room, first, last = self._room, self._cells, self._last
-        index, count = len(self._forgotten), len(cells)
-        while index < count:
-            held = cells[index]
-            if held != first[index]:
+        room, first, forgotten = self._room, self._cells, self._forgotten
+        nodes = len(forgotten)
+        index: i64 = 0
+        last: i64 = 0
+        for held in cells:
+            if held != first[index] and (index >= nodes or held == RUNNING or not forgotten[index]):
                 at = _put(room, at, index - last, i64(held) + 1)
                 last = index
-            index += 1
+            index += 1  # noqa: SIM113 - a number of the machine
         self._last = last
         return at
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.entry_cells import Memo
 from sar_compiler.runtime.kernel.forking import ENTERED, KNOWN, ForkingTicker
 from sar_compiler.runtime.kernel.searching import (
@@ -48,7 +49,9 @@ class TickSteps(Stepper):
         ticker.forget(forgotten)
         self._judge = judge
         self._judged_by = judged_by
-        self._judged: dict[tuple[int, int, bool | None], Memo] = {}
+        self._judged: dict[int, Memo] = {}
+        self._question: tuple[int, int, bool | None] = (0, 0, None)
+        self._ask: Callable[[], Judgement] = self._answer
         self._is_fresh = True
         # The state whose ticks are played, and what is to be known of it when it is judged once more.
         self._entered, self._entered_head = b"", (0, 0)
@@ -143,12 +146,17 @@ class TickSteps(Stepper):
             self._ticker.entries.restore(self._entries)
         else:
             outcome, watched = self.restore(state)
-        place = (outcome, watched, idle)
+        self._question = outcome, watched, idle
+        place = (watched * 3 + (2 if idle is None else int(idle))) * len(WORDS) + outcome
         memo = self._judged.get(place)
         if memo is None:
             memo = self._judged[place] = Memo(self._ticker.entries, self._judged_by)
-        judgement: Judgement = memo.call(lambda: self._judge(outcome, watched, idle))
+        judgement: Judgement = memo.call(self._ask)
         return judgement
+
+    def _answer(self) -> Judgement:
+        outcome, watched, idle = self._question
+        return self._judge(outcome, watched, idle)
 
     def restore(self, state: bytes) -> tuple[int, int]:
         """Make the tree what it was in a state; return the outcome of the last tick, and what the properties remembered."""
