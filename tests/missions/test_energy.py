@@ -98,7 +98,8 @@ def test_with_no_more_error_than_said_a_need_is_never_too_low() -> None:
         robot = Robot(EnergyModel(PRIOR, wrong_by=0.25), times, grain=1e-6)
         while robot.share > 0.2:
             trip = Trip(chance.uniform(0.0, 200.0), chance.uniform(0.0, 900.0))
-            assert robot.model.need(trip) >= robot.used(trip) * (1 - 1e-3), seed
+            # The median of three readings is a second late.
+            assert robot.model.need(trip) >= robot.used(trip) * 0.99, seed
             robot.go(int(chance.integers(10, 300)), float(chance.choice([0.0, 0.2, 0.4])))
 
 

@@ -116,7 +116,7 @@ def unlike(chance: np.random.Generator, wrong_by: float = 0.25) -> World:
     return World(Rates(*rates), SPEED_MPS * chance.uniform(0.9, 1.0), (1.0, DETOUR))
 
 
-def test_in_a_thousand_flights_half_of_the_reserve_is_always_left() -> None:
+def test_in_flights_by_chance_half_of_the_reserve_is_always_left() -> None:
     lowest = [
         Flight(chance := np.random.default_rng(seed), unlike(chance)).fly().lowest
         for seed in range(rounds(100))
@@ -124,7 +124,7 @@ def test_in_a_thousand_flights_half_of_the_reserve_is_always_left() -> None:
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 
 
-def test_in_the_worst_world_of_all_half_of_the_reserve_is_always_left() -> None:
+def test_in_the_worst_world_of_the_page_half_of_the_reserve_is_always_left() -> None:
     worst = World(Rates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [Flight(np.random.default_rng(seed), worst).fly().lowest for seed in range(rounds(50))]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
