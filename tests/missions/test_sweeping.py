@@ -90,7 +90,7 @@ def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_le
     search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
     search.sweeps.advance("a", None, 0.9)
     area, *gaps = [each for each in search.display().landmarks if each.corners]
-    assert (area.kind, area.name, area.within, area.state) == ("area", "a", "a", "1 of 1 pieces")
+    assert (area.kind, area.name, area.state) == ("area", "a", "1 of 1 pieces")
     assert area.corners == GROUND.polygon
     assert {key: area.details[key] for key in ("sweep width W", "track length L", "area A", "POA before", "passes")} == {
         "sweep width W": "2 m",

@@ -226,7 +226,6 @@ class Search(MissionRun):
                 kind="area",
                 state=state,
                 reason="",
-                within=zone.name,
                 corners=ground.polygon,
                 details=self._swept(zone.name),
             )
