@@ -30,6 +30,7 @@ _SIMULATOR = ("numpy", "scipy", "PIL")
 _OF_OPTIONS = {
     "groot2": (("zmq", "msgpack"), "--groot2", ", apt's python3-zmq and python3-msgpack on a robot"),
     "lsp": (("pygls", "lsprotocol", "cattrs", "attr", "attrs"), "the language server", ""),
+    "mcp": (("mcp", "mcp_types", "anyio"), "the server of tools for agents", ""),
     "record": (("mcap", "lz4", "zstandard"), "--record", ""),
     "report": (("cap_tools", "geojson", "pyproj", "xsdata"), "a report in coordinates of the world", ""),
     "search": (("shapely",), "an area with an outline", ", apt's python3-shapely on a robot"),

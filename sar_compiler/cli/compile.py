@@ -49,6 +49,7 @@ _COMMANDS = {
     "nodes": "List the nodes of tree files, or describe one with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",
     "lsp": "Serve an editor: findings while one types, completion, names, and more, by the Language Server Protocol.",
+    "mcp": "Serve an agent: what these commands do, as tools of the Model Context Protocol.",
     "completion": "Print the code that makes a shell complete these commands with the Tab key.",
 }
 _STATUSES = (

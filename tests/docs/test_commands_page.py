@@ -42,6 +42,7 @@ MORE = {
     "sar-compile verify": ["verify.md"],
     "sar-compile predict": ["predict.md"],
     "sar-compile conform": ["conform.md"],
+    "sar-compile mcp": ["agents.md#tools"],
     "sar-compile approve": ["agents.md#the-gate"],
     "sar-compile explain": ["findings/README.md"],
     "sar-compile nodes --from-use": [

@@ -119,6 +119,7 @@ PLACE = "-p georeference.lat:=48.2 -p georeference.lon:=16.4 -p georeference.hea
 EXTRAS = {
     "groot2": ("msgpack", "sar-run {folder}/plain.xml --groot2 1667"),
     "lsp": ("pygls", "sar-compile lsp"),
+    "mcp": ("mcp", "sar-compile mcp"),
     "record": ("mcap", "sar-run {folder}/plain.xml --record {folder}/today.mcap"),
     "report": (
         "pyproj",

@@ -38,7 +38,7 @@ NEVER_RUN |= {
     "shapely",
     "xsdata",
 }
-NEVER_RUN |= {"starlette", "uvicorn", "pygls", "lsprotocol"}
+NEVER_RUN |= {"starlette", "uvicorn", "pygls", "lsprotocol", "mcp", "anyio"}
 # Of BehaviorTree.ROS2, which is no package of apt's: `--serve` says so where it is missing.
 NEVER_RUN |= {"btcpp_ros2_interfaces"}
 

@@ -1,0 +1,231 @@
+"""The project's commands as tools of the Model Context Protocol, for agents that write trees.
+
+Each call is a process of `sar-compile`, which ends with the call, and after a time limit. Tools read files below the given
+folders, and shipped trees by their names. None of them writes a file, and none approves.
+"""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import anyio
+from mcp.server import MCPServer
+from mcp.server.mcpserver.exceptions import ToolError
+from mcp.types import ToolAnnotations
+
+from sar_compiler.commands import FINDINGS, OK, RULE_FAILED
+from sar_compiler.errors import SarError
+from sar_compiler.resources import find
+from sar_compiler.tree.content import real_path
+
+_INSTRUCTIONS = (
+    "Behaviour trees for robots, in YAML or XML. Ask `nodes` which tags there are, write a tree file, `validate` it until it has "
+    "no errors, `verify` what must hold in all its runs, and `propose` it. Only a person can approve a tree: no tool does."
+)
+ToolAnswer: TypeAlias = dict[str, Any]
+Facts: TypeAlias = dict[str, str | int | float | bool]
+
+
+@dataclass(frozen=True)
+class ToolAccess:
+    """What tools may do.
+
+    Attributes:
+        roots: The folders of the files that they may read, with links followed; relative paths begin at the first one.
+        limit_sec: How long a call may take, seconds.
+        command: What starts `sar-compile`.
+        vocabulary: Its options about nodes and palettes.
+        includes: Its options about folders to include from.
+    """
+
+    roots: Sequence[Path]
+    limit_sec: float
+    command: Sequence[str]
+    vocabulary: Sequence[str] = ()
+    includes: Sequence[str] = ()
+
+    def path(self, name: str) -> str:
+        """Return the path of a file, or the name of a shipped tree, for a command that runs in the first folder.
+
+        Raises:
+            ToolError: If it is a folder, or lies in none of these.
+        """
+        place = real_path(self.roots[0] / name)
+        if not place.exists() and find("trees", name, ".xml") != Path(name):
+            return name
+        if not any(place.is_relative_to(root) for root in self.roots):
+            folders = ", ".join(map(str, self.roots))
+            raise ToolError(f"'{name}' lies outside the folders that the tools may read: {folders}")
+        if place.is_dir():
+            raise ToolError(f"'{name}' is a folder; name a file")
+        return os.path.relpath(place, self.roots[0])
+
+    async def run(self, command: str, options: Sequence[str], *words: str) -> tuple[int, str, str]:
+        """Run a command of `sar-compile`, and return its exit status, and what it has printed on standard output and error.
+
+        Raises:
+            ToolError: If it takes too long, or cannot do what it is asked.
+        """
+        line = [*self.command, command, *options, "--", *words]
+        with anyio.move_on_after(self.limit_sec):
+            done = await anyio.run_process(line, check=False, cwd=self.roots[0])
+            said = done.stderr.decode(errors="replace").rstrip()
+            if done.returncode not in (OK, FINDINGS, RULE_FAILED):
+                raise ToolError(said or f"sar-compile {command} has ended with status {done.returncode}")
+            return done.returncode, done.stdout.decode(errors="replace"), said
+        raise ToolError(f"{command} was given up after {self.limit_sec:g} s, the limit of a call")
+
+
+def find_roots(given: Sequence[Path]) -> list[Path]:
+    """Return the folders that tools may read, with links followed; by default the current one.
+
+    Raises:
+        SarError: If one is no folder, or nobody has named the current one, and it has all files, or all of the user's.
+    """
+    for root in given:
+        if not root.is_dir():
+            raise SarError(f"--root {root} is no folder")
+    here = real_path(Path.cwd())
+    if not given and here in (Path("/"), real_path(Path.home())):
+        raise SarError(
+            f"the tools would read all files below {here}: name the folder of the trees, --root FOLDER"
+        )
+    return [real_path(each) for each in given] or [here]
+
+
+class AgentTools:
+    """The tools. Their docstrings and arguments are what an agent is told of them.
+
+    Args:
+        access: What they may do.
+    """
+
+    def __init__(self, access: ToolAccess) -> None:
+        self._access = access
+        self._vocabulary = list(access.vocabulary)
+        self._project = [*access.vocabulary, *access.includes]
+
+    async def nodes(self, tag: str | None = None) -> ToolAnswer:
+        """List all nodes that trees can be written with; or describe one with its attributes and possible answers."""
+        return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
+
+    async def validate(self, file: str) -> ToolAnswer:
+        """Find all mistakes in a tree file. `output` has them; `mended` is the text of the file with every suggestion taken."""
+        path = self._access.path(file)
+        answer = await self._data("validate", self._project, path)
+        mended = None
+        if any(finding["suggestion"] for finding in answer["output"] or ()):
+            _, mended, _ = await self._access.run("validate", [*self._project, "--mended"], path)
+        return {**answer, "mended": mended}
+
+    async def explain(self, code: str) -> ToolAnswer:
+        """Explain a kind of finding, with an example of it and one without."""
+        return _answer(*await self._access.run("explain", [], code))
+
+    async def simulate(
+        self,
+        file: str,
+        scenario: str | None = None,
+        until: str | None = None,
+        ticks: int | None = None,
+        seed: int = 0,
+    ) -> ToolAnswer:
+        """Tick a tree without a robot, and show what happens tick by tick.
+
+        The leaves give their usual answers, or those of a scenario file. It ends when the root does, after so many ticks, or
+        when a script such as 'tick >= 3' is true.
+        """
+        given = _options(scenario=self._optional(scenario), until=until, ticks=ticks, seed=seed)
+        return await self._data("simulate", [*self._project, *given], self._access.path(file))
+
+    async def verify(
+        self,
+        file: str,
+        properties: str | None = None,
+        against: str | None = None,
+        facts: Facts | None = None,
+        max_states: int | None = None,
+    ) -> ToolAnswer:
+        """Prove of a tree, in all its possible runs, that it ends, that no tick raises, and the properties of a file.
+
+        A run that shows why not is given tick by tick. With `against`, the answers are compared with those about another tree.
+        """
+        given = [
+            *_options(
+                properties=self._optional(properties), against=self._optional(against), max_states=max_states
+            ),
+            *_facts(facts),
+        ]
+        return await self._data("verify", [*self._project, *given], self._access.path(file))
+
+    async def predict(
+        self, file: str, properties: str | None = None, facts: Facts | None = None
+    ) -> ToolAnswer:
+        """Compute how likely a tree is to succeed and how long it takes, from the chances and times of answers in a file of properties."""
+        given = [*_options(properties=self._optional(properties)), *_facts(facts)]
+        return await self._data("predict", [*self._project, *given], self._access.path(file))
+
+    async def diff(self, old: str, new: str) -> ToolAnswer:
+        """List the differences between two tree files, whatever their form."""
+        return await self._data("diff", [], self._access.path(old), self._access.path(new))
+
+    async def convert(self, file: str, to: Literal["xml", "yaml", "btcpp"]) -> ToolAnswer:
+        """Return the text of a tree file in another form; btcpp is XML for BehaviorTree.CPP 4 and Groot2."""
+        return _answer(
+            *await self._access.run("convert", [*self._project, f"--to={to}"], self._access.path(file))
+        )
+
+    async def propose(self, file: str, properties: str | None = None) -> ToolAnswer:
+        """Return all that a person has to know of a tree: findings, proofs, the digest of its files, and the command that approves it.
+
+        Show it to a person, who decides. Nothing is approved by this.
+        """
+        given = ["--propose", *_options(properties=self._optional(properties))]
+        return _answer(
+            *await self._access.run("approve", [*self._project, *given], self._access.path(file)),
+            is_json=True,
+        )
+
+    def _optional(self, name: str | None) -> str | None:
+        return None if name is None else self._access.path(name)
+
+    async def _data(self, command: str, options: Sequence[str], *words: str) -> ToolAnswer:
+        return _answer(*await self._access.run(command, [*options, "--format=json"], *words), is_json=True)
+
+
+def _answer(status: int, output: str, notes: str, *, is_json: bool = False) -> ToolAnswer:
+    """Return what a tool answers: whether all is well, the output, and what was said besides, such as findings in a tree to be run."""
+    return {"ok": status == OK, "output": json.loads(output or "null") if is_json else output, "notes": notes}
+
+
+def _options(**given: object) -> list[str]:
+    return [f"--{name.replace('_', '-')}={value}" for name, value in given.items() if value is not None]
+
+
+def _facts(facts: Facts | None) -> list[str]:
+    return [
+        f"--set={name}={str(value).lower() if isinstance(value, bool) else value}"
+        for name, value in (facts or {}).items()
+    ]
+
+
+def agent_server(version: str, access: ToolAccess) -> MCPServer:
+    """Return the server of the tools."""
+    tools = AgentTools(access)
+    server = MCPServer("sar_compiler", instructions=_INSTRUCTIONS, version=version, log_level="WARNING")
+    for tool in (
+        tools.nodes,
+        tools.validate,
+        tools.explain,
+        tools.simulate,
+        tools.verify,
+        tools.predict,
+        tools.diff,
+        tools.convert,
+        tools.propose,
+    ):
+        server.add_tool(tool, annotations=ToolAnnotations(read_only_hint=True, open_world_hint=False))
+    return server
