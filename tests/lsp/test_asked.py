@@ -217,6 +217,23 @@ def test_a_finding_comes_with_the_fix_that_it_suggests(editor, files):
     assert written == {"Write memory": "memory", "Mend all plain slips": "memory"}
 
 
+def test_the_fix_of_a_tag_is_that_of_its_end_tag_as_well(editor, files):
+    main, _ = files
+    right = main.read_text(encoding="utf-8")
+    wrong = right.replace("Sequence", "Sequnce")
+    main.write_text(wrong, encoding="utf-8")
+    editor.open(main)
+    place = at(main, "<Sequnce", 1)
+    question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), lsp.CodeActionContext([]))
+    answer = editor.ask(editor.client.text_document_code_action_async(question))
+    (edit,) = next(each for each in answer if each.title == "Write Sequence").edit.changes[main.as_uri()]
+    lines = wrong.splitlines(keepends=True)
+    start, end = (
+        sum(map(len, lines[: each.line])) + each.character for each in (edit.range.start, edit.range.end)
+    )
+    assert f"{wrong[:start]}{edit.new_text}{wrong[end:]}" == right
+
+
 def test_a_file_is_written_in_its_canonical_form(editor, files):
     main, _ = files
     options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
