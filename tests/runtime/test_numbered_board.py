@@ -185,3 +185,19 @@ def test_what_code_raises_is_not_remembered(board, cells, scope):
         with pytest.raises(KeyError):
             memo.call(code.run)
     assert code.calls == 2
+
+
+def test_code_that_uses_one_entry_runs_once_for_each_of_its_contents_however_many(board, cells, scope):
+    entry, ran = scope.resolve("a"), []
+
+    def count_on():
+        ran.append(entry.read())
+        entry.write(-ran[-1])
+        return len(ran)
+
+    memo = board.memo([entry])
+    for _ in range(2):
+        for number in range(1, 1500):
+            entry.write(number)
+            assert (memo.call(count_on), entry.read()) == (number, -number)
+    assert ran == list(range(1, 1500))
