@@ -47,6 +47,20 @@ def test_an_expanding_square_grows_around_the_datum() -> None:
     ]  # fmt: skip
 
 
+def test_patterns_around_a_datum_go_where_it_is() -> None:
+    around = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
+    datum = MapPose(x=1.0, y=2.0, yaw=0.0)
+    assert swept("expanding_square", polygon=around, datum=datum)[:3] == [(1, 2), (3, 2), (3, 4)]
+    assert swept("sector", polygon=around, datum=datum)[0] == (1, 2)
+    with pytest.raises(GroundError):
+        swept("sector", polygon=((50.0, 0.0), (50.1, 0.0), (50.1, 0.1)), datum=datum)
+
+
+def test_a_single_stop_looks_along_x() -> None:
+    [only] = sweep([((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))], "parallel", 2.0, DATUM)
+    assert only == MapPose(x=0.5, y=0.5, yaw=0.0)
+
+
 def test_an_expanding_square_reaches_every_corner() -> None:
     around = ((-5.0, -3.0), (5.0, -3.0), (5.0, 3.0), (-5.0, 3.0))
     stops = swept("expanding_square", polygon=around)

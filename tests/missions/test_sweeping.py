@@ -102,6 +102,11 @@ def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_le
     assert [(gap.kind, gap.name, gap.level) for gap in gaps] == [("gap", "a gap 1", Level.GIVEN_UP)]
 
 
+def test_an_outline_that_was_not_swept_has_no_size_yet_and_no_pieces() -> None:
+    [area] = [each for each in searching().display().landmarks if each.corners]
+    assert (area.state, area.details["area A"], area.details["POD"]) == ("", "", "0.0%")
+
+
 def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
     search = searching()
     told: list[str] = []
@@ -328,7 +333,8 @@ class TestLeaves:
         leaf = self.take(stage, search, "RefineSweep", until_pod=0.8, max_passes=2)
         assert stage.run(leaf) is Status.SUCCESS
         assert (search.sweeps.of("a").pattern, search.sweeps.of("a").passes) == ("gaps", 2)
-        assert {y > 2.0 for _, y in places(search)} == {True}
+        # What lies beyond the range of the legs at y = 1, in legs along its long side.
+        assert {round(y, 2) for _, y in places(search)} == {3.12}
         while search.sweeps.of("a").left:
             search.sweeps.skip("a", "it was not reached, or not searched")
         assert stage.run(leaf) is Status.FAILURE
