@@ -164,12 +164,6 @@ def test_facts_that_cannot_be_are_none_of_a_sweep(kind: str, data: dict[str, Any
     assert search.sweeps.of("a") == before
 
 
-def test_legs_without_a_distance_from_each_other_are_refused() -> None:
-    search = searching()
-    with pytest.raises(ValueError, match="coverage is 0; legs must be some way apart: write more than 0"):
-        sweeping.PlanSweep("PlanSweep", search.zones, search.sweeps, coverage=0.0)
-
-
 class TestIsFindNew:
     def answered(self, search: Search, place: tuple[float, float] | None) -> Status:
         detect = DetectSurvivor("DetectSurvivor", search.zones, record=search.record)
@@ -264,6 +258,11 @@ class TestLeaves:
         assert stage.run(self.take(stage, search, "ZoneHasGround")) is Status.FAILURE
         assert stage.run(self.take(stage, search, "PlanSweep")) is Status.FAILURE
         assert stage.warnings == ["b cannot be swept: it has no polygon."]
+
+    @pytest.mark.parametrize("coverage", [0.0, -1.0, math.nan])
+    def test_legs_without_a_distance_from_each_other_are_none(self, stage: "Stage", coverage: float) -> None:
+        assert stage.run(self.take(stage, searching(), "PlanSweep", coverage=coverage)) is Status.FAILURE
+        assert "legs must be some way apart: write more than 0, such as 0.9" in stage.warnings[0]
 
     def test_without_a_zone_there_is_nothing_to_plan(self, stage: "Stage") -> None:
         search = searching()

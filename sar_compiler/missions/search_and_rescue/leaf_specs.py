@@ -236,7 +236,12 @@ SPECS = [
         attribute(
             "planner_id", str, "Which of the planner server's planners is asked; empty for its only one.", ""
         ),
-        handed_over("orders", _ORDERS, "Takes the operator's hints.", required=False),
+        handed_over(
+            "orders",
+            _ORDERS,
+            "Takes the operator's hints on where somebody may be, by the service `~/add_hint` (`sar_interfaces/srv/AddHint`).",
+            required=False,
+        ),
         effects="makes one of the zones that are left the current one",
         answers=(
             Answer("SUCCESS", "chosen", "zones_left > 0"),
@@ -348,9 +353,10 @@ SPECS = [
     leaf_spec(
         f"{_HERE}.actions.sweeping:NavigateToPiece",
         "Drive to the current piece of the sweep, and keep what is seen on the way.",
-        *_ON_GROUND,
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
         handed_over("record", _RECORD, "Where the drive is noted.", required=False),
         *_DRIVE,
+        handed_over("sweeps", _SWEEPS, "The mission's sweeps."),
         effects="drives the robot to the current piece",
         uses=(Use.action("{action}"), Use.nav2()),
         answers=(

@@ -121,13 +121,16 @@ class _PlanLeaf(_SweepLeaf):
         self._under_way = zone, spacing, future
         return self.answer(Status.RUNNING, "planning")
 
+    def _refused(self, why: str) -> Status:
+        self.complain(why)
+        return self.answer(Status.FAILURE, "nothing to sweep")
+
     def _planned(self, zone: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
         self._under_way = None
         try:
             pieces = future.result()
         except ValueError as error:
-            self.complain(f"{zone} cannot be swept: {error}.")
-            return self.answer(Status.FAILURE, "nothing to sweep")
+            return self._refused(f"{zone} cannot be swept: {error}.")
         self.sweeps.plan(zone, self._pattern, spacing, pieces)
         coverage = self.sweeps.grounds[zone].sweep_width / spacing
         least, most = pod_at_random(coverage), pod_of_parallel_sweep(coverage)
@@ -158,17 +161,12 @@ class PlanSweep(_PlanLeaf):
     pattern: SweepPattern = "parallel"
     coverage: float = 0.9
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.coverage > 0.0:
-            raise ValueError(
-                f"coverage is {self.coverage:g}; legs must be some way apart: write more than 0, such as 0.9"
-            )
-
     def _begin(self, zone: str) -> Status:
         if zone not in self.sweeps.grounds:
-            self.complain(f"{zone} cannot be swept: it has no polygon.")
-            return self.answer(Status.FAILURE, "nothing to sweep")
+            return self._refused(f"{zone} cannot be swept: it has no polygon.")
+        if not self.coverage > 0.0:
+            legs = "legs must be some way apart: write more than 0, such as 0.9"
+            return self._refused(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
         if self.sweeps.of(zone).passes:
             return self.answer(Status.SUCCESS, "going on")
         return self._plan(zone, [self.sweeps.grounds[zone].polygon], self.pattern, self.coverage)
