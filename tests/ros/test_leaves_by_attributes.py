@@ -1,0 +1,190 @@
+"""Leaves that need no Python: a service, an action and a topic that stand in the tree, against real servers."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.nodes.ros_leaves import specs
+from sar_compiler.project import load
+from sar_compiler.ros.leaves import by_attributes
+from sar_compiler.ros.leaves.leaf import LeafDefinitionError
+from sar_compiler.runtime.ports import Output
+from tests.ros.conftest import Ros
+
+pytestmark = pytest.mark.ros
+POSE = "geometry_msgs/msg/PoseStamped"
+
+
+def run(ros: Ros, leaf: Any, until: Callable[[], object] | None = None) -> Status:
+    """Set a leaf up and tick it until it has ended, or something else is so."""
+    leaf.setup(node=ros.node("mission"))
+
+    def is_over() -> bool:
+        leaf.tick_once()
+        return bool(leaf.status is not Status.RUNNING if until is None else until())
+
+    ros.spin_until(is_over, f"the end of {leaf.name}")
+    status: Status = leaf.status
+    return status
+
+
+def switch(ros: Ros, *, success: bool = True) -> list[bool]:
+    """Serve `switch`; return what was asked for."""
+    from std_srvs.srv import SetBool
+
+    asked: list[bool] = []
+
+    def answer(request: Any, response: Any) -> Any:
+        asked.append(request.data)
+        response.success, response.message = success, "as you like" if success else "it is locked"
+        return response
+
+    ros.node("server").create_service(SetBool, "switch", answer)
+    return asked
+
+
+class TestRosService:
+    def leaf(self, **attributes: Any) -> by_attributes.RosService:
+        return by_attributes.RosService("Switch", "switch", "std_srvs/srv/SetBool", **attributes)
+
+    def test_the_request_is_what_the_tree_says_and_a_field_of_the_answer_is_written(self, ros: Ros) -> None:
+        asked, said = switch(ros), Output[object]()
+        assert run(ros, self.leaf(request="data: true", field="message", value=said)) is Status.SUCCESS
+        assert (asked, said.value) == ([True], "as you like")
+
+    def test_an_answer_that_says_no_is_a_failure_with_its_reason_where_the_tree_asks_for_that(
+        self, ros: Ros
+    ) -> None:
+        switch(ros, success=False)
+        leaf = self.leaf(success="success")
+        assert run(ros, leaf) is Status.FAILURE
+        assert leaf.feedback_message == "'Switch': 'switch' says no: it is locked"
+
+    def test_else_any_answer_is_a_success(self, ros: Ros) -> None:
+        switch(ros, success=False)
+        assert run(ros, self.leaf()) is Status.SUCCESS
+
+    @pytest.mark.parametrize(
+        ("attributes", "said"),
+        [
+            ({"request": "dat: true"}, "'Switch': there is no field 'dat'; did you mean 'data'?"),
+            ({"request": "data: 3"}, "'Switch': data is 3, and must be boolean"),
+            ({"request": "{data: {x: 1}}"}, "'Switch': data is {'x': 1}, and must be boolean"),
+            ({"request": "data: ["}, "'Switch': 'data: [' is no YAML"),
+            ({"field": "mesage"}, "'Switch': there is no field 'mesage'; did you mean 'message'?"),
+            ({"success": "ok"}, "'Switch': there is no field 'ok'"),
+        ],
+    )
+    def test_a_mistake_in_the_fields_is_told_before_the_first_tick(
+        self, ros: Ros, attributes: dict[str, Any], said: str
+    ) -> None:
+        with pytest.raises(LeafDefinitionError) as raised:
+            self.leaf(**attributes).setup(node=ros.node())
+        assert str(raised.value).startswith(said)
+
+
+@pytest.mark.parametrize(
+    "written", ["os/srv/Trigger", "sar_compiler/srv/Trigger", "no_such_msgs/srv/X", "../x/srv/X", ""]
+)
+def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> None:
+    leaf = by_attributes.RosService("Call", "call", written)
+    with pytest.raises(LeafDefinitionError, match="'Call': no package of interfaces is called '"):
+        leaf.setup(node=ros.node())
+
+
+class TestRosAction:
+    def test_the_goal_is_what_the_tree_says_and_its_end_is_the_leafs(self, ros: Ros) -> None:
+        from nav2_msgs.action import NavigateToPose
+        from rclpy.action import ActionServer
+
+        goals: list[Any] = []
+
+        def execute(handle: Any) -> Any:
+            goals.append(handle.request)
+            (handle.succeed if handle.request.pose.pose.position.x > 0 else handle.abort)()
+            return NavigateToPose.Result(error_code=7)
+
+        server = ActionServer(ros.node("server"), NavigateToPose, "go", execute)
+        told = Output[object]()
+
+        def leaf(x: float) -> by_attributes.RosAction:
+            goal = f"pose: {{header: {{frame_id: map}}, pose: {{position: {{x: {x}}}}}}}"
+            kind = "nav2_msgs/action/NavigateToPose"
+            return by_attributes.RosAction("Go", "go", kind, goal=goal, field="error_code", value=told)
+
+        assert run(ros, leaf(2)) is Status.SUCCESS
+        assert (goals[0].pose.header.frame_id, goals[0].pose.pose.position.x) == ("map", 2.0)
+        assert told.value == 7
+        assert run(ros, leaf(-2.5)) is Status.FAILURE
+        server.destroy()
+
+
+class TestRosTopic:
+    def test_a_field_of_the_latest_message_is_written(self, ros: Ros) -> None:
+        from geometry_msgs.msg import PoseStamped
+
+        publisher = ros.node("source").create_publisher(PoseStamped, "place", 1)
+        at = Output[object]()
+        leaf = by_attributes.RosTopic("Place", "place", POSE, field="pose.position.x", value=at, waits=True)
+
+        def is_written() -> bool:
+            message = PoseStamped()
+            message.pose.position.x = 3.5
+            publisher.publish(message)
+            return at.value is not None
+
+        assert run(ros, leaf, is_written) is Status.SUCCESS
+        assert at.value == 3.5
+
+    @pytest.mark.parametrize(("waits", "status"), [(True, Status.RUNNING), (False, Status.FAILURE)])
+    def test_without_a_message_it_waits_only_if_it_is_to(self, ros: Ros, waits: bool, status: Status) -> None:
+        leaf = by_attributes.RosTopic("Place", "place", POSE, waits=waits)
+        assert run(ros, leaf, lambda: True) is status
+
+    @pytest.mark.parametrize(
+        ("field", "said"),
+        [
+            ("pose.position", "'Place': 'pose.position' has fields of its own: write one of them, such as pose.position.x"),
+            ("pose.positon.x", "'Place': there is no field 'pose.positon.x'; did you mean 'position'?"),
+        ],
+    )  # fmt: skip
+    def test_a_field_that_is_none_is_told_before_the_first_tick(
+        self, ros: Ros, field: str, said: str
+    ) -> None:
+        with pytest.raises(LeafDefinitionError) as raised:
+            by_attributes.RosTopic("Place", "place", POSE, field=field).setup(node=ros.node())
+        assert str(raised.value) == said
+
+
+def test_numbers_and_lists_are_plain_values() -> None:
+    from sensor_msgs.msg import BatteryState
+
+    message = by_attributes.filled("X", BatteryState(), "percentage: 1, cell_voltage: [3.5, 3.0]")
+    assert by_attributes.field_of("X", message, "percentage") == 1.0
+    assert list(by_attributes.field_of("X", message, "cell_voltage")) == [3.5, 3.0]  # type: ignore[call-overload]
+
+
+TREE = """<root BTCPP_format="4"><BehaviorTree ID="Door"><Sequence name="Main" memory="true">
+<RosTopic topic="battery_state" type="sensor_msgs/msg/BatteryState" field="percentage" value="{battery}" waits="true"/>
+<RosService service="door/open" type="std_srvs/srv/SetBool" request="data: true" success="success"/>
+<RosAction action="dock" type="nav2_msgs/action/NavigateToPose"/>
+</Sequence></BehaviorTree></root>"""
+
+
+def test_a_tree_of_such_leaves_is_made_by_the_palette_and_says_what_it_uses(tmp_path: Path) -> None:
+    (tmp_path / "door.xml").write_text(TREE, encoding="utf-8")
+    compiled = load(tmp_path / "door.xml", models=["ros:jazzy"]).compile()
+    assert sorted((use.kind, use.name) for use in compiled.uses()) == [
+        ("action", "dock"),
+        ("service", "door/open"),
+        ("topic", "battery_state"),
+    ]
+    tags = [
+        type(each).__name__
+        for each in compiled.root.iterate()
+        if type(each).__module__ == by_attributes.__name__
+    ]
+    assert sorted(tags) == sorted(spec.tag for spec in specs("jazzy"))
