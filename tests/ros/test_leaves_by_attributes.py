@@ -87,7 +87,8 @@ class TestRosService:
 
 
 @pytest.mark.parametrize(
-    "written", ["os/srv/Trigger", "sar_compiler/srv/Trigger", "no_such_msgs/srv/X", "../x/srv/X", ""]
+    "written",
+    ["os/srv/Trigger", "sar_compiler/srv/Trigger", "no_such_msgs/srv/X", "../x/srv/X", "__main__/srv/X", ""],
 )
 def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> None:
     leaf = by_attributes.RosService("Call", "call", written)
