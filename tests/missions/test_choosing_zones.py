@@ -257,6 +257,17 @@ def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
     assert second.zones.poa_map().now()["a"] == pytest.approx(0.6 / 1.5)
 
 
+def test_any_number_of_hints_leaves_a_map() -> None:
+    search = searching()
+    for _ in range(150):
+        search.zones.hint("a", 1000.0)
+        search.zones.hint("b", 0.001)
+    now = search.zones.poa_map().now()
+    assert now["a"] == pytest.approx(1.0)
+    assert 0.0 <= now["b"] < 1e-6
+    assert math.isfinite(search.zones.poa_map().pos())
+
+
 @pytest.mark.parametrize(
     ("zone", "ratio"), [("z", 2.0), ("a", 0.0), ("a", math.nan), ("a", 1001.0), ("a", "much")]
 )

@@ -23,7 +23,7 @@ _LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 
 DETOUR = 1.5
 """How many times as long as the straight line a way is taken to be that nobody has planned."""
-_LARGEST_RATIO = 1000.0
+_LARGEST_RATIO, _MOST_TOGETHER = 1000.0, 1e9
 MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
 
@@ -292,7 +292,9 @@ class ZoneManager:
         zone, ratio = data["zone"], float(data["ratio"])
         if zone not in self.areas or not is_ratio(ratio):
             raise ValueError(f"there is no such hint on {zone}")
-        self.hints[zone] = self.hints.get(zone, 1.0) * ratio
+        # Many hints make no number so large that nothing can be said beside it.
+        together = self.hints.get(zone, 1.0) * ratio
+        self.hints[zone] = min(max(together, 1.0 / _MOST_TOGETHER), _MOST_TOGETHER)
 
     def _take_base_reached(self, _: Mapping[str, Any]) -> None:
         self._here = self._base_station
