@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap, Raster
+from sar_compiler.missions.search_and_rescue.sweeps import sweep
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 
 FIELD = ((0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0))
 
@@ -135,6 +137,16 @@ def test_the_gaps_are_what_was_looked_at_too_little_in_polygons_without_holes() 
     joined = shapely.union_all(gaps)
     assert shapely.contains_xy(joined.buffer(1e-6), missed).all()
     assert not shapely.contains_xy(joined, 20.0, 15.0)
+
+
+@given(seen=st.lists(st.booleans(), min_size=64, max_size=64))
+def test_gaps_of_any_shape_are_sound_and_can_be_swept(seen: list[bool]) -> None:
+    raster = Raster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
+    raster.coverage = np.where(seen, 9.0, 0.0)
+    gaps = raster.gaps(0.8)
+    assert all(shapely.Polygon(corners).is_valid for corners in gaps)
+    if gaps:
+        assert sweep(gaps, "parallel", 0.5, MapPose(x=0.0, y=0.0, yaw=0.0))
 
 
 def test_ground_that_was_looked_at_well_has_no_gaps() -> None:

@@ -76,6 +76,17 @@ def test_a_piece_that_is_swept_has_what_was_driven_since_the_last_one() -> None:
     assert second.cells == first.cells
 
 
+def test_what_was_driven_in_one_zone_counts_in_no_other() -> None:
+    zones = [{"id": name, "x": 0.0, "y": 0.0, "yaw": 0.0} for name in "ab"]
+    search = Search(ZoneManager(zones, BASE), sweeps=Sweeps({"a": GROUND, "b": GROUND}))
+    for zone in "ab":
+        search.sweeps.plan(zone, "parallel", 2.0, [MapPose(x=1.0, y=1.0, yaw=0.0)])
+    search.sweeps.drive("a", [(0.0, 2.0), (3.0, 2.0)], None)
+    for zone in "ba":
+        search.sweeps.advance(zone, None, 0.5)
+    assert [search.sweeps.of(zone).metres for zone in "ab"] == [3.0, 0.0]
+
+
 def test_gaps_are_looked_for_at_the_end_of_a_pass_alone() -> None:
     search = planned(searching(), count=2)
     search.sweeps.advance("a", None, 0.5)
@@ -307,6 +318,20 @@ class TestLeaves:
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         assert search.sweeps.of("a").metres == pytest.approx(1.0)
         assert search.record.zone == "a"
+
+    def test_a_piece_in_an_obstacle_says_nothing_of_one_with_its_number_in_the_next_pass(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        server.error_code, server.script = 206, ["abort"]
+        search = planned(searching(), count=1)
+        leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
+        assert stage.run(leaf) is Status.FAILURE
+        search.sweeps.skip("a", "it was not reached, or not searched")
+        server.script = ["succeed"]
+        search.sweeps.plan("a", "gaps", 2.0, [MapPose(x=3.0, y=3.0, yaw=0.0)])
+        assert stage.run(leaf) is Status.SUCCESS
+        assert [goal.pose[1:3] for goal in server.goals] == [(1.0, 1.0), (3.0, 3.0)]
 
     def test_where_no_piece_is_open_there_is_nowhere_to_drive_to(self, stage: "Stage") -> None:
         search = searching()

@@ -466,7 +466,7 @@ SPECS = [
         "Is the survivor that the last search has found somebody who has no name yet? SUCCESS if so, else FAILURE.",
         reference("detect_node", _SEARCH, "The search whose answer counts."),
         handed_over("record", _RECORD, "Who was found before."),
-        attribute("same_within", float, "How near two finds of a zone are the same survivor, metres.", 1.0),
+        attribute("same_within", float, "How near two finds are the same survivor, metres.", 1.0),
         answers=(
             Answer("SUCCESS", "new", "found_by_{detect_node}"),
             Answer("FAILURE", "known", "found_by_{detect_node}"),

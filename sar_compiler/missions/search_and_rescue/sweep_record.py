@@ -1,6 +1,7 @@
 """What is so of the sweeps of one mission: which pieces are open, and how well the ground was looked at."""
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -73,7 +74,7 @@ class Sweeps:
         self.journal = Journal(apply=self.apply)
         self._sweeps: dict[str, Sweep] = {}
         self._rasters: dict[str, Raster] = {}
-        self._driven = 0.0
+        self._driven: defaultdict[str, float] = defaultdict(float)
 
     def of(self, zone: str) -> Sweep:
         """Return what is so of the sweep of a zone."""
@@ -94,7 +95,7 @@ class Sweeps:
 
     def drive(self, zone: str, path: Sequence[tuple[float, float]], obstacles: "ObstacleMap | None") -> None:
         """Add a drive along positions in the frame `map`, metres; the next `piece_swept` has it."""
-        self._driven += self.raster(zone, obstacles).drive(path)
+        self._driven[zone] += self.raster(zone, obstacles).drive(path)
 
     def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:
         """Note the pieces of a sweep; pieces of an earlier plan that are open are dropped."""
@@ -117,7 +118,7 @@ class Sweeps:
             "piece_swept",
             zone=zone,
             piece=sweep.done,
-            metres=round(self._driven, 2),
+            metres=round(self._driven.pop(zone, 0.0), 2),
             area_m2=round(raster.area_m2(), 2),
             coverage=round(raster.mean_coverage(), 4),
             pod=round(raster.pod(), 4),
@@ -125,7 +126,6 @@ class Sweeps:
             cells=raster.text(),
             gaps=gaps,
         )
-        self._driven = 0.0
 
     def skip(self, zone: str, reason: str) -> None:
         """Note that the current piece is left out, and why, in words."""

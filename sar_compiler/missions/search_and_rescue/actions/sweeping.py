@@ -1,7 +1,7 @@
 """Sweeping the ground of a zone: piece by piece, and what was missed once more."""
 
 import math
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import KW_ONLY, dataclass
 from typing import Annotated, Any
 
@@ -11,6 +11,7 @@ from sar_compiler.leaves import RobotEstimate, RosLeaf, at_least, robot_estimate
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateTo
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from sar_compiler.missions.search_and_rescue.areas import Corners
+from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search_theory import (
     SweepPattern,
@@ -82,7 +83,7 @@ class _PlanLeaf(_SweepLeaf):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._under_way: tuple[str, float, Future[list[MapPose]]] | None = None
+        self._under_way: tuple[str, str, float, Future[list[MapPose]]] | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Listen to the map."""
@@ -98,10 +99,9 @@ class _PlanLeaf(_SweepLeaf):
             return self.answer(Status.SUCCESS, "going on")
         if self._under_way is None or self._under_way[0] != zone:
             return self._begin(zone)
-        _, spacing, future = self._under_way
-        return (
-            self._planned(zone, spacing, future) if future.done() else self.answer(Status.RUNNING, "planning")
-        )
+        if not self._under_way[-1].done():
+            return self.answer(Status.RUNNING, "planning")
+        return self._planned(*self._under_way)
 
     def terminate(self, new_status: Status) -> None:
         """Forget what is planned, if the leaf is stopped."""
@@ -111,38 +111,33 @@ class _PlanLeaf(_SweepLeaf):
     def _begin(self, zone: str) -> Status:
         raise NotImplementedError
 
-    def _plan(self, zone: str, polygons: "list[Corners]", pattern: SweepPattern, coverage: float) -> Status:
+    def _plan(
+        self, zone: str, told: str, polygons: "list[Corners]", pattern: SweepPattern, coverage: float
+    ) -> Status:
         spacing = self.sweeps.grounds[zone].sweep_width / coverage
         obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
-        worker = ThreadPoolExecutor(1, "sweep")
-        future = worker.submit(sweep, polygons, pattern, spacing, datum, obstacles, self.clearance)
-        worker.shutdown(wait=False)
-        future.add_done_callback(lambda _: self._wake())
-        self._under_way = zone, spacing, future
+        future = begin_beside(self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance)
+        self._under_way = zone, told, spacing, future
         return self.answer(Status.RUNNING, "planning")
 
     def _refused(self, why: str) -> Status:
         self.complain(why)
         return self.answer(Status.FAILURE, "nothing to sweep")
 
-    def _planned(self, zone: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
+    def _planned(self, zone: str, told: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
         self._under_way = None
         try:
             pieces = future.result()
         except ValueError as error:
             return self._refused(f"{zone} cannot be swept: {error}.")
-        self.sweeps.plan(zone, self._pattern, spacing, pieces)
+        self.sweeps.plan(zone, told, spacing, pieces)
         coverage = self.sweeps.grounds[zone].sweep_width / spacing
         least, most = pod_at_random(coverage), pod_of_parallel_sweep(coverage)
         self.say(
-            f"{zone} is swept in {len(pieces)} pieces ({self._pattern}, {spacing:.2f} m apart): "
+            f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart): "
             f"POD {least:.0%} at random to {most:.0%} where legs are kept."
         )
         return self.answer(Status.SUCCESS, "planned")
-
-    @property
-    def _pattern(self) -> str:
-        raise NotImplementedError
 
 
 @dataclass(eq=False, repr=False)
@@ -169,11 +164,8 @@ class PlanSweep(_PlanLeaf):
             return self._refused(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
         if self.sweeps.of(zone).passes:
             return self.answer(Status.SUCCESS, "going on")
-        return self._plan(zone, [self.sweeps.grounds[zone].polygon], self.pattern, self.coverage)
-
-    @property
-    def _pattern(self) -> str:
-        return self.pattern
+        ground = [self.sweeps.grounds[zone].polygon]
+        return self._plan(zone, self.pattern, ground, self.pattern, self.coverage)
 
 
 @dataclass(eq=False, repr=False)
@@ -191,15 +183,13 @@ class RefineSweep(_PlanLeaf):
     until_pod: float = 0.8
     max_passes: Passes = 3
 
-    _pattern = "gaps"
-
     def _begin(self, zone: str) -> Status:
         swept = self.sweeps.of(zone)
         if zone not in self.sweeps.grounds or swept.pod >= self.until_pod or swept.passes >= self.max_passes:
             self.feedback_message = f"{zone}: POD {swept.pod:.0%} after {swept.passes} passes"
             return self.answer(Status.FAILURE, "nothing to sweep")
         gaps = self.sweeps.raster(zone, map_extent_of(self.node).obstacles()).gaps(self.until_pod)
-        return self._plan(zone, gaps, "parallel", 1.0)
+        return self._plan(zone, "gaps", gaps, "parallel", 1.0)
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -234,7 +224,9 @@ class NavigateToPiece(NavigateTo):
             self.complain(f"'{self.name}' has nowhere to drive to: no piece is open.")
             return self.answer(Status.FAILURE, "no piece")
         self._zone_id, self._place = zone, None
-        piece = f"piece {sweep.done + 1}/{len(sweep.pieces)} of {zone}"
+        # A piece of another pass lies elsewhere: what has failed there says nothing of it.
+        again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
+        piece = f"piece {sweep.done + 1}/{len(sweep.pieces)} of {zone}{again}"
         if self.record.before.has_searched(zone):
             self.feedback_message = f"{piece} was searched by an earlier run"
             return Status.SUCCESS
@@ -314,7 +306,7 @@ class IsFindNew(RosLeaf):
     Args:
         detect_node: The search whose answer counts.
         record: Who was found before.
-        same_within: How near two finds of a zone are the same survivor, metres.
+        same_within: How near two finds are the same survivor, metres.
     """
 
     name: str

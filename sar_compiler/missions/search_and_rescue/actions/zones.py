@@ -1,12 +1,13 @@
 """Going through the list of zones: visited, postponed, and finally abandoned."""
 
 import math
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Annotated, Any
 
 from py_trees.common import Status
 
 from sar_compiler.leaves import RosLeaf, Seconds, at_least
+from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.planned_ways import PlannedWays
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
@@ -160,11 +161,7 @@ class ChooseZone(RosLeaf):
         # A laptop that proves trees needs no NumPy.
         from sar_compiler.missions.search_and_rescue.zone_order import ordered
 
-        worker = ThreadPoolExecutor(1, "order of zones")
-        future = worker.submit(ordered, self._order, self._zones.tour(zones))
-        worker.shutdown(wait=False)
-        future.add_done_callback(lambda _: self._wake())
-        return future
+        return begin_beside(self._wake, ordered, self._order, self._zones.tour(zones))
 
 
 class PostponeZone(RosLeaf):
