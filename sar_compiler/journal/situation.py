@@ -273,8 +273,14 @@ class Situation:
             self.landmarks[landmark.kind, landmark.name] = landmark
         for name, of in gone:
             self.landmarks.pop((name, of), None)
-        self.figures.update((each["name"], Figure(**each)) for each in figures)
-        self.gauges.update((each["name"], Gauge(**each)) for each in gauges)
+        for each in figures:
+            figure = Figure(**each)
+            _check_numbers(figure.value, figure.of)
+            self.figures[figure.name] = figure
+        for each in gauges:
+            gauge = Gauge(**each)
+            _check_numbers(gauge.value, gauge.least)
+            self.gauges[gauge.name] = gauge
         self.alarms.update((each["text"], Alarm(**each)) for each in alarms)
         if phase is not None:
             self.phase = MissionPhase(**phase)
@@ -311,6 +317,13 @@ def _landmark(
         corners=tuple(position(*each) for each in corners),
         **more,
     )
+
+
+def _check_numbers(*values: object) -> None:
+    """Raise a TypeError if what should be a number is another thing."""
+    for value in values:
+        if not isinstance(value, int | float | None):
+            raise TypeError(f"{value!r} is no number")
 
 
 def _detail(value: Any) -> Any:

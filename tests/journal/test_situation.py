@@ -113,6 +113,20 @@ def test_a_landmark_nowhere_is_refused(place: tuple[Any, Any]) -> None:
         Situation().take(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"figures": [{"name": "zones", "value": "3"}]},
+        {"figures": [{"name": "zones", "value": 3, "of": "4"}]},
+        {"gauges": [{"name": "battery", "value": [80]}]},
+        {"gauges": [{"name": "battery", "value": 80, "least": "20"}]},
+    ],
+)
+def test_a_figure_or_gauge_that_is_no_number_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match="is no number"):
+        Situation().take(**wrong)
+
+
 def test_a_fact_that_nobody_has_put_into_a_sentence_has_words_too() -> None:
     assert fact_words("photo_taken", {"photo": "photo_1", "by": None}) == "photo taken: photo: photo_1"
     assert fact_words("point_left", {}) == "point left"
