@@ -137,6 +137,7 @@ def _declared(
             words.document.report("wrong-value", message, key, hint="say it of each by its path or tag")
         return ()
     answers = list(specs[0].answers)
+    said: set[int] = set()
     for item in items:
         for part in item.mapping.keys() & {"status", "label", "when", "then"}:
             message = f"'answer' means one that is declared, and that says its '{part}' itself"
@@ -144,6 +145,10 @@ def _declared(
         name = words.answer(item.mapping["answer"], leaves)
         for place, answer in enumerate(answers):
             if name is not None and name in (answer.label, answer.status):
+                if place in said:
+                    message = f"what is said of the answer '{name}' is said twice here"
+                    words.document.report("wrong-value", message, item.mapping["answer"])
+                said.add(place)
                 p, sec = _chance(words.document, item.mapping)
                 answers[place] = replace(answer, p=p, sec=sec)
                 break

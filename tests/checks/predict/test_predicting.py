@@ -224,6 +224,7 @@ def test_what_is_computed_is_what_is_played(seed):
         ("A: [{answer: SUCCESS, p: 0.7}, {answer: FAILURE, p: 0.6}]", "add up to 1.3, and not to 1"),
         ("A: [{answer: SUCCESS, p: 0.2}, {answer: FAILURE, p: 0.6}]", "add up to 0.8 at most"),
         ("A: [{answer: SUCCESS, p: [0.7, 0.6]}]", "from the lower to the higher number"),
+        ("A: [{answer: SUCCESS, p: 0.7}, {answer: SUCCESS, p: 0.3}]", "'SUCCESS' is said twice"),
         ("A: [{answer: SUCCES, p: 0.7}]", "never answers 'SUCCES'"),
         ("P: [{answer: SUCCESS, sec: 3}]", "none of these answers is RUNNING"),
         ("A: [{answer: SUCCESS, when: f == 1}]", "'answer' means one that is declared"),
