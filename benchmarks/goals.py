@@ -83,6 +83,7 @@ GOALS = (
         for shape, size, before, limit in (
             ("built-in leaves", 1_000, "6.0 x BehaviorTree.CPP", 1.2),
             ("built-in leaves", 10_000, "4.3 x", 1.2),
+            ("leaves that begin and end", 1_000, "2.1 to 2.8 x", 2.0),
             ("mixed", 100, "5.1 to 7.0 x, on other trees", 2.0),
             ("mixed", 1_000, "7.9 to 21.9 x, on other trees", 2.0),
             ("scripts", 1_000, "8.7 to 13 x", 1.0),
@@ -97,6 +98,15 @@ GOALS = (
         {"": 1 / 2_000},
         "the plain mission, every tenth answer an unusual one",
         "s/run",
+    ),
+    Goal(
+        "`sar-sim sweep`, missions a minute",
+        "6 missions/min",
+        "sweep",
+        sweeping.FLOWN,
+        {"": 1.0},
+        "the shipped mission, time that passes, as many at a time as there are processors",
+        "s/mission",
     ),
     Goal(
         "`predict`, states a second",
@@ -138,7 +148,7 @@ GOALS = (
         "2,000 states/s; SPIN on a like model 198,000 (see below)",
         "verify",
         verifying.RESILIENT_UNFORGOTTEN,
-        {"": 1 / 50_000},
+        {"": 1 / 200_000},
         "resilient mission, four zones, CPU time of all processes",
         "s/state",
     ),
@@ -223,6 +233,22 @@ GOALS = (
         {startup.BARE_NODE: 3.0},
         "servers up in processes of their own; CPU time",
     ),
+    Goal(
+        "`sar-run --sim --speed 1000`, until the first goal is sent",
+        "6 s",
+        "startup",
+        startup.FIRST_GOAL,
+        {"": 3.0},
+        "time that passes, from the command on",
+    ),
+    Goal(
+        "`sar-run --sim --speed 1000`, until the summary",
+        "14.5 s",
+        "startup",
+        startup.SUMMARY,
+        {"": 6.0},
+        "time that passes, from the command on",
+    ),
     *(
         Goal(
             f"`sar-run` while it drives, {rate} ticks a second",
@@ -260,6 +286,17 @@ GOALS = (
         pipeline.subject("ports"),
         {"": 1.0},
         "from the text to the tree; BehaviorTree.CPP from the file to the tree",
+    ),
+    *(
+        Goal(
+            f"create {pipeline.CREATED:,} leaves ({shape}), without checks",
+            before,
+            "pipeline",
+            pipeline.created(shape),
+            {COMPILED: 4.0},
+            "from the text to the tree; BehaviorTree.CPP from the file to the tree",
+        )
+        for shape, before in (("balanced", "7.7 x"), ("ports", "9.0 x"), ("scripts", "18.9 x"))
     ),
     Goal(
         "read a file",

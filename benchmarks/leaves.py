@@ -25,6 +25,16 @@ class Leaf(Behaviour):
         return self._answer
 
 
+class Prepared(Leaf):
+    """A leaf that does something when it begins and when it ends, as well: whoever has `initialise` and `terminate` is called for them."""
+
+    def initialise(self) -> None:
+        """Begin."""
+
+    def terminate(self, new_status: Status) -> None:
+        """End."""
+
+
 class Reader(Behaviour):
     """A leaf that reads its input port.
 
@@ -63,5 +73,5 @@ class Writer(Behaviour):
 
 def registry_with_leaves() -> Registry:
     """Return the registry, with these leaves in it."""
-    leaves = [NodeSpec(cls.__name__, cls, Kind.ACTION) for cls in (Leaf, Reader, Writer)]
+    leaves = [NodeSpec(cls.__name__, cls, Kind.ACTION) for cls in (Leaf, Prepared, Reader, Writer)]
     return Registry([*default_registry().specs(), *leaves])

@@ -14,6 +14,7 @@ import functools
 import gc
 import json
 import operator
+import re
 import sys
 import time
 import xml.etree.ElementTree as ET
@@ -33,10 +34,11 @@ def compiled(path: str, *, leaves_in_python: bool) -> Made:
     import behaviortreepy
 
     factory = behaviortreepy.BehaviorTreeFactory()
-    factory.register_simple_action("Leaf", lambda _: behaviortreepy.NodeStatus.SUCCESS)
+    for tag in ("Leaf", "Prepared"):
+        factory.register_simple_action(tag, lambda _: behaviortreepy.NodeStatus.SUCCESS)
     text = Path(path).read_text(encoding="utf-8")
     if not leaves_in_python:
-        text = text.replace("<Leaf ", "<AlwaysSuccess ")
+        text = re.sub("<(Leaf|Prepared) ", "<AlwaysSuccess ", text)
     tree = factory.create_tree_from_text(text)
     return tree.tick_exactly_once, factory
 
@@ -52,6 +54,13 @@ def built(path: str) -> Made:
     class Leaf(py_trees.behaviour.Behaviour):
         def update(self) -> Any:
             return success
+
+    class Prepared(Leaf):
+        def initialise(self) -> None:
+            pass
+
+        def terminate(self, new_status: Any) -> None:
+            pass
 
     class Copy(py_trees.behaviour.Behaviour):
         def __init__(self, name: str, source: str, target: str) -> None:
@@ -73,6 +82,7 @@ def built(path: str) -> Made:
             "Parallel": lambda: py_trees.composites.Parallel(name, all_of, children),
             "KeepRunningUntilFailure": lambda: py_trees.decorators.SuccessIsRunning(name, children[0]),
             "Leaf": lambda: Leaf(name),
+            "Prepared": lambda: Prepared(name),
             "AlwaysSuccess": lambda: py_trees.behaviours.Success(name),
             "SetBlackboard": lambda: Copy(
                 name, "/" + element.get("value", "").strip("{}"), "/" + element.get("output_key", "")

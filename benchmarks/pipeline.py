@@ -31,6 +31,7 @@ THEIR_PARSER = "py_trees' own parser"
 SIZE = 10_000
 SIZES = (100, SIZE, 100_000)
 SHAPES = ("balanced", "ports", "scripts")
+CREATED = 5_000
 PARSED = f"read, bind, compile {SIZE:,} leaves"
 PARSED_WITH_PORTS = f"{PARSED} with a port each"
 
@@ -38,6 +39,11 @@ PARSED_WITH_PORTS = f"{PARSED} with a port each"
 def subject(shape: str) -> str:
     """Return what all steps of a tree are called in the tables."""
     return f"read, check, bind, compile {SIZE:,} leaves ({shape})"
+
+
+def created(shape: str) -> str:
+    """Return what it is called that a tree is made without checks."""
+    return f"read, bind, compile {CREATED:,} leaves ({shape})"
 
 
 def measure(effort: Effort) -> Iterator[Result]:
@@ -52,7 +58,13 @@ def measure(effort: Effort) -> Iterator[Result]:
         for shape in SHAPES:
             text = trees.document(trees.SHAPES[shape](effort.size(SIZE)))
             path.write_text(text, encoding="utf-8")
-            yield from _whole(subject(shape), text, _loading(others.get(COMPILED), path), effort.rounds)
+            theirs = _loading(others.get(COMPILED), path)
+            yield from _whole(subject(shape), text, theirs, effort.rounds, is_checked=True)
+        for shape in SHAPES:
+            text = trees.document(trees.SHAPES[shape](effort.size(CREATED)))
+            path.write_text(text, encoding="utf-8")
+            theirs = _loading(others.get(COMPILED), path)
+            yield from _whole(created(shape), text, theirs, effort.rounds, is_checked=False)
         ports = ['<Writer y="{key}"/>', *['<Reader x="{key}"/>'] * (effort.size(SIZE) - 1)]
         for name, nodes in ((PARSED, trees.leaves(effort.size(SIZE))), (PARSED_WITH_PORTS, ports)):
             path.write_text(trees.document(trees.balanced(nodes)), encoding="utf-8")
@@ -91,13 +103,16 @@ def _steps(size: int, text: str, rounds: int) -> Iterator[Result]:
         yield from compared(f"memory of {size:,} leaves", [ours], {BY_HAND: [traced_peak(by_hand)]}, "bytes")
 
 
-def _whole(name: str, text: str, theirs: Callable[[], float] | None, rounds: int) -> Iterator[Result]:
-    """Yield what all steps take, beside BehaviorTree.CPP if it is there."""
+def _whole(
+    name: str, text: str, theirs: Callable[[], float] | None, rounds: int, *, is_checked: bool
+) -> Iterator[Result]:
+    """Yield what all steps take, with or without the checks, beside BehaviorTree.CPP if it is there."""
     registry = registry_with_leaves()
 
     def made() -> CompiledTree:
         forest = Forest.of(parse_xml(text))
-        check(forest, registry)
+        if is_checked:
+            check(forest, registry)
         return preview_tree(bind_main(forest, registry))
 
     actions = {"": lambda: timed(made), EXPAT: lambda: timed(lambda: _scan(text.encode()))}

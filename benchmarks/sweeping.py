@@ -1,14 +1,22 @@
-"""What a run of a sweep costs: the shipped trees, played by chance in one process."""
+"""What a run of a sweep costs: the shipped trees, played by chance in one process, and flown in the simulator."""
 
+import importlib.util
+import json
+import os
+import subprocess
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from benchmarks.figures import LOOP, Effort, Result, compared, in_turns, loop, timed
+from benchmarks.figures import LOOP, Effort, Missing, Result, compared, in_turns, loop, plain, timed
+from benchmarks.startup import SCRIPTS
 from sar_compiler.project import Additions, load
 from sar_compiler.project.swept import ScenarioRuns, change_scenario, content_of
 
 TREES = {"plain": "search_and_rescue", "resilient": "search_and_rescue_resilient"}
+FLOWN = "a mission of `sar-sim sweep`, time that passes"
 _RUNS, _UNUSUAL = 2_000, 0.1
+_FLIGHTS, _DOMAIN = 40, "85"
 
 
 def subject(kind: str) -> str:
@@ -25,6 +33,23 @@ def measure(effort: Effort) -> Iterator[Result]:
     taken = in_turns(actions, effort.rounds)
     for kind in TREES:
         yield from compared(subject(kind), taken[kind], {LOOP: taken[LOOP]}, "s/run")
+    if importlib.util.find_spec("rclpy") and importlib.util.find_spec("nav2_msgs"):
+        yield plain(FLOWN, _flown(effort.size(_FLIGHTS)), "s/mission")
+    else:
+        yield Missing(FLOWN, "", "there is no ROS 2")
+
+
+def _flown(count: int) -> float:
+    """Return the seconds that pass for each of so many flights of the shipped mission, with the start of the command."""
+    os.environ["ROS_DOMAIN_ID"] = _DOMAIN
+    # So many flights say nothing about so high a rate, so that all are flown.
+    wanted = ("--runs", str(count), "--at-least", "0.999", "--format", "json")
+    start = time.perf_counter()
+    command = [str(SCRIPTS / "sar-sim"), "sweep", TREES["plain"], *wanted]
+    told = subprocess.run(command, check=False, stdout=subprocess.PIPE)
+    taken = time.perf_counter() - start
+    (row,) = json.loads(told.stdout)["rows"]
+    return taken / int(row["runs"])
 
 
 def _runs(name: str) -> ScenarioRuns:

@@ -29,6 +29,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "s": _seconds,
     "s/state": lambda value: f"{1 / value:,.0f} states/s",
     "s/run": lambda value: f"{1 / value:,.0f} runs/s",
+    "s/mission": lambda value: f"{60 / value:,.0f} missions/min",
     "s/event": lambda value: f"{1e6 * value:.2f} µs an event and property",
     "s/step": lambda value: f"{1 / value:,.0f} steps/s",
     "bytes": lambda value: f"{value / 2**20:,.0f} MiB",
@@ -39,7 +40,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "modules": lambda value: f"{value:,.0f} modules",
 }
 """How a figure is written, by its unit."""
-_MORE_IS_BETTER = {"s/run", "s/state", "s/step"}  # as they are written
+_MORE_IS_BETTER = {"s/run", "s/mission", "s/state", "s/step"}  # as they are written
 
 
 def rewrite(run: Run, path: Path) -> None:

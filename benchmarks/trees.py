@@ -33,9 +33,9 @@ def balanced(nodes: Iterable[str]) -> str:
     return level[0]
 
 
-def leaves(count: int) -> list[str]:
+def leaves(count: int, tag: str = "Leaf") -> list[str]:
     """Return leaves; each has a name of its own."""
-    return [f'<Leaf name="n{number}"/>' for number in range(count)]
+    return [f'<{tag} name="n{number}"/>' for number in range(count)]
 
 
 def in_turn(*forms: str) -> Callable[[int], list[str]]:
@@ -121,6 +121,7 @@ SHAPES: Mapping[str, Callable[[int], str]] = {
     "balanced": lambda count: balanced(leaves(count)),
     "one leaf runs": one_running,
     "built-in leaves": lambda count: balanced(["<AlwaysSuccess/>"] * count),
+    "leaves that begin and end": lambda count: balanced(leaves(count, "Prepared")),
     "mixed": mixed,
     "deep": deep,
     "ports": lambda count: balanced(copies(count)),
