@@ -44,8 +44,8 @@ _OF_OPTIONS = {
 }
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
-# What no index has: wheels of them are made in a checkout.
-_INTERFACES = ("btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
+INTERFACES = ("btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
+"""Packages of messages that no index has: wheels of them are made in a checkout."""
 
 
 def run(command: Callable[[], int], prog: str) -> int:
@@ -167,7 +167,7 @@ def not_installed(error: ImportError) -> str | None:
                 f"{option} takes a library that is not here ({error}): "
                 f"pip install 'sar_compiler[{extra}]' brings it{hint}"
             )
-    if module in _INTERFACES and "rclpy" in sys.modules:
+    if module in INTERFACES and "rclpy" in sys.modules:
         return (
             f"ROS 2 is here, but not the interface package '{module}' ({error}). On a robot, source the workspace, and "
             "Nav2; without one, `make wheels` in a checkout builds it for `pip install --find-links dist "
