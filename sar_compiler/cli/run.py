@@ -330,7 +330,6 @@ def _add_for_experts(parser: Parser, group: "_ArgumentGroup") -> None:
     executor = group.add_argument(
         "--executor", choices=("events", "single-threaded"), default="events", help=text
     )
-    text = "show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)"
     text = (
         "do not fly, but start these trees for others, one at a time: by BehaviorTree.ROS2's action bt_execution (ExecuteTree), whose "
         "goals name the tree by its ID; the other options are those of each run"
@@ -338,6 +337,7 @@ def _add_for_experts(parser: Parser, group: "_ArgumentGroup") -> None:
     parser.hide(group.add_argument("--serve", nargs="+", type=TREE, metavar="TREE", help=text))
     text = "with --serve: wait for a lifecycle manager, such as Nav2's, to configure and activate the server"
     parser.hide(group.add_argument("--managed", action="store_true", help=text))
+    text = "show the traceback of a leaf that fails (its line of the tree file and of Python are named in any case)"
     parser.hide(engine, executor, group.add_argument("--traceback", action="store_true", help=text))
 
 

@@ -224,6 +224,12 @@ EVERY = [pytest.param(parser, id=prog) for root in PARSERS for prog, parser in e
 
 
 @pytest.mark.parametrize("parser", EVERY)
+def test_no_two_arguments_say_that_they_mean_the_same(parser):
+    said = [action.help for action in arguments(parser) if action.help]
+    assert [text for text in said if said.count(text) > 1] == []
+
+
+@pytest.mark.parametrize("parser", EVERY)
 def test_every_argument_says_what_it_means_and_its_default(parser):
     silent = [
         named(action)
