@@ -28,6 +28,7 @@ from sar_compiler.checks.rules import (
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Collector
+from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.btcpp import NEWEST, Version
 from sar_compiler.nodes.models import compare_models, described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
@@ -97,12 +98,16 @@ def check(
 
 
 def context_of(
-    forest: Forest, registry: Registry, palettes: Palettes = (), btcpp: Version = NEWEST
+    forest: Forest,
+    registry: Registry,
+    palettes: Palettes = (),
+    btcpp: Version = NEWEST,
+    memory: Memory | None = None,
 ) -> CheckContext:
-    """Return a forest with what its tags mean; arguments as for `check`."""
+    """Return a forest with what its tags mean; arguments as for `check`, and what was found out by checks before."""
     palettes = tuple(palettes)
     registry = yielding(registry, read_models([*forest.files, *palettes], Collector()))
-    return CheckContext(forest, registry, palettes, btcpp)
+    return CheckContext(forest, registry, palettes, btcpp, memory)
 
 
 def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:

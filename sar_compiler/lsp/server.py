@@ -93,7 +93,10 @@ class TreeServer(LanguageServer):
         self._problems: set[str] = set()
 
     def _new_loader(self) -> Workspace:
-        return Workspace(self._additions, self._read, lambda text: self._log(lsp.MessageType.Info, text))
+        def note(text: str) -> None:
+            self._log(lsp.MessageType.Info, text)
+
+        return Workspace(self._additions, self._read, note, checks_again=True)
 
     def _tell(self, problem: str) -> None:
         """Have it shown, once, why nothing can be said of a file, from the thread of the checks."""

@@ -514,7 +514,7 @@ class NodeSpec:
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
         return bool(around) or self.is_foreign
 
-    @property
+    @functools.cached_property
     def takes_script(self) -> bool:
         """Whether one of its attributes is a script."""
         return any(parameter.value_type.python is Script for parameter in self.parameters.values())

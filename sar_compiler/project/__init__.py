@@ -20,6 +20,7 @@ from sar_compiler.checks.rules import CheckContext
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
@@ -89,15 +90,22 @@ class Project:
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
         additions: The user's additions.
         tree_set: The files in which a tree is sought that a file lacks; None if there are none.
+        memory: What was found out by checks before; None where nothing is to be kept.
     """
 
     def __init__(
-        self, configuration: Configuration, checkout: Path, additions: Additions, read: Read
+        self,
+        configuration: Configuration,
+        checkout: Path,
+        additions: Additions,
+        read: Read,
+        memory: Memory | None = None,
     ) -> None:
         self.configuration = configuration
         self.checkout = checkout
         self.additions = additions
         self.tree_set: TreeSet | None = None
+        self.memory = memory
         self._read = read
         self.renew_set()
 
@@ -253,11 +261,13 @@ class Workspace:
         additions: The user's additions.
         read: Reads one tree file; an editor provides the text of open ones.
         note: Called once for each thing that is ignored for safety.
+        checks_again: Whether files are checked again and again, each time a little changed.
     """
 
     additions: Additions = Additions()  # noqa: RUF009 - cannot be changed
     read: Read = read_tree_file
     note: Callable[[str], None] = lambda _text: None
+    checks_again: bool = False
     _projects: dict[tuple[Path | None, Path], Project] = field(default_factory=dict, init=False)
     _noted: set[str] = field(default_factory=set, init=False)
 
@@ -302,7 +312,8 @@ class Workspace:
         checkout = repository_of(folder) or folder
         key = (configuration.path, checkout)
         if key not in self._projects or self._projects[key].configuration != configuration:
-            self._projects[key] = Project(configuration, checkout, self.additions, self.read)
+            memory = Memory() if self.checks_again else None
+            self._projects[key] = Project(configuration, checkout, self.additions, self.read, memory)
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self._note(
                     f"the leaves of '{entry_point.value}' are passed over: {place} says that they are installed, "
@@ -407,7 +418,10 @@ class LoadedTree:
         Raises:
             SarError: As `Project.registry` and `palettes` do.
         """
-        return context_of(self.forest, self.project.registry, self.palettes, self.project.configuration.btcpp)
+        project = self.project
+        return context_of(
+            self.forest, project.registry, self.palettes, project.configuration.btcpp, project.memory
+        )
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:

@@ -11,6 +11,7 @@ from sar_compiler.checks.rules.entry_accesses import KeyAccesses, key_accesses_o
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.btcpp import NEWEST, Version
 from sar_compiler.nodes.registry import Registry
@@ -33,17 +34,19 @@ class CheckContext:
         registry: The registered nodes.
         palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
         btcpp: The version of BehaviorTree.CPP that the trees are for.
+        memory: What was found out by checks before this one; None where nothing is to be kept.
     """
 
     forest: Forest
     registry: Registry
     palettes: tuple[TreeFile, ...] = ()
     btcpp: Version = NEWEST
+    memory: Memory | None = None
 
     @functools.cached_property
     def bound(self) -> BoundForest:
         """Every tree, bound."""
-        return bind_all(self.forest, self.registry, self.palettes, self.btcpp)
+        return bind_all(self.forest, self.registry, self.palettes, self.btcpp, self.memory)
 
     @functools.cached_property
     def is_whole(self) -> bool:
@@ -66,11 +69,10 @@ class CheckContext:
 
     def scripts(self) -> Iterator[tuple[BoundNode, str, Script]]:
         """Yield the scripts of these trees, with their nodes and attributes."""
-        scripted = {id(spec) for spec in self.bound.specs if spec.takes_script}
         for tree in self.trees:
-            for bound in tree.nodes if scripted or tree.wrappers else ():
-                if bound.conditions or id(bound.spec) in scripted:
-                    yield from ((bound, *each) for each in bound.scripts())
+            for bound in tree.scripted:
+                for attribute, script in bound.scripts():
+                    yield bound, attribute, script
 
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
         """Yield the nodes of these trees with what is found of their specs, where it is anything.

@@ -100,7 +100,7 @@ def _keys_as_texts(
 
 def _compared(tree: BoundTree) -> frozenset[tuple[str, object]]:
     """Return the keys that a script of a tree compares with texts, each with such a text: it is one that the tree is given."""
-    scripts = (script for node in tree.nodes for _, script in node.scripts())
+    scripts = (script for node in tree.scripted for _, script in node.scripts())
     statements = (each for script in scripts for each in script.statements)
     return frozenset(
         (name.name, literal.value)

@@ -57,9 +57,9 @@ def _report_tags(context: CheckContext, collector: Collector) -> None:
 
 def _report_ports(context: CheckContext, collector: Collector) -> None:
     for bound in (bound for tree in context.trees for bound in dict.fromkeys((*tree.demanding, *tree.uses))):
-        given = (*bound.remapping.keys, *bound.remapping.constants, *bound.spec.parameters)
-        for name in bound.element.attributes:
-            part = refused_in(name) if name in given and not name.isidentifier() else None
+        for name in itertools.filterfalse(str.isidentifier, bound.element.attributes):
+            given = (*bound.remapping.keys, *bound.remapping.constants, *bound.spec.parameters)
+            part = refused_in(name) if name in given else None
             if part:
                 message, hint = f"the name '{name}' of a port has {part} in it", f"leave {part} out"
                 advice = Advice(hint=hint, common_cause=Cause(f"names of ports have {part} in them", name))

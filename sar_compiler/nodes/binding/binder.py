@@ -13,6 +13,7 @@ from typing import NamedTuple
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector, Remapping
 from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
+from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
@@ -79,7 +80,11 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
 
 
 def bind_all(
-    forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version = NEWEST
+    forest: Forest,
+    registry: Registry,
+    palettes: Iterable[TreeFile] = (),
+    btcpp: Version = NEWEST,
+    memory: Memory | None = None,
 ) -> BoundForest:
     """Bind every tree of a forest, executed or not.
 
@@ -88,6 +93,7 @@ def bind_all(
         registry: What tags mean.
         palettes: Further files with descriptions of nodes.
         btcpp: The version of BehaviorTree.CPP that the trees are for.
+        memory: What was found out before, for the same version; None where nothing is to be kept.
 
     Returns:
         The bound trees and their findings, in the order of the files.
@@ -95,7 +101,7 @@ def bind_all(
     collector, palettes = Collector(btcpp), tuple(palettes)
     models = read_models([*forest.files, *palettes], collector)
     compare_models(models, yielding(registry, models), collector)
-    binder = Binder(forest, registry, models, collector, palettes)
+    binder = Binder(forest, registry, models, collector, palettes, memory)
     with gc_paused(_characters(forest)):
         own = [binder.tree(tree) for tree in forest.iterate()]
     trees = list(dict.fromkeys([*own, *binder.trees]))
@@ -137,11 +143,14 @@ class Binder:
         models: Models,
         collector: Collector,
         palettes: tuple[TreeFile, ...] = (),
+        memory: Memory | None = None,
     ) -> None:
         self._forest = forest
         self._palettes = palettes
         self._registered = registry
         self._registry = yielding(registry, models)
+        self._memory = memory
+        self._known = memory.elements(self._registry) if memory is not None else None
         self._models = models
         self._collector = collector
         self._guesses = collector.guesses
@@ -192,6 +201,7 @@ class Binder:
         home = self._forest.homes.get(id(tree.element))
         if home is not self._home:
             self._registry, self._models, self._meanings, self._meant = self._words_of(home)
+            self._known = self._memory.elements(self._registry) if self._memory is not None else None
             self._home = home
             self.__dict__.pop("_tags", None)
         self._current = tree
@@ -236,24 +246,35 @@ class Binder:
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
-        if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
-            variants = []
-        if not variants:
-            return self._report_unknown(element, tag)
-        spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
-        if spec.required and is_own_word(tag) and is_anothers(element, variants, self._guesses):
-            self._report_anothers(element, spec)
-            return None
+        bound = self._known.again(element) if self._known is not None else None
+        if bound is None:
+            if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
+                variants = []
+            if not variants:
+                return self._report_unknown(element, tag)
+            spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
+            if spec.required and is_own_word(tag) and is_anothers(element, variants, self._guesses):
+                self._report_anothers(element, spec)
+                return None
+            bound = self._alone(element, tag, spec, variants)
+        self._file_away(bound)
+        self._take_in(bound)
+        self._count_children(bound)
+        if bound.spec.rule is not None:
+            bound.spec.rule(bound, self._collector)
+        return bound
+
+    def _alone(self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]) -> BoundNode:
+        """Bind an element by what it says itself."""
+        count = len(self._collector.findings)
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._check_kind(bound)
         others = () if len(variants) == 1 else [other for other in variants if other is not spec]
         self._attributes.bind(bound, others)
-        self._file_away(bound)
-        self._take_in(bound)
-        self._count_children(bound)
-        if spec.rule is not None:
-            spec.rule(bound, self._collector)
+        # What models describe may be described otherwise in the next text.
+        if self._known is not None and count == len(self._collector.findings) and tag in self._registry:
+            self._known.keep(bound)
         return bound
 
     def _is_meant(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
@@ -289,6 +310,8 @@ class Binder:
         tree, spec = self._current, bound.spec
         if bound.keys:
             tree.keyed.append(bound)
+        if spec.takes_script or bound.conditions:
+            tree.scripted.append(bound)
         if spec.references:
             tree.referring.append(bound)
         if spec.is_demanding or bound.keys or bound.subtree is not None:

@@ -114,6 +114,7 @@ class BoundTree:
         uses: Its `SubTree` nodes.
         parents: The nodes with children, the inner ones first.
         keyed: The nodes with blackboard keys.
+        scripted: The nodes that can have scripts: as conditions or as values.
         referring: The nodes that refer to others.
         demanding: The nodes that are more than their tag and values: those with keys, subtrees or references,
             those that need an object of the mission or have to do with facts, and those that are only described.
@@ -132,6 +133,7 @@ class BoundTree:
         self.uses: list[BoundNode] = []
         self.parents: list[BoundNode] = []
         self.keyed: list[BoundNode] = []
+        self.scripted: list[BoundNode] = []
         self.referring: list[BoundNode] = []
         self.demanding: list[BoundNode] = []
         self.skips = False
