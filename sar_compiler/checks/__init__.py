@@ -119,7 +119,7 @@ def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagn
     forest, registry, findings = context.forest, context.registry, [*found]
     described = described_specs([*forest.files, *context.palettes], registry)
     for tree_file in forest.files:
-        schema = functools.partial(check_schema, tree_file, registry, described, findings)
+        schema = functools.partial(check_schema, tree_file, registry, described, findings, context.memory)
         findings += itertools.islice(_guard(check_schema.__name__, schema, forest, findings), MOST)
     return findings[len(found) :]
 

@@ -16,15 +16,20 @@ from weakref import WeakKeyDictionary
 from lxml import etree
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS
+from sar_compiler.nodes.binding.memory import Memory, Validated
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
-from sar_compiler.tree.model import INCLUDE_TAG, ROOT_TAG, TREE_TAG, TreeFile
+from sar_compiler.tree.model import INCLUDE_TAG, ROOT_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.xml_recovery import readable
+from sar_compiler.tree.xml_writer import one_tag_a_line
 
 _TEXT = "Character content other than whitespace"
 """libxml2's message about text between elements."""
+_UNEXPECTED = "not expected"
+"""Of an element, whose content it then does not look at."""
+_MALFORMED = "not well-formed XML: "
 _DECLARATION = re.compile(r"^<\?xml\s[^>]*\?>")
 _IGNORED = re.compile(
     rf"Element '({ROOT_TAG}|{INCLUDE_TAG}|{TREE_TAG})', attribute '.*': The attribute '.*' is not allowed"
@@ -58,31 +63,89 @@ def _schema(
 
 
 def schema_errors(
-    tree_file: TreeFile, registry: Registry, described: Sequence[NodeSpec] = ()
+    tree_file: TreeFile,
+    registry: Registry,
+    described: Sequence[NodeSpec] = (),
+    memory: Memory | None = None,
 ) -> list[tuple[int, str]]:
     """Return what lxml says about a file: pairs of line and message.
 
     The line is that in which a start tag ends; libxml2 knows no columns, and continues after an
     unexpected element without looking at its siblings.
+
+    Args:
+        tree_file: The file.
+        registry: What tags mean.
+        described: Nodes that only a model describes.
+        memory: What was said of other texts of the file; None where nothing is to be kept.
     """
+    path = tree_file.source.path
+    known = memory.validated.pop(path, None) if memory is not None else None
+    if known is not None and not described and _is_as_before(tree_file, registry, known):
+        schema, errors = known.schema, known.errors
+    else:
+        elements = list(tree_file.root.iterate())
+        tags, notes = frozenset(element.tag for element in elements), frozenset(_notes(elements))
+        schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
+        text, lines = _as_xml(tree_file)
+        errors = [(lines[line - 1], message) for line, message in _refused(text, schema)]
+    if memory is not None and not described:
+        memory.validated[path] = Validated(tree_file.source, registry, schema, errors)
+    return errors
+
+
+def _refused(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
+    """Return what a schema says about a text: pairs of line and message."""
     parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)
-    text, lines = _as_xml(tree_file)
     try:
         document = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
-        return [(lines[(error.lineno or 1) - 1], f"not well-formed XML: {error.msg}")]
-    tags = frozenset(element.tag for element in tree_file.root.iterate())
-    notes = frozenset(_notes(tree_file))
-    schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
+        return [(error.lineno or 1, f"{_MALFORMED}{error.msg}")]
     if schema.validate(document):
         return []
     # The log grows over the life of the schema object; the last validation's errors are those of now.
-    return [(lines[error.line - 1], error.message) for error in schema.error_log.filter_from_errors()]
+    return [(error.line, error.message) for error in schema.error_log.filter_from_errors()]
 
 
-def _notes(tree_file: TreeFile) -> Iterator[str]:
-    """Yield the attributes of a file that may be notes of an editor; what is a slip the rules have said."""
-    for element in tree_file.root.iterate():
+def _is_as_before(tree_file: TreeFile, registry: Registry, known: Validated) -> bool:
+    """Return whether the schema says of a file what it said of its text before.
+
+    What it says of attributes depends on these, and on the tags around them. So it is asked about the one tag that has changed, as
+    it was and as it is, with nothing around it but what it stands in.
+    """
+    if registry is not known.registry:
+        return False
+    if tree_file.source is known.source:
+        return True
+    change = tree_file.retyped
+    if change is None or change.before.source is not known.source:
+        return False
+    both = change.before, change.after
+    notes_before, notes_after = (set(_notes([each])) for each in both)
+    if notes_before != notes_after or any(
+        _is_of_namespaces(name) for each in both for name in each.attributes
+    ):
+        return False
+    before, after = (_refused(one_tag_a_line(_within(change.around, each)), known.schema) for each in both)
+    return before == after and not any(
+        message.startswith(_MALFORMED) or _UNEXPECTED in message for _, message in before
+    )
+
+
+def _is_of_namespaces(name: str) -> bool:
+    return ":" in name or name == "xmlns"
+
+
+def _within(around: Iterable[Element], element: Element) -> Element:
+    """Return the outermost of some elements, with one in the innermost."""
+    for each in reversed([*around]):
+        element = dataclasses.replace(each, children=(element,))
+    return element
+
+
+def _notes(elements: Iterable[Element]) -> Iterator[str]:
+    """Yield the attributes of elements that may be notes of an editor; what is a slip the rules have said."""
+    for element in elements:
         for name in element.attributes:
             if name.startswith("_") and ":" not in name and name not in CONDITIONS:
                 yield name
@@ -91,8 +154,6 @@ def _notes(tree_file: TreeFile) -> Iterator[str]:
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
     """Return a file as XML, and which of its lines each line of that is."""
     if tree_file.source.form is not Form.XML:
-        from sar_compiler.tree.xml_writer import one_tag_a_line
-
         return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
     # libxml2 does not count a lone carriage return as the end of a line, expat does.
     text = readable(tree_file)
@@ -104,7 +165,11 @@ def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
 
 
 def check_schema(
-    tree_file: TreeFile, registry: Registry, described: Sequence[NodeSpec], findings: Iterable[Diagnostic]
+    tree_file: TreeFile,
+    registry: Registry,
+    described: Sequence[NodeSpec],
+    findings: Iterable[Diagnostic],
+    memory: Memory | None = None,
 ) -> Iterator[Diagnostic]:
     """Yield what the schema refuses in places where the rules found nothing.
 
@@ -113,10 +178,11 @@ def check_schema(
         registry: What tags mean.
         described: Nodes that only a model describes.
         findings: What the rules found.
+        memory: What was said of other texts of the file; None where nothing is to be kept.
     """
     errors = [
         (line, message)
-        for line, message in schema_errors(tree_file, registry, described)
+        for line, message in schema_errors(tree_file, registry, described, memory)
         if not _IGNORED.match(message)
     ]
     if not errors:
@@ -130,7 +196,9 @@ def check_schema(
         if finding.source is tree_file.source
         and (finding.severity is Severity.ERROR or finding.code in _PASSED_OVER)
     )
-    elements = sorted(tree_file.root.iterate(), key=attrgetter("place"))
+    elements = [*tree_file.root.iterate()]
+    if tree_file.source.form is not Form.XML:  # its children may stand before its attributes
+        elements.sort(key=attrgetter("place"))
     for line, message in errors:
         # The last element that begins in the line or before it.
         index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=attrgetter("place")) - 1)

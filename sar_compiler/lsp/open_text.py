@@ -4,8 +4,7 @@ While a tag is half typed, most of a file cannot be understood, and what was fou
 closed. So the findings of the last text that could be understood stay, but those whose own text was edited.
 """
 
-import bisect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -13,39 +12,7 @@ from typing import NamedTuple
 from sar_compiler.project import LoadedTree
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
-
-
-class Edit(NamedTuple):
-    """One piece of text in place of another.
-
-    Attributes:
-        start: The offset of the first character that goes.
-        end: The offset behind the last one.
-        length: The number of characters that come.
-    """
-
-    start: int
-    end: int
-    length: int
-
-    @property
-    def growth(self) -> int:
-        """By how many characters the text grows."""
-        return self.length - (self.end - self.start)
-
-
-def edit_between(old: str, new: str) -> Edit:
-    """Return the smallest edit that makes one text of another."""
-    most = min(len(old), len(new))
-    start = _most(most, lambda count: old[:count] == new[:count])
-    left = most - start
-    behind = _most(left, lambda count: old[len(old) - count :] == new[len(new) - count :])
-    return Edit(start, len(old) - behind, len(new) - behind - start)
-
-
-def _most(limit: int, holds: Callable[[int], bool]) -> int:
-    """Return the largest number up to a limit of which something holds, as it does of all smaller ones."""
-    return bisect.bisect_left(range(1, limit + 1), x=True, key=lambda count: not holds(count))
+from sar_compiler.tree.retyped import Edit, edit_between
 
 
 class Placed(NamedTuple):

@@ -27,8 +27,9 @@ from sar_compiler.nodes.registry import Registry
 from sar_compiler.project import Additions, LoadedTree, Workspace
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, TreeError
-from sar_compiler.tree.gathering import FORMS, parse_tree, read_tree_file
+from sar_compiler.tree.gathering import FORMS, read_tree_file
 from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_before
+from sar_compiler.tree.retyped import TextReader
 
 _SEVERITIES = {
     Severity.ERROR: lsp.DiagnosticSeverity.Error,
@@ -82,6 +83,7 @@ class TreeServer(LanguageServer):
         self._additions = additions
         self._open: dict[str, OpenText] = {}
         self._texts: Mapping[Path, str] = {}  # those that a check goes by
+        self._reader = TextReader()
         self._loader = self._new_loader()
         self._wanted: dict[str, None] = {}
         self._work: asyncio.Task[None] | None = None
@@ -112,7 +114,10 @@ class TreeServer(LanguageServer):
 
     def _read(self, path: Path) -> TreeFile:
         text = self._texts.get(real_path(path))
-        return read_tree_file(path) if text is None else parse_tree(text, str(path))
+        if text is None:
+            self._reader.forget(str(path))
+            return read_tree_file(path)
+        return self._reader.read(text, str(path))
 
     # Texts
 

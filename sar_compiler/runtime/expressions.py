@@ -104,6 +104,19 @@ class Script:
         """The statements by the places where they begin."""
         return {each.start: each for each in self.statements}
 
+    @functools.cached_property
+    def plain_form(self) -> type[Assignment] | type[ComparisonChain] | None:
+        """What it is, where it only gives a variable a value or compares, with names and literals, as most do; None of any other."""
+        if len(self.statements) != 1:
+            return None
+        (statement,) = self.statements
+        if isinstance(statement, Assignment) and statement.operator in {":=", "="}:
+            return Assignment if isinstance(statement.value, (Name, Literal)) else None
+        if not isinstance(statement, ComparisonChain):
+            return None
+        operands = (statement.first, *(step.operand for step in statement.steps))
+        return ComparisonChain if all(isinstance(each, (Name, Literal)) for each in operands) else None
+
     @property
     def closing_assignment(self) -> Assignment | None:
         """The assignment whose value is the script's: `level = 2` where `level == 2` may be meant."""

@@ -22,7 +22,8 @@ NAME = re.compile(r"<[^\s/>]+")
 """That of the beginning of a tag."""
 ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 """That of an attribute with the blanks before it: its name, its quotation mark, its value."""
-_TAG_END = re.compile(r"\s*/?>")
+TAG_END = re.compile(r"\s*/?>")
+"""That of the end of a start tag, with the blanks before it."""
 _LONE = re.compile(rf"(?!{REFERENCE})&")
 _RAW = re.compile(rf"(?:{_LONE.pattern})+|<")
 _NUMBERED = re.compile(r"&#(?:x0*([0-9a-fA-F]{1,6})|0*([0-9]{1,7}));")
@@ -203,7 +204,7 @@ def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> 
     while match := ATTRIBUTE.match(text, offset):
         values.append((*match.span(3), _PartOfFile.CONTENT))
         offset = match.end()
-    end = _TAG_END.match(text, offset)
+    end = TAG_END.match(text, offset)
     if end is None:
         # A value that lacks its quotation mark may have ended with another's.
         values[:] = [each for each in values if "<" not in text[each[0] : each[1]]]

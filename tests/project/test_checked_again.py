@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from sar_compiler.errors import SarError
 from sar_compiler.project import Workspace
 from sar_compiler.tree.gathering import parse_tree
+from sar_compiler.tree.retyped import TextReader
 from tests.chance import rounds
 from tests.checks.test_mistakes import IN_A_FILE, IN_A_TREE
 from tests.checks.test_mistakes_in_files import IN_XML, IN_YAML
@@ -78,10 +79,8 @@ class Typed:
     def __init__(self, path: Path) -> None:
         self.path, self.text = path, ""
         path.touch()
-        self._again = self.workspace(checks_again=True)
-
-    def workspace(self, *, checks_again: bool) -> Workspace:
-        return Workspace(read=lambda of: parse_tree(self.text, str(of)), checks_again=checks_again)
+        reader = TextReader()
+        self._again = Workspace(read=lambda of: reader.read(self.text, str(of)), checks_again=True)
 
     def found_again(self, text: str) -> object:
         """Return what is found where texts before this one were checked."""
@@ -89,7 +88,7 @@ class Typed:
         return found(self._again, self.path)
 
     def found_afresh(self) -> object:
-        return found(self.workspace(checks_again=False), self.path)
+        return found(Workspace(read=lambda of: parse_tree(self.text, str(of))), self.path)
 
 
 @given(typed())

@@ -2,7 +2,7 @@
 
 import bisect
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import TypeVar
@@ -67,12 +67,15 @@ class CheckContext:
         """Yield the nodes with children of these trees of which conclusions can be drawn."""
         return (bound for tree in self.trees for bound in tree.parents if bound not in self.broken)
 
-    def scripts(self) -> Iterator[tuple[BoundNode, str, Script]]:
-        """Yield the scripts of these trees, with their nodes and attributes."""
-        for tree in self.trees:
-            for bound in tree.scripted:
-                for attribute, script in bound.scripts():
-                    yield bound, attribute, script
+    @functools.cached_property
+    def scripts(self) -> Sequence[tuple[BoundNode, str, Script]]:
+        """The scripts of these trees, with their nodes and attributes."""
+        return [
+            (bound, attribute, script)
+            for tree in self.trees
+            for bound in tree.scripted
+            for attribute, script in bound.scripts()
+        ]
 
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
         """Yield the nodes of these trees with what is found of their specs, where it is anything.

@@ -33,10 +33,10 @@ _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield conditions that assign a variable instead of comparing it, and what does nothing or raises always."""
-    for bound, attribute, script in context.scripts():
+    for bound, attribute, script in context.scripts:
         asked = is_condition(bound, attribute)
-        if len(script.statements) == 1 and _is_plain(script.statements[0], is_condition=asked):
-            continue
+        if script.plain_form is (ComparisonChain if asked else Assignment):
+            continue  # nothing can be wrong with it
         if asked:
             yield from _assigning(bound, attribute, script)
         yield from _idle(bound, attribute, script, is_condition=asked)
@@ -106,18 +106,6 @@ def _raising(bound: BoundNode, attribute: str, script: Script, *, is_condition: 
         span = bound.element.within_value(attribute, error.start, error.end)
         message = f"{attribute}: {error.message}"
         yield bound.element.finding("failing-script", message, span, hint=error.hint or _ALWAYS)
-
-
-def _is_plain(statement: Expression, *, is_condition: bool) -> bool:
-    """Return whether a statement does what is wanted and calculates nothing, as most: it gives a variable a value, or compares it."""
-    if is_condition:
-        if not isinstance(statement, ComparisonChain):
-            return False
-        operands = (statement.first, *(step.operand for step in statement.steps))
-        return all(isinstance(each, (Name, Literal)) for each in operands)
-    if not isinstance(statement, Assignment) or statement.operator not in {":=", "="}:
-        return False
-    return isinstance(statement.value, (Name, Literal))
 
 
 def _touching(

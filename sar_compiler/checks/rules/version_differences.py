@@ -34,7 +34,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
             collector.refused_since(NAMES, tree, fault.message, value="ID", **advice)
     _report_tags(context, collector)
     _report_ports(context, collector)
-    for bound, attribute, script in context.scripts():
+    for bound, attribute, script in context.scripts:
         if '"' in script.text:
             _report_quotes(bound, attribute, script, collector)
         if context.btcpp < NEWEST:

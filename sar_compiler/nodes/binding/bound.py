@@ -89,7 +89,9 @@ class BoundNode:
 
     def scripts(self) -> Iterator[tuple[str, Script]]:
         """Yield its scripts with their attributes: those of its conditions, and those that are values."""
-        for attribute, value in (*self.conditions.items(), *self.values.items()):
+        if self.conditions:
+            yield from self.conditions.items()
+        for attribute, value in self.values.items():
             if isinstance(value, Script):
                 yield attribute, value
 

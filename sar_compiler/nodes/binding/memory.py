@@ -1,11 +1,12 @@
 """What elements meant when they were bound before, for an editor's file, of which a keystroke changes next to nothing."""
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.tree.diagnostic import Source
 from sar_compiler.tree.model import Element
 
 _KEPT = 50_000
@@ -52,10 +53,31 @@ class KnownElements:
         self._recent[key] = meaning
 
 
+class Validated(NamedTuple):
+    """What a schema has said of a text.
+
+    Attributes:
+        source: The text.
+        registry: What tags meant.
+        schema: The schema, of lxml.
+        errors: The lines, and what is wrong there.
+    """
+
+    source: Source
+    registry: Registry
+    schema: Any
+    errors: list[tuple[int, str]]
+
+
 class Memory:
-    """What was found out about the files of a project, for the next check of them."""
+    """What was found out about the files of a project, for the next check of them.
+
+    Attributes:
+        validated: What their schema has said of files that describe no nodes, by their paths.
+    """
 
     def __init__(self) -> None:
+        self.validated: dict[str, Validated] = {}
         self._elements: WeakKeyDictionary[Registry, KnownElements] = WeakKeyDictionary()
 
     def elements(self, registry: Registry) -> KnownElements:
