@@ -79,6 +79,22 @@ _SPECS = (
         answers=(Answer("SUCCESS", "there"), Answer("FAILURE", "missing"), Answer("RUNNING", "waiting")),
         kind=Kind.ACTION,
     ),
+    leaf_spec(
+        f"{_HERE}:RosTransform",
+        "Where is a frame in another one? SUCCESS if the transforms of `/tf` say so, and it is written; RUNNING while they do not.",
+        attribute("target_frame", str, "The frame in which it is told, such as `map`."),
+        attribute("source_frame", str, "The frame of which it is told, such as `base_link`."),
+        attribute("max_age_sec", Seconds, "How old the transforms may be, seconds of the node's clock.", 5.0),
+        attribute("timeout_sec", Seconds, "How long to wait for them, seconds; then FAILURE.", 5.0),
+        *(output_port(axis, float, f"Where {axis} is written, metres.", None) for axis in "xyz"),
+        output_port("yaw", float, "Where the turn about z is written, rad.", None),
+        *(
+            output_port(f"q{part}", float, f"Where the quaternion's {part} is written.", None)
+            for part in "xyzw"
+        ),
+        answers=(Answer("SUCCESS", "known"), Answer("FAILURE", "unknown"), Answer("RUNNING", "waiting")),
+        kind=Kind.ACTION,
+    ),
 )
 
 

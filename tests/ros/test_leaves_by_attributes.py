@@ -1,5 +1,7 @@
-"""Leaves that need no Python: a service, an action and a topic that stand in the tree, against real servers."""
+"""Leaves that need no Python: a service, an action, a topic and frames that stand in the tree, against real servers."""
 
+import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ from sar_compiler.nodes.ros_leaves import specs
 from sar_compiler.project import load
 from sar_compiler.ros.leaves import by_attributes
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
+from sar_compiler.ros.poses import turn_by
 from sar_compiler.runtime.ports import Output
 from tests.ros.conftest import Ros
 
@@ -160,6 +163,109 @@ class TestRosTopic:
         assert str(raised.value) == said
 
 
+class TestRosTransform:
+    def send(
+        self,
+        ros: Ros,
+        *links: tuple[str, str, tuple[float, float, float]],
+        ago_sec: float = 0.0,
+        static: bool = False,
+    ) -> None:
+        """Publish transforms of a parent and a child, with x and y (m) and yaw (rad)."""
+        from geometry_msgs.msg import TransformStamped
+        from rclpy.duration import Duration
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from tf2_msgs.msg import TFMessage
+
+        node = ros.node(f"broadcaster_{len(ros.executor.get_nodes())}")
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        topic = "/tf_static" if static else "/tf"
+        publisher = node.create_publisher(TFMessage, topic, latched if static else 100)
+        message = TFMessage()
+        for parent, child, (x, y, yaw) in links:
+            each = TransformStamped(child_frame_id=child)
+            each.header.frame_id = parent
+            each.transform.translation.x, each.transform.translation.y = x, y
+            turn_by(each.transform.rotation, yaw)
+            message.transforms.append(each)
+
+        def publish() -> None:
+            stamp = (node.get_clock().now() - Duration(seconds=ago_sec)).to_msg()
+            for each in message.transforms:
+                each.header.stamp = stamp
+            publisher.publish(message)
+
+        publish()
+        if not static:
+            node.create_timer(0.02, publish)
+
+    def leaf(
+        self, target: str = "map", source: str = "camera", **attributes: Any
+    ) -> by_attributes.RosTransform:
+        return by_attributes.RosTransform("Where", target, source, **attributes)
+
+    def test_where_a_frame_is_goes_through_all_between_and_is_written(self, ros: Ros) -> None:
+        self.send(ros, ("base_link", "camera", (0.5, 0.0, 0.0)), static=True, ago_sec=1000.0)
+        self.send(ros, ("map", "odom", (10.0, 0.0, math.pi / 2)))
+        self.send(ros, ("odom", "base_link", (2.0, 1.0, 0.0)))
+        ports: dict[str, Any] = {p: Output[float]() for p in ("x", "y", "z", "yaw", "qx", "qy", "qz", "qw")}
+        assert run(ros, self.leaf(**ports)) is Status.SUCCESS
+        half = math.sqrt(0.5)
+        assert [each.value for each in ports.values()] == pytest.approx(
+            [9.0, 2.5, 0.0, math.pi / 2, 0.0, 0.0, half, half]
+        )
+
+    def test_it_is_told_backwards_and_between_branches_as_well(self, ros: Ros) -> None:
+        self.send(ros, ("base", "left", (0.0, 1.0, math.pi)), ("base", "right", (0.0, -1.0, 0.0)))
+        x, y = Output[float](), Output[float]()
+        assert run(ros, self.leaf("left", "base", x=x, y=y)) is Status.SUCCESS
+        assert (x.value, y.value) == pytest.approx((0.0, 1.0))
+        assert run(ros, self.leaf("left", "/right", x=x, y=y)) is Status.SUCCESS
+        assert (x.value, y.value) == pytest.approx((0.0, 2.0))
+
+    def test_it_runs_until_there_is_one_which_asks_for_a_tick(self, ros: Ros) -> None:
+        leaf, asked = self.leaf(timeout_sec=1000.0), list[bool]()
+        leaf.setup(node=ros.node("mission"), wake=lambda: asked.append(True))
+        leaf.tick_once()
+        assert (leaf.status, leaf.feedback_message) == (
+            Status.RUNNING,
+            "no transform of 'map' and 'camera' has come",
+        )
+        self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)))
+        self.send(ros, ("odom", "camera", (0.0, 0.0, 0.0)))
+        ros.spin_until(lambda: asked, "a request for a tick")
+        leaf.tick_once()
+        assert leaf.status is Status.SUCCESS
+
+    @pytest.mark.parametrize(
+        ("link", "ago_sec", "said"),
+        [
+            (("map", "camera", (1.0, 0.0, 0.0)), 100.0, r"the transforms are 10\d\.\d s old, and may be 5 s"),
+            (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has come"),
+            (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has come"),
+            (("map", "camera", (math.nan, 0.0, 0.0)), 0.0, "no transform of 'map' and 'camera' has come"),
+        ],
+    )  # fmt: skip
+    def test_after_the_time_out_it_fails_with_the_reason(
+        self, ros: Ros, link: Any, ago_sec: float, said: str
+    ) -> None:
+        self.send(ros, link, ago_sec=ago_sec)
+        leaf = self.leaf(timeout_sec=1000.0)
+        run(ros, leaf, lambda: re.fullmatch(said, leaf.feedback_message))
+        leaf.stop(Status.INVALID)
+        leaf.timeout_sec = 0.0
+        leaf.tick_once()
+        assert leaf.status is Status.FAILURE
+        whole = f"'Where': where 'camera' is in 'map' is not known within 0 s: {said}"
+        assert re.fullmatch(whole, leaf.feedback_message)
+
+    def test_frames_that_do_not_hang_together_are_named_by_what_is_above_them(self, ros: Ros) -> None:
+        self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)), ("base", "camera", (0.0, 0.0, 0.0)))
+        leaf = self.leaf("odom", "camera", timeout_sec=1000.0)
+        said = "'base' and 'map', above them, are not connected"
+        run(ros, leaf, lambda: leaf.feedback_message == said)
+
+
 def test_numbers_and_lists_are_plain_values() -> None:
     from sensor_msgs.msg import BatteryState
 
@@ -172,6 +278,7 @@ TREE = """<root BTCPP_format="4"><BehaviorTree ID="Door"><Sequence name="Main" m
 <RosTopic topic="battery_state" type="sensor_msgs/msg/BatteryState" field="percentage" value="{battery}" waits="true"/>
 <RosService service="door/open" type="std_srvs/srv/SetBool" request="data: true" success="success"/>
 <RosAction action="dock" type="nav2_msgs/action/NavigateToPose"/>
+<RosTransform target_frame="map" source_frame="base_link" x="{x}" yaw="{yaw}"/>
 </Sequence></BehaviorTree></root>"""
 
 

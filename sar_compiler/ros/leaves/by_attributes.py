@@ -11,10 +11,12 @@ import yaml
 from py_trees.common import Status
 
 from sar_compiler.nodes.values import Seconds
+from sar_compiler.ros.clock import Deadline, deadline_clock
+from sar_compiler.ros.frames import FrameTree, Transform, frame_tree
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.client_leaf import ServiceLeaf
 from sar_compiler.ros.leaves.goals import SUCCEEDED, describe_status
-from sar_compiler.ros.leaves.leaf import LeafDefinitionError, find_interface
+from sar_compiler.ros.leaves.leaf import LeafDefinitionError, RosLeaf, find_interface
 from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
 from sar_compiler.runtime.ports import Output
 from sar_compiler.tree.guessing import did_you_mean, nearest
@@ -173,6 +175,100 @@ class RosTopic(TopicLeaf):
         if self._field:
             self._value.set(field_of(self.name, message, self._field))
         return Status.SUCCESS
+
+
+class RosTransform(RosLeaf):
+    """Where is a frame in another one? SUCCESS if the transforms of `/tf` say so, and it is written; RUNNING while they do not.
+
+    Args:
+        target_frame: The frame in which it is told, such as `map`.
+        source_frame: The frame of which it is told, such as `base_link`.
+        max_age_sec: How old the transforms may be, seconds of the node's clock.
+        timeout_sec: How long to wait for them, seconds; then FAILURE.
+        x: Where x is written, metres.
+        y: Where y is written, metres.
+        z: Where z is written, metres.
+        yaw: Where the turn about z is written, rad.
+        qx: Where the quaternion's x is written.
+        qy: Where the quaternion's y is written.
+        qz: Where the quaternion's z is written.
+        qw: Where the quaternion's w is written.
+    """
+
+    def __init__(  # noqa: PLR0913 - a file's attributes
+        self,
+        name: str,
+        target_frame: str,
+        source_frame: str,
+        *,
+        max_age_sec: Seconds = 5.0,
+        timeout_sec: Seconds = 5.0,
+        x: Output[float] | None = None,
+        y: Output[float] | None = None,
+        z: Output[float] | None = None,
+        yaw: Output[float] | None = None,
+        qx: Output[float] | None = None,
+        qy: Output[float] | None = None,
+        qz: Output[float] | None = None,
+        qw: Output[float] | None = None,
+    ) -> None:
+        super().__init__(name)
+        self.max_age_sec, self.timeout_sec = max_age_sec, timeout_sec
+        self._target, self._source = target_frame, source_frame
+        written = {"x": x, "y": y, "z": z, "yaw": yaw, "qx": qx, "qy": qy, "qz": qz, "qw": qw}
+        self._written = {part: output for part, output in written.items() if output is not None}
+        self._frames: FrameTree | None = None
+        self._deadline = Deadline(timeout_sec)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to transforms from now on, whatever is ticked.
+
+        Args:
+            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+        """
+        self.shutdown()
+        super().setup(**kwargs)
+        self._frames = frame_tree(self.node)
+        self._frames.listen(self._on_transforms)
+
+    def initialise(self) -> None:
+        """Wait from now on."""
+        self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
+
+    def update(self) -> Status:
+        """Return SUCCESS, and write what is asked for, if the transforms are there and new enough."""
+        found = self._look_up()
+        if isinstance(found, Transform):
+            self.feedback_message = ""
+            for part, output in self._written.items():
+                output.set(getattr(found, part))
+            return Status.SUCCESS
+        self.feedback_message = found
+        if not self._deadline.passed:
+            return Status.RUNNING
+        where = f"where '{self._source}' is in '{self._target}' is not known"
+        self.complain(f"'{self.name}': {where} within {self.timeout_sec:g} s: {found}")
+        return Status.FAILURE
+
+    def shutdown(self) -> None:
+        """Listen no longer."""
+        if self._frames is not None:
+            self._frames.withdraw(self._on_transforms)
+            self._frames = None
+        super().shutdown()
+
+    def _look_up(self) -> Transform | str:
+        """Return where the frame is; in words why that is not known, if it is not."""
+        found = frame_tree(self.node).look_up(self._target, self._source)
+        if isinstance(found, str):
+            return found
+        if found.age_sec > self.max_age_sec:
+            return f"the transforms are {found.age_sec:.1f} s old, and may be {self.max_age_sec:g} s"
+        return found.transform
+
+    def _on_transforms(self) -> None:
+        if self.status is Status.RUNNING and isinstance(self._look_up(), Transform):
+            self._wake()
 
 
 def require_interfaces(owner: str, written: str) -> None:
