@@ -22,7 +22,7 @@ from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.missions.choosing import MissionError
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
-from sar_compiler.missions.mission import MissionRun
+from sar_compiler.missions.mission import MissionRun, SearchedArea
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.arguments import readable_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
@@ -42,7 +42,7 @@ from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.sim.occupancy import OccupancyMap
-    from sar_compiler.sim.planner import Leg
+    from sar_compiler.sim.planner import Leg, Planner
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
@@ -93,12 +93,13 @@ class RouteReport:
     """
 
     def __init__(self, mission: MissionRun, parameters: RunParameters, occupancy: "OccupancyMap") -> None:
-        from sar_compiler.sim.planner import plan_route
+        from sar_compiler.sim.planner import Planner, plan_route
 
         x, y, _ = parameters.initial_pose
         self._radius, self._speed = parameters.robot_radius_m, parameters.cruise_speed_mps
         stops = mission.route()
-        legs = plan_route(occupancy, self._radius, (x, y), stops, mission.allows) if stops else []
+        planner = Planner(occupancy, self._radius) if stops else None
+        legs = plan_route(planner, (x, y), stops, mission.allows) if planner is not None else []
         self.lines = self._table(legs) if legs else []
         self.problems = [
             f"{leg.name} ({leg.x:.2f}, {leg.y:.2f}): {leg.trouble}." for leg in legs if leg.trouble
@@ -110,6 +111,30 @@ class RouteReport:
             self.problems.append(
                 f"Driving takes {seconds:.0f} s (estimated), and time_limit_sec is {limit:g}."
             )
+        if planner is not None and (areas := mission.searched_areas()):
+            self._look_at_areas(planner, (x, y), areas)
+
+    def _look_at_areas(
+        self, planner: "Planner", start: tuple[float, float], areas: Sequence[SearchedArea]
+    ) -> None:
+        """Tell how much of each area can be driven to, and how long a sweep of that is."""
+        from sar_compiler.sim.planner import PlanningError, reach_of
+
+        try:
+            reaches = reach_of(planner, start, [area.corners for area in areas])
+        except PlanningError:
+            return  # which is told of every place already
+        width = max(len(area.name) for area in areas)
+        self.lines.append("The areas on the map (a sweep once over what can be driven to, without turns):")
+        for area, reach in zip(areas, reaches, strict=True):
+            ground = f"{reach.reached_m2:.1f} of {reach.area_m2:.1f} m²"
+            line = f"  {area.name:{width}}  {ground:>20}  {self._way(reach.reached_m2 / area.swath)}"
+            if reach.cut_off_at is not None:
+                x, y = reach.cut_off_at
+                line += f"; no way leads to {reach.cut_off_m2:.1f} m², such as ({x:.2f}, {y:.2f})"
+            self.lines.append(line)
+            if not reach.reached_m2:
+                self.problems.append(f"{area.name}: nothing of its area can be driven to.")
 
     def _table(self, legs: "Sequence[Leg]") -> list[str]:
         width = max(len(leg.name) for leg in legs)

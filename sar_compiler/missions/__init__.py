@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sar_compiler.missions.choosing import MissionError as MissionError
     from sar_compiler.missions.mission import Mission as Mission
     from sar_compiler.missions.mission import MissionRun as MissionRun
+    from sar_compiler.missions.mission import SearchedArea as SearchedArea
     from sar_compiler.missions.mission import Verb as Verb
     from sar_compiler.missions.mission import VerbField as VerbField
     from sar_compiler.resources import shipped as shipped

@@ -101,6 +101,20 @@ class Verb(NamedTuple):
         return float(value) if field.kind == "number" else value
 
 
+class SearchedArea(NamedTuple):
+    """An area that the robot will search, for the check before the flight.
+
+    Attributes:
+        name: Its name.
+        corners: Its outline: x and y in metres, frame `map`.
+        swath: How far the ways of one sweep of it are apart, metres.
+    """
+
+    name: str
+    corners: Sequence[tuple[float, float]]
+    swath: float
+
+
 class MissionRun:
     """One run of a mission: the state that its leaves share, and its result.
 
@@ -170,6 +184,10 @@ class MissionRun:
         x and y in metres, frame `map`; by default its `places`.
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
+
+    def searched_areas(self) -> Sequence[SearchedArea]:
+        """Return the areas that the robot will search, for the check before the flight: how much of each it can drive to."""
+        return ()
 
     def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses
         """Return whether the robot may be at a position in the frame `map`, metres: whether it is inside its geofence."""

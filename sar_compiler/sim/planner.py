@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, uniform_filter1d
+from scipy.ndimage import distance_transform_edt, label, uniform_filter1d
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -28,6 +28,9 @@ _START_SLACK = 0.15
 _SMOOTHING = 0.45
 # To so many places the ways from everywhere are kept.
 _PLACES_KEPT = 32
+# What of an area is smaller, and no way leads there, is the corner of a room or behind a chair.
+_LEAST_TOLD_M2 = 0.25
+_TOUCHING = np.ones((3, 3), dtype=int)
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -67,7 +70,8 @@ class Planner:
     """
 
     def __init__(self, occupancy: OccupancyMap, robot_radius: float) -> None:
-        self._map = occupancy
+        self.occupancy = occupancy
+        self._radius = robot_radius
         self.clearance = clearance(occupancy)
         # Half a cell: the clearance is counted to the middle of the blocked cell.
         self.fits = self.clearance >= robot_radius + occupancy.resolution / 2
@@ -100,22 +104,34 @@ class Planner:
         while nodes[-1] != goal_node:
             nodes.append(int(previous[nodes[-1]]))
         cells = self._cells[nodes]
-        return Path2D(self._smooth(self._map.centre_of(cells[:, 0], cells[:, 1]), goal))
+        return Path2D(self._smooth(self.occupancy.centre_of(cells[:, 0], cells[:, 1]), goal))
+
+    def ground_from(self, start: Pose2D) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which cells of the map are free, and which the robot's body can cover, wherever it drives to from a position.
+
+        Raises:
+            PlanningError: If the robot cannot begin there.
+        """
+        parts, _ = label(self.fits, structure=_TOUCHING)
+        reached = parts == parts[tuple(self._cells[self._start_node(start)])]
+        # A cell more: bodies are not made of cells.
+        near = distance_transform_edt(~reached) * self.occupancy.resolution
+        return self.occupancy.cells == FREE, near <= self._radius + self.occupancy.resolution
 
     def _near(self, goal: Pose2D, tolerance: float) -> Pose2D:
         """Return the place nearest to a goal at which the robot fits: the goal, if it does there or is off the map."""
-        cell = self._map.cell_at(goal.x, goal.y)
+        cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:
             return goal
         node = self._nearest_node(goal, tolerance)
         if node is None:
             message = f"no place within {tolerance:g} m of the goal ({goal.x:.2f}, {goal.y:.2f}) is free"
             raise PlanningError(NavCode.NO_VALID_PATH, message)
-        ((x, y),) = self._map.centre_of(*self._cells[[node]].T)
+        ((x, y),) = self.occupancy.centre_of(*self._cells[[node]].T)
         return Pose2D(float(x), float(y), goal.yaw)
 
     def _goal_node(self, goal: Pose2D) -> int:
-        cell = self._map.cell_at(goal.x, goal.y)
+        cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None:
             message = f"the goal ({goal.x:.2f}, {goal.y:.2f}) is outside the map"
             raise PlanningError(NavCode.GOAL_OUTSIDE_MAP, message)
@@ -125,7 +141,7 @@ class Planner:
         return int(self._node_of[cell])
 
     def _start_node(self, start: Pose2D) -> int:
-        cell = self._map.cell_at(start.x, start.y)
+        cell = self.occupancy.cell_at(start.x, start.y)
         if cell is None:
             message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), is outside the map"
             raise PlanningError(NavCode.START_OUTSIDE_MAP, message)
@@ -139,15 +155,15 @@ class Planner:
 
     def _nearest_node(self, place: Pose2D, within: float) -> int | None:
         """Return the node of the cell nearest to a place at which the robot fits; None if it is farther than so many metres."""
-        centres = self._map.centre_of(self._cells[:, 0], self._cells[:, 1])
+        centres = self.occupancy.centre_of(self._cells[:, 0], self._cells[:, 1])
         distance = np.hypot(centres[:, 0] - place.x, centres[:, 1] - place.y)
         return None if np.min(distance, initial=math.inf) > within else int(np.argmin(distance))
 
     def _smooth(self, points: Floats, goal: Pose2D) -> Floats:
         """Return the path with rounded corners, where the clearance allows it, ending exactly at the goal."""
-        width = 2 * round(_SMOOTHING / self._map.resolution / 2) + 1
+        width = 2 * round(_SMOOTHING / self.occupancy.resolution / 2) + 1
         smooth = uniform_filter1d(points, width, axis=0, mode="nearest")
-        cells = [self._map.cell_at(float(x), float(y)) for x, y in smooth]
+        cells = [self.occupancy.cell_at(float(x), float(y)) for x, y in smooth]
         if all(cell is not None and self.fits[cell] for cell in cells):
             points = smooth
         points[-1] = goal.x, goal.y
@@ -218,9 +234,65 @@ class Leg(NamedTuple):
     trouble: str = ""
 
 
+class Reach(NamedTuple):
+    """How much of an area a robot can drive to.
+
+    Attributes:
+        area_m2: The size of the area, square metres.
+        reached_m2: How much of it the robot can come to: free ground that its body covers somewhere on its ways.
+        cut_off_m2: How much of it is free, and no way leads there, in parts that are worth telling of.
+        cut_off_at: A place in the middle of the largest such part: x and y in metres, frame `map`; None if there is none.
+    """
+
+    area_m2: float
+    reached_m2: float
+    cut_off_m2: float = 0.0
+    cut_off_at: tuple[float, float] | None = None
+
+
+def reach_of(
+    planner: Planner, start: tuple[float, float], outlines: Sequence[Sequence[tuple[float, float]]]
+) -> list[Reach]:
+    """Return how much of each area a robot can drive to.
+
+    Args:
+        planner: The planner, with the map and the robot's size.
+        start: Where the robot begins: x and y in metres, frame `map`.
+        outlines: The corners of each area, metres, frame `map`.
+
+    Raises:
+        ImportError: If shapely is not installed.
+        PlanningError: If the robot cannot begin there.
+    """
+    import shapely
+
+    free, covered = planner.ground_from(Pose2D(*start))
+    rows, columns = np.indices(free.shape)
+    centres = planner.occupancy.centre_of(rows.ravel(), columns.ravel())
+    cell_m2 = planner.occupancy.resolution**2
+    found = []
+    for corners in outlines:
+        outline = shapely.Polygon(corners)
+        inside = free & shapely.contains_xy(outline, centres).reshape(free.shape)
+        parts, count = label(inside & ~covered, structure=_TOUCHING)
+        sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:] * cell_m2
+        told = sizes[sizes >= _LEAST_TOLD_M2]
+        at = _middle_of(parts == 1 + int(sizes.argmax()), planner.occupancy) if len(told) else None
+        reached = float(np.count_nonzero(inside & covered)) * cell_m2
+        found.append(Reach(outline.area, reached, float(told.sum()), at))
+    return found
+
+
+def _middle_of(part: NDArray[np.bool_], occupancy: OccupancyMap) -> tuple[float, float]:
+    """Return the place of a part that is farthest from its edge: x and y in metres, frame `map`."""
+    depth = distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
+    row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+    ((x, y),) = occupancy.centre_of(np.array([row]), np.array([column]))
+    return float(x), float(y)
+
+
 def plan_route(
-    occupancy: OccupancyMap,
-    robot_radius: float,
+    planner: Planner,
     start: tuple[float, float],
     stops: Sequence[tuple[str, float, float]],
     allowed: Callable[[float, float], bool] = lambda _x, _y: True,
@@ -228,13 +300,11 @@ def plan_route(
     """Plan the way from place to place; one that cannot be reached is passed over.
 
     Args:
-        occupancy: The map.
-        robot_radius: The radius of the robot's body, metres.
+        planner: The planner, with the map and the robot's size.
         start: Where the robot begins: x and y in metres, frame `map`.
         stops: The names and positions of the places, in the order of their visit.
         allowed: Whether the robot may be at a position.
     """
-    planner = Planner(occupancy, robot_radius)
     here, legs = Pose2D(*start), []
     for name, x, y in stops:
         there = Pose2D(x, y)

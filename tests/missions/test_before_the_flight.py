@@ -7,6 +7,7 @@ import pytest
 
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.ros.parameter_reader import ParameterReader, RunParameters
 
 PARAMETERS: dict[str, object] = {
@@ -76,6 +77,23 @@ class TestTheReport:
         assert self.report(begun()).problems == []
         assert self.report(begun(), robot_radius_m=1.5).problems != []
 
+    def test_of_each_area_it_is_told_how_much_can_be_driven_to_and_how_long_a_sweep_is(self) -> None:
+        square = [2.5, 2.0, 4.5, 2.0, 4.5, 4.0, 2.5, 4.0]
+        ground = {"zones.zone_b.polygon": square, "zones.zone_b.sweep_width": 2.0}
+        report = self.report(begun(**ground), cruise_speed_mps=0.5)
+        assert report.problems == []
+        [line] = [line for line in report.lines if " m²" in line]
+        name, reached, _, area, _, metres, _, seconds, _ = line.split()
+        assert (name, area) == ("zone_b", "4.0")
+        assert 3.0 < float(reached) <= 4.0
+        assert float(metres) == pytest.approx(float(reached) / 2.0, abs=0.1)
+        assert float(seconds) == pytest.approx(float(metres) / 0.5, abs=1.0)
+
+    def test_an_area_of_which_nothing_can_be_driven_to_is_a_problem(self) -> None:
+        away = [50.0, 2.0, 52.0, 2.0, 52.0, 4.0]
+        ground = {"zones.zone_b.polygon": away, "zones.zone_b.sweep_width": 2.0}
+        assert self.report(begun(**ground)).problems == ["zone_b: nothing of its area can be driven to."]
+
     def test_a_mission_that_drives_nowhere_has_nothing_to_tell(self) -> None:
         report = self.report(MissionRun())
         assert (report.lines, report.problems) == ([], [])
@@ -117,3 +135,16 @@ class TestTheMap:
         from sar_compiler.sim.messages import from_grid
 
         assert from_grid(self.grid(data, **changes)) is None
+
+
+def test_where_nothing_is_said_of_it_a_look_takes_as_long_as_the_legs_of_a_sweep() -> None:
+    square = [2.5, 2.0, 4.5, 2.0, 4.5, 4.0, 2.5, 4.0]
+    likely = {f"zones.{zone}.{key}": 0.5 for zone in ("zone_a", "zone_b") for key in ("poa", "pod")}
+    ground = {"zones.zone_b.polygon": square, "zones.zone_b.sweep_width": 2.0}
+    search = begun(**likely, **ground, cruise_speed_mps=0.5)
+    assert isinstance(search, Search)
+    assert search.zones.areas["zone_a"].look_sec == 0.0
+    assert search.zones.areas["zone_b"].look_sec == pytest.approx(4.0 * 0.9 / 2.0 / 0.5)
+    said = begun(**likely, **ground, **{"zones.zone_b.look_sec": 20.0})
+    assert isinstance(said, Search)
+    assert said.zones.areas["zone_b"].look_sec == 20.0

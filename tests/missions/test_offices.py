@@ -9,7 +9,7 @@ from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.ros.parameter_file import read_parameter_file
 from sar_compiler.ros.parameter_reader import ParameterReader, RunParameters, read_run
 from sar_compiler.sim.occupancy import read_map
-from sar_compiler.sim.planner import plan_route
+from sar_compiler.sim.planner import Planner, plan_route
 from sar_compiler.sim.world import World, find_world
 
 PARAMS = Path("config/offices_params.yaml")
@@ -38,5 +38,5 @@ def test_a_way_leads_to_each_area_and_home(world: World) -> None:
     search, run = begun()
     assert world.map_path is not None
     start = (run.initial_pose[0], run.initial_pose[1])
-    legs = plan_route(read_map(world.map_path), world.robot_radius, start, search.route())
+    legs = plan_route(Planner(read_map(world.map_path), world.robot_radius), start, search.route())
     assert [leg.trouble for leg in legs] == [""] * 11

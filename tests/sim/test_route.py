@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, OccupancyMap
-from sar_compiler.sim.planner import plan_route
+from sar_compiler.sim.planner import Planner, plan_route, reach_of
 
 RADIUS = 0.2
 
@@ -19,7 +19,7 @@ def two_rooms():
 
 def test_distances_are_those_of_the_way_from_place_to_place(two_rooms):
     stops = [("there", 3.0, 1.0), ("back", 1.0, 1.0)]
-    legs = plan_route(two_rooms, RADIUS, (1.0, 1.0), stops)
+    legs = plan_route(Planner(two_rooms, RADIUS), (1.0, 1.0), stops)
     assert [leg.trouble for leg in legs] == ["", ""]
     assert [leg.distance for leg in legs] == pytest.approx([2.0, 2.0], abs=0.15)
 
@@ -34,27 +34,69 @@ def test_distances_are_those_of_the_way_from_place_to_place(two_rooms):
     ],
 )
 def test_a_place_that_cannot_be_reached_is_named_with_the_reason(two_rooms, x, y, trouble):
-    [leg] = plan_route(two_rooms, RADIUS, (1.0, 1.0), [("away", x, y)])
+    [leg] = plan_route(Planner(two_rooms, RADIUS), (1.0, 1.0), [("away", x, y)])
     assert (leg.distance, leg.trouble) == (None, trouble)
 
 
 def test_the_way_goes_on_from_the_last_place_that_can_be_reached(two_rooms):
     stops = [("first", 3.0, 1.0), ("behind the wall", 6.0, 1.0), ("second", 3.0, 3.0)]
-    legs = plan_route(two_rooms, RADIUS, (1.0, 1.0), stops)
+    legs = plan_route(Planner(two_rooms, RADIUS), (1.0, 1.0), stops)
     assert legs[1].distance is None
     assert legs[2].distance == pytest.approx(2.0, abs=0.15)
 
 
 def test_a_start_in_a_wall_is_told_of_every_place(two_rooms):
-    legs = plan_route(two_rooms, RADIUS, (4.05, 1.0), [("a", 1.0, 1.0), ("b", 2.0, 1.0)])
+    legs = plan_route(Planner(two_rooms, RADIUS), (4.05, 1.0), [("a", 1.0, 1.0), ("b", 2.0, 1.0)])
     assert {leg.trouble for leg in legs} == {"the robot does not fit on free ground at its start"}
 
 
 def test_a_place_outside_the_geofence_and_a_way_that_leaves_it_are_told_apart(two_rooms):
     stops = [("outside", 2.0, 1.0), ("inside", 3.5, 1.0)]
-    legs = plan_route(two_rooms, RADIUS, (0.5, 1.0), stops, lambda x, _: not 1.5 < x < 3.0)
+    legs = plan_route(Planner(two_rooms, RADIUS), (0.5, 1.0), stops, lambda x, _: not 1.5 < x < 3.0)
     assert [leg.trouble for leg in legs] == [
         "it is outside the geofence",
         "the way there leaves the geofence",
     ]
     assert [leg.distance for leg in legs] == [None, pytest.approx(3.0, abs=0.15)]
+
+
+class TestAreas:
+    def reach(self, occupancy, *corners, start=(1.0, 1.0)):
+        [found] = reach_of(Planner(occupancy, RADIUS), start, [corners])
+        return found
+
+    def test_of_a_room_all_is_reached_but_the_corners_where_the_robot_is_too_round(self, two_rooms):
+        room = self.reach(two_rooms, (0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
+        assert room.area_m2 == pytest.approx(16.0)
+        assert room.reached_m2 == pytest.approx(16.0, abs=0.3)
+        assert (room.cut_off_m2, room.cut_off_at) == (0.0, None)
+
+    def test_ground_behind_a_wall_is_cut_off_and_its_middle_is_named(self, two_rooms):
+        both = self.reach(two_rooms, (0.0, 0.0), (8.0, 0.0), (8.0, 4.0), (0.0, 4.0))
+        assert both.reached_m2 == pytest.approx(16.0, abs=0.3)
+        assert both.cut_off_m2 == pytest.approx(15.6, abs=0.3)
+        assert both.cut_off_at == pytest.approx((6.1, 2.0), abs=0.3)
+
+    def test_of_several_parts_that_are_cut_off_the_largest_is_named(self, two_rooms):
+        cells = two_rooms.cells.copy()
+        cells[10, 41:] = OCCUPIED
+        split = OccupancyMap(cells, 0.1, 0.0, 0.0)
+        beyond = self.reach(split, (4.1, 0.0), (8.0, 0.0), (8.0, 4.0), (4.1, 4.0))
+        assert beyond.reached_m2 == 0.0
+        assert beyond.cut_off_m2 == pytest.approx(15.2, abs=0.3)
+        assert beyond.cut_off_at[1] == pytest.approx(2.5, abs=0.4)
+
+    def test_what_is_beyond_the_map_is_neither_reached_nor_cut_off(self, two_rooms):
+        away = self.reach(two_rooms, (-4.0, 0.0), (0.0, 0.0), (0.0, 4.0), (-4.0, 4.0))
+        assert (away.reached_m2, away.cut_off_m2) == (0.0, 0.0)
+
+    def test_a_door_too_narrow_for_the_robot_is_no_way(self, two_rooms):
+        cells = two_rooms.cells.copy()
+        cells[18:21, 40] = FREE
+        doored = OccupancyMap(cells, 0.1, 0.0, 0.0)
+        assert self.reach(doored, (5.0, 1.0), (7.0, 1.0), (7.0, 3.0), (5.0, 3.0)).reached_m2 == 0.0
+        cells = cells.copy()
+        cells[15:24, 40] = FREE
+        wide = OccupancyMap(cells, 0.1, 0.0, 0.0)
+        room = self.reach(wide, (5.0, 1.0), (7.0, 1.0), (7.0, 3.0), (5.0, 3.0))
+        assert room.reached_m2 == pytest.approx(4.0, abs=0.1)

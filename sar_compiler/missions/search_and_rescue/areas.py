@@ -18,6 +18,8 @@ _SENSOR = ("sweep_width", "detection_range", "visibility")
 _POLYGON = "polygon"
 AREA_KEYS = (*_PROBABILITIES, _POLYGON, *_SENSOR, "priority")
 """What may stand beside the pose of a zone."""
+COVERAGE = 0.9
+"""Of a sweep for which nothing else is said: how often each place is covered by the sweep width."""
 LEAST_CORNERS = 3
 """Of an outline."""
 # A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is no position in metres.
@@ -39,9 +41,27 @@ class Ground(NamedTuple):
     sweep_width: float
     detection_range: float
 
+    def sweep_sec(self, speed_mps: float) -> float:
+        """Return how long the legs of a sweep take at the usual coverage, without turns and what is done at stops: seconds.
 
-def read_areas(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, Area]:
-    """Read what is expected of looks in zones, `zones.<id>.{poa,pod,look_sec}`; of all zones, or of none."""
+        Raises:
+            ImportError: If shapely is not installed.
+        """
+        import shapely
+
+        return float(shapely.Polygon(self.polygon).area) * COVERAGE / (self.sweep_width * speed_mps)
+
+
+def read_areas(
+    reader: ParameterReader, zones: Sequence[Mapping[str, Any]], sweeps_sec: Mapping[str, float] | None = None
+) -> dict[str, Area]:
+    """Read what is expected of looks in zones, `zones.<id>.{poa,pod,look_sec}`; of all zones, or of none.
+
+    Args:
+        reader: The parameters.
+        zones: The zones.
+        sweeps_sec: How long a look takes at least where nothing is said of it, by zone; 0 elsewhere.
+    """
     keys = [f"zones.{zone['id']}.{name}" for zone in zones for name in _PROBABILITIES]
     if not any(key in reader.parameters for key in keys):
         return {}
@@ -49,7 +69,7 @@ def read_areas(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> d
     for zone in zones:
         prefix = f"zones.{zone['id']}"
         poa, pod = (_probability(reader, f"{prefix}.{name}") for name in ("poa", "pod"))
-        look_sec = reader.number(f"{prefix}.look_sec", 0.0)
+        look_sec = reader.number(f"{prefix}.look_sec", (sweeps_sec or {}).get(zone["id"], 0.0))
         if look_sec < 0:
             reader.report(f"{prefix}.look_sec", f"must be 0 or above, is {look_sec:g}")
         areas[zone["id"]] = Area(poa, pod, look_sec)

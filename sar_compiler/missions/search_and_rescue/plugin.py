@@ -56,9 +56,14 @@ class SearchAndRescue(Mission):
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
         speed, fence = reader.cruise_speed(), read_fence(reader)
-        areas, priorities = read_areas(reader, zones), read_priorities(reader, zones)
+        grounds = read_grounds(reader, zones, fence)
+        # What is reported already may be no number to divide by.
+        sweeps_sec = (
+            {} if reader.problems else {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
+        )
+        areas, priorities = read_areas(reader, zones, sweeps_sec), read_priorities(reader, zones)
         plan = ZoneManager(zones, base, areas=areas, priorities=priorities, speed_mps=speed)
-        homing, sweeps = read_homing(reader, plan, speed), Sweeps(read_grounds(reader, zones, fence))
+        homing, sweeps = read_homing(reader, plan, speed), Sweeps(grounds)
         return Search(
             plan,
             MissionRecord(radius),

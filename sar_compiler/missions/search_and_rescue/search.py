@@ -16,6 +16,7 @@ from sar_compiler.missions import (
     Level,
     MissionPhase,
     MissionRun,
+    SearchedArea,
     Verb,
     clock_text,
 )
@@ -272,6 +273,15 @@ class Search(MissionRun):
         base = self.zones.base_pose()
         zones = [(zone["id"], zone["x"], zone["y"]) for zone in self.zones.remaining_zones()]
         return [*zones, ("base station", base["x"], base["y"])]
+
+    def searched_areas(self) -> list[SearchedArea]:
+        """Return the grounds of the zones that are left, swept once at coverage 1."""
+        left = {zone["id"] for zone in self.zones.remaining_zones()}
+        return [
+            SearchedArea(zone, ground.polygon, ground.sweep_width)
+            for zone, ground in self.sweeps.grounds.items()
+            if zone in left
+        ]
 
     def allows(self, x: float, y: float) -> bool:
         """Return whether a position is inside the geofence."""

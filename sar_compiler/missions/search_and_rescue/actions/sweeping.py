@@ -10,7 +10,7 @@ from py_trees.common import Status
 from sar_compiler.leaves import RobotEstimate, RosLeaf, at_least, robot_estimate
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateTo
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
-from sar_compiler.missions.search_and_rescue.areas import Corners
+from sar_compiler.missions.search_and_rescue.areas import COVERAGE, Corners
 from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search_theory import (
@@ -154,7 +154,7 @@ class PlanSweep(_PlanLeaf):
     """
 
     pattern: SweepPattern = "parallel"
-    coverage: float = 0.9
+    coverage: float = COVERAGE
 
     def _begin(self, zone: str) -> Status:
         if zone not in self.sweeps.grounds:
