@@ -17,7 +17,7 @@ from sar_compiler.nodes.btcpp import NEWEST, Version
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import SECTIONS, Element, TreeFile
@@ -140,10 +140,13 @@ class CheckContext:
 
     def _broken(self) -> Iterator[BoundNode]:
         nodes: dict[str, list[BoundNode]] = {}
-        for tree in self.bound.trees:
+        for tree in sorted(self.bound.trees, key=attrgetter("element.place")):
             nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
         for of_file in nodes.values():
-            of_file.sort(key=attrgetter("element.place"))
+            if (
+                of_file and of_file[0].element.source.form is not Form.XML
+            ):  # there a node's children may stand before it
+                of_file.sort(key=attrgetter("element.place"))
         for finding in self._errors:
             of_file = nodes.get(finding.source.path, [])
             index = bisect.bisect_right(of_file, finding.span[:2], key=attrgetter("element.place"))

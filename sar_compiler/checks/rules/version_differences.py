@@ -56,7 +56,9 @@ def _report_tags(context: CheckContext, collector: Collector) -> None:
 
 
 def _report_ports(context: CheckContext, collector: Collector) -> None:
-    for bound in (bound for tree in context.trees for bound in dict.fromkeys((*tree.demanding, *tree.uses))):
+    usual = {id(spec) for spec in context.bound.specs if all(map(str.isidentifier, spec.parameters))}
+    others = (bound for tree in context.trees for bound in tree.demanding if id(bound.spec) not in usual)
+    for bound in dict.fromkeys((*others, *(use for tree in context.trees for use in tree.uses))):
         for name in itertools.filterfalse(str.isidentifier, bound.element.attributes):
             given = (*bound.remapping.keys, *bound.remapping.constants, *bound.spec.parameters)
             part = refused_in(name) if name in given else None

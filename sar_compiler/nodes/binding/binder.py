@@ -246,8 +246,13 @@ class Binder:
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
-        bound = self._known.again(element) if self._known is not None else None
-        if bound is None:
+        known = self._known.get(element) if self._known is not None else None
+        if known is not None:
+            bound = BoundNode(element, *known.parts)
+            if known.is_plain and not element.children:
+                self._current.nodes.append(bound)
+                return bound
+        else:
             if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
                 variants = []
             if not variants:

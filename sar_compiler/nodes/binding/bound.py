@@ -69,18 +69,34 @@ class BoundNode:
         "values",
     )
 
-    def __init__(self, element: Element, spec: NodeSpec, name: str) -> None:
+    def __init__(
+        self,
+        element: Element,
+        spec: NodeSpec,
+        name: str,
+        values: Mapping[str, object] = _NOTHING,
+        keys: Mapping[str, str] = _NOTHING,
+        conditions: Mapping[str, Script] = _NOTHING,
+        oneshot: str | None = None,
+    ) -> None:
         self.element = element
         self.spec = spec
         self.name = name
-        self.values: Mapping[str, object] = _NOTHING
-        self.keys: Mapping[str, str] = _NOTHING
+        self.values = values
+        self.keys = keys
         self.references: Mapping[str, BoundNode] = _NOTHING
-        self.conditions: Mapping[str, Script] = _NOTHING
+        self.conditions = conditions
         self.children: Sequence[BoundNode] = ()
-        self.oneshot: str | None = None
+        self.oneshot = oneshot
         self.subtree: BoundTree | None = None
         self.remapping = _APART
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether there is nothing about it but its tag and values, which are no scripts, if it has no children either."""
+        spec, around = self.spec, self.keys or self.conditions or self.oneshot
+        is_special = spec.references or spec.is_demanding or spec.takes_script or spec.skips_by_itself
+        return spec.kind.is_leaf and spec.rule is None and not (around or is_special)
 
     @property
     def is_reactive(self) -> bool:

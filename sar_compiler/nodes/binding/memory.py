@@ -5,7 +5,6 @@ from weakref import WeakKeyDictionary
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Source
 from sar_compiler.tree.model import Element
 
@@ -13,7 +12,18 @@ _KEPT = 50_000
 """How many elements are kept, at least, of those that were asked for last; some 30 MB."""
 
 _WrittenElement: TypeAlias = tuple[str, ...]
-_ElementMeaning: TypeAlias = tuple[NodeSpec, str, Any, Any, Any, str | None]
+
+
+class KnownElement(NamedTuple):
+    """What an element means by what it says itself.
+
+    Attributes:
+        parts: The arguments of `BoundNode` behind the element.
+        is_plain: See `BoundNode.is_plain`.
+    """
+
+    parts: tuple[Any, ...]
+    is_plain: bool
 
 
 class KnownElements:
@@ -23,34 +33,34 @@ class KnownElements:
     """
 
     def __init__(self) -> None:
-        self._recent: dict[_WrittenElement, _ElementMeaning] = {}
-        self._older: dict[_WrittenElement, _ElementMeaning] = {}
+        self._recent: dict[_WrittenElement, KnownElement] = {}
+        self._older: dict[_WrittenElement, KnownElement] = {}
 
-    def again(self, element: Element) -> BoundNode | None:
-        """Return an element, bound as the one before that says the same; None if there was none."""
-        attributes = element.attributes
-        # As many names as values: no two elements have the same.
-        key = (element.tag, *attributes, *attributes.values())
-        meaning = self._recent.get(key)
-        if meaning is None:
-            meaning = self._older.get(key)
-            if meaning is None:
-                return None
-            self._keep(key, meaning)
-        bound = BoundNode(element, meaning[0], meaning[1])
-        _, _, bound.values, bound.keys, bound.conditions, bound.oneshot = meaning
-        return bound
+    def get(self, element: Element) -> KnownElement | None:
+        """Return what an element meant that said the same; None if there was none."""
+        written = _written(element)
+        known = self._recent.get(written)
+        if known is None:
+            known = self._older.get(written)
+            if known is not None:
+                self._keep(written, known)
+        return known
 
     def keep(self, bound: BoundNode) -> None:
         """Keep what an element means, before its children and references are known."""
-        attributes = bound.element.attributes
-        key = (bound.element.tag, *attributes, *attributes.values())
-        self._keep(key, (bound.spec, bound.name, bound.values, bound.keys, bound.conditions, bound.oneshot))
+        parts = (bound.spec, bound.name, bound.values, bound.keys, bound.conditions, bound.oneshot)
+        self._keep(_written(bound.element), KnownElement(parts, bound.is_plain))
 
-    def _keep(self, key: _WrittenElement, meaning: _ElementMeaning) -> None:
+    def _keep(self, written: _WrittenElement, known: KnownElement) -> None:
         if len(self._recent) >= _KEPT:
             self._recent, self._older = {}, self._recent
-        self._recent[key] = meaning
+        self._recent[written] = known
+
+
+def _written(element: Element) -> _WrittenElement:
+    """Return what an element says: its names are as many as its values, so that no two say the same."""
+    attributes = element.attributes
+    return (element.tag, *attributes, *attributes.values())
 
 
 class Validated(NamedTuple):
