@@ -14,6 +14,7 @@ from tests.packaging.workspace import clone
 
 RELEASE = runpy.run_path(".ci/release.py")
 NotReadyError = RELEASE["NotReadyError"]
+VERSION = RELEASE["version"]()
 TEXT = "# Changelog\n\n## [Unreleased]\n\nSoon.\n\n### Added\n\n- **A**\n\n### Fixed\n\n- b\n"
 
 
@@ -40,10 +41,9 @@ def git(*arguments):
 
 def made(folder, *pythons):
     """Lay out what is built for some Pythons."""
-    name = RELEASE["version"]()
     files = [
-        f"sar_compiler-{name}.tar.gz",
-        *(f"sar_compiler-{name}-cp{each}-cp{each}-linux.whl" for each in pythons),
+        f"sar_compiler-{VERSION}.tar.gz",
+        *(f"sar_compiler-{VERSION}-cp{each}-cp{each}-linux.whl" for each in pythons),
     ]
     for each in files:
         (folder / each).touch()
@@ -69,26 +69,25 @@ def test_nothing_is_released_where_nothing_has_changed():
 def test_the_section_and_the_day_of_the_citation_are_committed_once(checkout):
     RELEASE["prepare"]()
     RELEASE["prepare"]()
-    assert git("log", "--format=%s").splitlines() == [f"Release {RELEASE['version']()}", "Begin"]
+    assert git("log", "--format=%s").splitlines() == [f"Release {VERSION}", "Begin"]
     assert git("status", "--porcelain") == ""
-    [day] = re.findall(
-        r"^## \[0\.1\.0\] - (\d{4}-\d\d-\d\d)$", Path("CHANGELOG.md").read_text(), re.MULTILINE
-    )
-    assert f"version: 0.1.0\ndate-released: {day}\n" in Path("CITATION.cff").read_text()
+    heading = rf"^## \[{re.escape(VERSION)}\] - (\d{{4}}-\d\d-\d\d)$"
+    [day] = re.findall(heading, Path("CHANGELOG.md").read_text(), re.MULTILINE)
+    assert f"version: {VERSION}\ndate-released: {day}\n" in Path("CITATION.cff").read_text()
 
 
 def test_a_checkout_with_changes_is_not_released(checkout):
     (checkout / "notes.txt").touch()
     with pytest.raises(NotReadyError, match=r"notes\.txt"):
         RELEASE["prepare"]()
-    assert "[0.1.0]" not in Path("CHANGELOG.md").read_text()
+    assert f"[{VERSION}]" not in Path("CHANGELOG.md").read_text()
 
 
 def test_files_that_disagree_about_the_version_are_named(checkout):
-    text = Path("package.xml").read_text().replace("<version>0.1.0<", "<version>0.2.0<")
+    text = Path("package.xml").read_text().replace(f"<version>{VERSION}<", "<version>9.9.9<")
     Path("package.xml").write_text(text)
     git("commit", "--quiet", "--all", "--message", "Forget a file")
-    with pytest.raises(NotReadyError, match=r"package\.xml has \['0\.2\.0'\]"):
+    with pytest.raises(NotReadyError, match=r"package\.xml has \['9\.9\.9'\]"):
         RELEASE["prepare"]()
 
 
@@ -96,12 +95,12 @@ def test_the_tag_comes_when_all_files_are_there_and_then_the_version_is_released
     RELEASE["prepare"]()
     folder = tmp_path_factory.mktemp("dist")
     made(folder, "312")
-    with pytest.raises(NotReadyError, match=r"lacks sar_compiler-0\.1\.0-cp310-"):
+    with pytest.raises(NotReadyError, match=re.escape(f"lacks sar_compiler-{VERSION}-cp310-")):
         RELEASE["tag"](folder, ["3.10", "3.12"])
     assert git("tag") == ""
     RELEASE["tag"](folder, ["3.12"])
-    assert git("tag", "--points-at", "HEAD") == "v0.1.0\n"
-    with pytest.raises(NotReadyError, match=r"v0\.1\.0 is released"):
+    assert git("tag", "--points-at", "HEAD") == f"v{VERSION}\n"
+    with pytest.raises(NotReadyError, match=re.escape(f"v{VERSION} is released")):
         RELEASE["prepare"]()
 
 
