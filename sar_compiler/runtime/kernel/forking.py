@@ -25,6 +25,7 @@ keeps none, so the search loses nothing. Where a tick is played again to be told
 whoever asks for all events, as a counterfactual does, has them never meet.
 
 Why a middle is known when it is left, and not when it is come to. A tick never comes to the same place twice, or it would not end; so nobody asks in between.
+But the next tick may ask at once: so what was left has its number before that is played (`searching.LEFT`), or it would be played, and numbered, twice.
 
 Why a choice that nobody foresaw is no mistake. `ways` may say 1, and the node asks `Choices` all the same. Then there is no fork at that choice, and the next
 combination is played from the last fork before it: slower, and as right, provided that the same choices lead to the same questions. `Choices.pick` sees

@@ -33,6 +33,8 @@ A_MIDDLE: Final = 2
 """A step leads to a middle that is known."""
 A_NEW_MIDDLE: Final = 3
 """A step leads to a middle that is not known, and the next ones go on from there until it is left."""
+LEFT: Final = 4
+"""Middles are left, because nothing else goes on from there. The next step may come to one of them: it must have its number by then."""
 
 
 class Judgement(NamedTuple):
@@ -61,7 +63,7 @@ class Stepper:
         broken: The rules that the tick breaks that it has ended, as bits.
         error: What it raised.
         middle: The middle that the last step has led to.
-        left: How many middles were left before the last step, because nothing else goes on from there.
+        left: How many middles were left last.
         middles: Those that were left, lately.
     """
 
@@ -193,25 +195,25 @@ class _Exploration:
             led = stepper.step()
             if led == NOTHING:
                 break
-            # Before others are kept: it may be forgotten by them.
-            middle = stepper.middles.find(stepper.middle) if led == A_MIDDLE else -1
-            self._leave(stepper.left)
+            if led == LEFT:
+                self._leave(stepper.left)
+                continue
             self._state, self._waits, self._broken = stepper.state, stepper.waits, stepper.broken
-            if not self._take(led, middle):
+            if not self._take(led):
                 return
         self._finish(state)
 
-    def _take(self, led: int, middle: int) -> bool:
-        """Take the step in hand, which may lead to the middle of a number; return False if the search is over."""
-        graph = self._graph
+    def _take(self, led: int) -> bool:
+        """Take the step in hand; return False if the search is over."""
+        graph, stepper = self._graph, self._stepper
         self._count()
         if graph.stopped:
             return False
         if led == A_NEW_MIDDLE:
-            self._places.append(_OpenPlace(self._stepper.middle, self._waits))
+            self._places.append(_OpenPlace(stepper.middle, self._waits))
             return True
         if led == A_MIDDLE:
-            self._lead(-1 - middle, self._waits)
+            self._lead(-1 - stepper.middles.find(stepper.middle), self._waits)
             return True
         target = _NOWHERE
         if self._state is None:

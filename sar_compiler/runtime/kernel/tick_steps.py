@@ -10,6 +10,7 @@ from sar_compiler.runtime.kernel.searching import (
     A_MIDDLE,
     A_NEW_MIDDLE,
     A_STATE,
+    LEFT,
     NOTHING,
     Judgement,
     Stepper,
@@ -94,15 +95,15 @@ class TickSteps(Stepper):
             UndecidableError: If the steps of the tree cannot be known.
         """
         ticker = self._ticker
-        self.left = 0
         while True:
-            if self._is_fresh:
-                self._is_fresh = False
-            else:
-                left = ticker.advance()
-                if left < 0:
+            if not self._is_fresh:
+                self.left = ticker.advance()
+                if self.left < 0:
                     return NOTHING
-                self.left += left
+                if self.left:
+                    self._is_fresh = True
+                    return LEFT
+            self._is_fresh = False
             self.state, self.error = None, None
             self.outcome = self.broken = 0
             try:

@@ -1,5 +1,9 @@
 """Ticks that go on from where they part, and that are not followed twice where they meet."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from sar_compiler.checks.verify.properties import parse_property_file, properties_of, without_properties
@@ -8,9 +12,18 @@ from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
 from sar_compiler.runtime.kernel.numbering import Middles
-from sar_compiler.runtime.kernel.searching import explore
+from sar_compiler.runtime.kernel.searching import (
+    A_MIDDLE,
+    A_NEW_MIDDLE,
+    A_STATE,
+    LEFT,
+    NOTHING,
+    explore,
+)
 from sar_compiler.runtime.kernel.trail import Trail
 from tests.chance import rounds
+from tests.checks.verify.handmade import HandMade
+from tests.checks.verify.random_branches import random_branches, random_properties
 from tests.checks.verify.random_trees import random_parallel
 from tests.checks.verify.stage import BROKEN, PROVED, TAGS, bound, outcome, simulated_tree, verified
 from tests.checks.verify.test_same_as_py_trees import trees
@@ -122,3 +135,51 @@ def test_a_leaf_that_runs_on_is_waited_for_until_it_ends():
     assert trail.going_on == leaf
     trail.end(leaf)
     assert trail.going_on == 0
+
+
+def steps_of_branches():
+    """Return the steps of a tree whose ticks come to thousands of middles, and often to one that was just left."""
+    body = random_branches(46)
+    file = parse_property_file(random_properties(body, 46), "props.yaml")
+    prepared = Prepared.of(simulated_tree(bound(body), file))
+    graph = explore(TreeStepper(prepared, properties_of(file, prepared, TAGS).rules).steps, 3000)
+    return [[int(target) for target in steps.targets] for steps in (graph.steps, graph.middles)]
+
+
+def test_the_graph_is_the_same_whatever_python_seeds_its_hashes_with():
+    code = f"from {__name__} import steps_of_branches as steps; print(steps())"
+    graphs = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            check=True,
+            capture_output=True,
+            timeout=300,
+        ).stdout
+        for seed in ("0", "1", "2")
+    }
+    assert len(graphs) == 1
+    assert len(graphs.pop()) > 10_000
+
+
+class MeetingAgain(HandMade):
+    """From its only state two ways lead to a middle, the second one when the first has just left it."""
+
+    def __init__(self):
+        super().__init__({})
+        self.middle = b"a middle"
+
+    def enter(self, state, *, alone=False):
+        self._to_come = [A_NEW_MIDDLE, A_STATE, LEFT, A_MIDDLE]
+
+    def step(self):
+        if not self._to_come:
+            return NOTHING
+        self.state, self.left = b"\0", 1
+        return self._to_come.pop(0)
+
+
+def test_a_middle_that_was_just_left_has_its_number():
+    graph = explore(MeetingAgain(), 10)
+    assert len(graph.middles) == 1
+    assert graph.ticks(0) == [(0, 0)]
