@@ -13,6 +13,7 @@ HASHES = {
     "nav2_msgs/action/NavigateToPose": "RIHS01_a56dba8a3234a1215e610180dc703ae25bbf406dded8b54887891c9732857eab",
     "nav2_msgs/msg/BehaviorTreeLog": "RIHS01_9335ecb688a4f61b7eb82a7c10f23eea5f4e8bbdb7edfa048e3539aa928f51b7",
     "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    "sar_interfaces/srv/AddArea": "RIHS01_9d89368d916da340a6ac5e8b832ca948be4dfea527300b2779f05c075b0691f6",
     "sar_interfaces/srv/AddHint": "RIHS01_b2cc169ef3167487d9f48d813ad8a7ed73644b30c4dba2643f134ada54c9d049",
     "sar_interfaces/srv/AddZone": "RIHS01_a2a58215aff7d7b7cfc5cd5b1f780aeca2a206e56a9e9b14a02d4e416c20261d",
     "sar_interfaces/srv/DetectSurvivor": "RIHS01_6f3526a9b1aa495aea39b4607c4edd8a421d129ba86145b4773984f58ff3efd1",

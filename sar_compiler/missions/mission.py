@@ -27,6 +27,10 @@ LONGEST = 200
 """How many characters a text of an order has at most."""
 
 
+_LEAST_CORNERS, _MOST_CORNERS = 3, 100
+_EMPTY: Mapping[str, Any] = {"number": None, "polygon": ()}
+
+
 class VerbError(SarError):
     """An order is not one of the mission's, or is not complete."""
 
@@ -37,14 +41,15 @@ class VerbField(NamedTuple):
     Attributes:
         name: Its name. `x` and `y` together are a place on the map, in metres.
         label: What people read.
-        kind: `text`; `number`; `choice`, of `choices`; `found`, the name of a landmark that was found.
+        kind: `text`; `number`; `choice`, of `choices`; `found`, the name of a landmark that was found; `polygon`, an outline on the
+            map: its corners in their order, each x and y in metres.
         choices: For `choice`: pairs of a value and what people read.
-        optional: Whether it may be left empty: a number is None then, anything else an empty text.
+        optional: Whether it may be left empty: a number is None then, an outline has no corners, anything else is an empty text.
     """
 
     name: str
     label: str
-    kind: Literal["text", "number", "choice", "found"] = "text"
+    kind: Literal["text", "number", "choice", "found", "polygon"] = "text"
     choices: Sequence[tuple[str, str]] = ()
     optional: bool = False
 
@@ -84,12 +89,12 @@ class Verb(NamedTuple):
         return {field.name: self._check_field(field, values.get(field.name)) for field in self.fields}
 
     def _check_field(self, field: VerbField, value: Any) -> Any:
-        if field.optional and value in ("", None):
-            return None if field.kind == "number" else ""
+        if field.optional and value in ("", None, []):
+            return _EMPTY.get(field.kind, "")
+        if field.kind == "polygon":
+            return self._check_corners(field, value)
         if field.kind == "number":
-            # A whole number may be greater than any that is finite as a float.
-            fits = type(value) in (int, float) and abs(value) <= sys.float_info.max
-            wanted = "a number"
+            fits, wanted = _is_number(value), "a number"
         else:
             fits = isinstance(value, str) and 0 < len(value) <= LONGEST and value.isprintable()
             wanted = f"a text of at most {LONGEST} characters, in one line"
@@ -99,6 +104,21 @@ class Verb(NamedTuple):
         if not fits:
             raise VerbError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
         return float(value) if field.kind == "number" else value
+
+    def _check_corners(self, field: VerbField, value: Any) -> list[tuple[float, float]]:
+        corners = value if isinstance(value, list) else []
+        are_places = all(
+            isinstance(corner, list) and list(map(_is_number, corner)) == [True, True] for corner in corners
+        )
+        if not (are_places and _LEAST_CORNERS <= len(corners) <= _MOST_CORNERS):
+            wanted = f"{_LEAST_CORNERS} to {_MOST_CORNERS} corners, each [x, y] in metres"
+            raise VerbError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
+        return [(float(x), float(y)) for x, y in corners]
+
+
+def _is_number(value: Any) -> bool:
+    # A whole number may be greater than any that is finite as a float.
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 class SearchedArea(NamedTuple):

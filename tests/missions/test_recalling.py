@@ -290,7 +290,7 @@ KINDS = st.sampled_from(
             "survivor_named",
         ),
         *("report_sent", "report_acknowledged", "report_kept", "base_reached", "goal_sent", "nonsense"),
-        *("zone_added", "operator_ordered", "survivor_judged", "alarmed"),
+        *("zone_added", "area_drawn", "operator_ordered", "survivor_judged", "alarmed"),
     )
 )
 
@@ -330,6 +330,7 @@ def test_without_a_journal_nothing_is_written() -> None:
         ("zone_searched", {"zone": "zone_a", "survivor": [None, 1.0]}),
         ("survivor_named", {"survivor": "survivor_1", "x": 1.0, "y": float("inf")}),
         ("zone_added", {"id": "zone_z", "x": float("-inf"), "y": 0.0, "yaw": 0.0}),
+        ("area_drawn", {"zone": "zone_z", "x": 0.0, "y": float("nan"), "yaw": 0.0}),
     ],
 )
 def test_a_fact_with_a_position_that_is_none_is_refused(kind: str, data: dict[str, Any]) -> None:

@@ -101,3 +101,29 @@ def test_a_hint_is_about_a_zone_or_a_place(x, y):
     assert (request.zone_id, request.likelihood_ratio) == ("zone_b", 3.0)
     assert math.isnan(request.point.point.x) == (x is None)
     assert request.point.header.frame_id == "map"
+
+
+@pytest.mark.ros
+def test_an_area_is_drawn_with_what_is_known_of_it():
+    from sar_interfaces.srv import AddArea
+
+    verb, request = {each.name: each for each in VERBS}["add_area"], AddArea.Request()
+    corners = [[0, 0], [4.5, 0], [4.5, 3]]
+    verb.fill(request, verb.check({"zone": "yard", "corners": corners, "poa": 0.25, "detection_range": None}))
+    assert (request.zone_id, request.outline.header.frame_id, request.poa) == ("yard", "map", 0.25)
+    assert [[point.x, point.y] for point in request.outline.polygon.points] == corners
+    assert math.isnan(request.detection_range)
+    verb.fill(request, verb.check({"zone": "yard", "corners": [], "poa": 0.5, "detection_range": 2}))
+    assert list(request.outline.polygon.points) == []
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [[[0, 0], [1, 0]], [[0, 0]] * 101, [[0, 0], [1, 0], [1]], [[0, 0], [1, 0], [1, math.inf]], "[[0, 0]", 3],
+)
+def test_an_outline_that_is_none_is_refused(corners):
+    verb = {each.name: each for each in VERBS}["add_area"]
+    with pytest.raises(
+        VerbError, match=r"add_area: corners is .*, and must be 3 to 100 corners, each \[x, y\] in metres"
+    ):
+        verb.check({"zone": "yard", "corners": corners, "poa": None, "detection_range": None})

@@ -6,6 +6,7 @@ from contextlib import closing
 from typing import Any
 
 import pytest
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.cli.run_page import _form, _TellsWhy
@@ -255,6 +256,93 @@ def test_a_place_is_shown_on_the_map_or_not(live, browser):
     browser.wait_for("#answer", "done")
     ((_, place),) = operator.given
     assert (round(place["x"]), round(place["y"])) == (0, 0)
+
+
+AREA: dict[str, Any] = {
+    **PAUSE,
+    "label": "Draw an area",
+    "fields": [
+        {"name": "name", "label": "Name", "kind": "text", "choices": [], "optional": False, "longest": 200},
+        {
+            "name": "corners",
+            "label": "Corners",
+            "kind": "polygon",
+            "choices": [],
+            "optional": True,
+            "longest": 200,
+        },
+    ],
+}
+
+
+def click_at(browser, *places):
+    """Click on the map at some places, pixels from its middle."""
+    plan = browser.driver.find_element("css selector", "#map")
+    for x, y in places:
+        ActionChains(browser.driver).move_to_element_with_offset(plan, x, y).click().perform()
+
+
+def drawn(browser):
+    """Return how many corners are drawn."""
+    return browser.js("return document.querySelectorAll('#map .drawn circle').length")
+
+
+def test_an_area_is_drawn_corner_by_corner_and_closed_at_the_first_one(live, browser):
+    operator = Operator()
+    run = live(orders=operator, verbs=[AREA]).begin()
+    browser.open(tree_of(run.server))
+    order_button(browser).click()
+    browser.type("#ask input[name=name]", "yard")
+    browser.click("#ask label ~ button")
+    browser.wait_for("#answer", "the first one again to close it")
+    click_at(browser, (-60, -40), (60, -40), (90, 90))
+    assert drawn(browser) == 3
+    browser.type("#map", Keys.BACKSPACE)
+    browser.wait(lambda: drawn(browser) == 2, "one corner less")
+    # Two corners are no area, so that the first one does not close them.
+    click_at(browser, (-60, -40))
+    assert drawn(browser) == 2
+    click_at(browser, (60, 40), (-60, -40))
+    browser.wait(lambda: browser.js("return document.getElementById('ask').open"), "the question again")
+    assert drawn(browser) == 0
+    browser.click("#ask .yes")
+    browser.wait_for("#answer", "done")
+    ((_, values),) = operator.given
+    (left, top), (right, same), (below_x, below_y) = values["corners"]
+    assert values["name"] == "yard"
+    assert (same, below_x) == (top, right)
+    assert left < right
+    assert below_y < top
+
+
+def test_what_is_drawn_is_left_by_escape(live, browser):
+    operator = Operator()
+    run = live(orders=operator, verbs=[AREA]).begin()
+    browser.open(tree_of(run.server))
+    order_button(browser).click()
+    browser.click("#ask label ~ button")
+    click_at(browser, (-60, -40), (60, -40), (60, 40))
+    browser.type("#map", Keys.ESCAPE)
+    browser.wait(lambda: browser.text("#answer") == "", "the end of the question")
+    assert drawn(browser) == 0
+    assert operator.given == []
+
+
+def test_corners_that_are_typed_are_sent_as_numbers_and_anything_else_as_it_is(live, browser):
+    operator = Operator()
+    run = live(orders=operator, verbs=[AREA]).begin()
+    browser.open(tree_of(run.server))
+    button = order_button(browser)
+    for typed in ("[[0, 0], [4, 0], [4, 3]]", "four corners"):
+        browser.wait(
+            lambda: browser.js("return !document.getElementById('ask').open"), "the end of the question"
+        )
+        button.click()
+        browser.type("#ask input[name=name]", "yard")
+        browser.type("#ask input[name=corners]", typed)
+        browser.click("#ask .yes")
+        browser.wait_for("#answer", "done")
+    assert [values["corners"] for _, values in operator.given] == [[[0, 0], [4, 0], [4, 3]], "four corners"]
 
 
 def dock(browser):

@@ -142,16 +142,22 @@ def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
     if len(numbers) % 2 or len(corners) < LEAST_CORNERS:
         text = f"must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds {len(numbers)} numbers"
         reader.report(key, text)
-    elif objection := _objection(reader, corners, fence):
+    elif _are_degrees(reader.parameters, corners):
+        text = "looks like degrees: write metres in the frame `map`, or give a GeoJSON file as areas_file"
+        reader.report(key, text)
+    elif objection := outline_objection(corners, fence):
         reader.report(key, objection)
     return corners if len(reader.problems) == mistakes else ()
 
 
-def _objection(reader: ParameterReader, corners: Corners, fence: Fence) -> str:
+def outline_objection(corners: Corners, fence: Fence) -> str:
+    """Return what is wrong with an outline of three corners or more (metres, frame `map`), as what it does; empty if nothing is.
+
+    Raises:
+        ImportError: If shapely is not installed.
+    """
     import shapely
 
-    if _are_degrees(reader.parameters, corners):
-        return "looks like degrees: write metres in the frame `map`, or give a GeoJSON file as areas_file"
     outline = shapely.Polygon(corners)
     if not outline.convex_hull.area:
         return "has no area: its corners lie on a line"
@@ -161,6 +167,19 @@ def _objection(reader: ParameterReader, corners: Corners, fence: Fence) -> str:
         return f"crosses or touches itself at ({float(x):.2f}, {float(y):.2f})"
     outside = [corner for corner in corners if not fence.contains(*corner)]
     return f"has the corner ({outside[0][0]:g}, {outside[0][1]:g}) outside the geofence" if outside else ""
+
+
+def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return a place inside an outline, or between places that are none: x and y, metres, frame `map`.
+
+    Raises:
+        ImportError: If shapely is not installed.
+    """
+    import shapely
+
+    shape = shapely.Polygon(corners) if len(corners) >= LEAST_CORNERS else shapely.MultiPoint(corners)
+    inside = shape.representative_point()
+    return round(inside.x, 3), round(inside.y, 3)
 
 
 def _are_degrees(parameters: Mapping[str, object], corners: Corners) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sar_compiler.missions import ParameterReader
-from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, LEAST_CORNERS
+from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, pose_inside
 
 AREAS_FILE = "areas_file"
 """The parameter."""
@@ -138,12 +138,8 @@ def _placed(corner: Any, origin: tuple[float, float, float], where: str) -> tupl
 
 
 def _pose(corners: list[tuple[float, float]]) -> dict[str, object]:
-    import shapely
-
-    shape = shapely.Polygon(corners) if len(corners) >= LEAST_CORNERS else shapely.MultiPoint(corners)
-    inside = shape.representative_point()
-    flat = [number for corner in corners for number in corner]
-    return {"polygon": flat, "x": round(inside.x, 3), "y": round(inside.y, 3), "yaw": 0.0}
+    x, y = pose_inside(corners)
+    return {"polygon": [number for corner in corners for number in corner], "x": x, "y": y, "yaw": 0.0}
 
 
 def _beside(properties: Mapping[str, Any]) -> dict[str, object]:

@@ -322,6 +322,13 @@ SPECS = [
             "How often each place is covered by the sweep width: legs are sweep width / coverage apart.",
             0.9,
         ),
+        handed_over(
+            "orders",
+            _ORDERS,
+            "Takes the operator's areas, by the service `~/add_area` (`sar_interfaces/srv/AddArea`).",
+            required=False,
+        ),
+        handed_over("fence", _FENCE, "The geofence, for areas that are drawn.", required=False),
         _CLEARANCE,
         effects="plans the pieces of a sweep",
         answers=(

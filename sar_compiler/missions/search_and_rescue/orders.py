@@ -90,6 +90,16 @@ def _add_hint(request: Any, values: Mapping[str, Any]) -> None:
     )
 
 
+def _add_area(request: Any, values: Mapping[str, Any]) -> None:
+    from geometry_msgs.msg import Point32
+
+    request.zone_id, request.outline.header.frame_id = values["zone"], MAP_FRAME
+    request.outline.polygon.points = [Point32(x=x, y=y) for x, y in values["corners"]]
+    request.poa, request.detection_range = (
+        math.nan if values[name] is None else values[name] for name in ("poa", "detection_range")
+    )
+
+
 def _judge(request: Any, values: Mapping[str, Any]) -> None:
     request.survivor_id, request.same_as = values["survivor"], values["same_as"]
     request.verdict = getattr(type(request), values["verdict"])
@@ -116,6 +126,19 @@ VERBS = (
             VerbField("heading", "heading, degrees counterclockwise from x", "number"),
         ),
         fill=_add_zone,
+    ),
+    Verb(
+        "add_area",
+        "Draw an area",
+        "A further area is swept, or one that nobody has begun to search is changed.",
+        "sar_interfaces/srv/AddArea",
+        (
+            VerbField("zone", "Name; of an area that is there to change it"),
+            VerbField("corners", "Corners", "polygon", optional=True),
+            VerbField("poa", "probability that somebody is there, 0 to 1", "number", optional=True),
+            VerbField("detection_range", "how far a survivor can be seen, metres", "number", optional=True),
+        ),
+        fill=_add_area,
     ),
     Verb(
         "add_hint",

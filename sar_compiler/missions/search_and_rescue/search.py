@@ -146,9 +146,8 @@ class Search(MissionRun):
         """
         for part in (self.zones, self.kept, self.record, self.orders, self.sweeps):
             part.apply(fact)
-        if fact.kind == "zone_added":
-            added = self.zones.remaining_zones()[-1]
-            self._plan[added["id"]] = added
+        if fact.kind in ("zone_added", "area_drawn"):
+            self._plan |= {zone["id"]: zone for zone in self.zones.remaining_zones()}
 
     def display(self) -> Display:
         """Return what is shown of it: zones, survivors, the base station; how far it is."""
@@ -385,6 +384,9 @@ def _judged(survivor: str, standing: str, same_as: str | None) -> str:
 _ORDERS = {"hold": "pause", "release": "resume", "recall": "go home"}
 _SENTENCES: Mapping[str, Callable[..., str]] = {
     "zone_added": lambda id, x, y, yaw: f"the operator: {id} was added at {_at(x, y)}",  # noqa: A006, ARG005
+    "area_drawn": lambda zone, polygon, **_more: (
+        f"the operator: the area {zone} was drawn, with {len(polygon)} corners"
+    ),
     "zone_chosen": lambda zone: f"chose {zone}",
     "sweep_planned": _planned,
     "piece_swept": _piece_swept,

@@ -142,6 +142,22 @@ class Sweeps:
             zone = fact.data["zone"]
             self._sweeps[zone] = take(self.of(zone), **{**fact.data, "zone": zone})
 
+    def _take_area_drawn(
+        self,
+        sweep: Sweep,
+        zone: str,
+        polygon: Sequence[Any],
+        sweep_width: Any,
+        detection_range: Any,
+        **_more: Any,
+    ) -> Sweep:
+        if sweep.passes:
+            raise ValueError(f"{zone} is swept then")
+        corners = tuple(position(*corner) for corner in polygon)
+        self.grounds[zone] = Ground(corners, _number(sweep_width), _number(detection_range))
+        self._rasters.pop(zone, None)
+        return sweep
+
     def _take_sweep_planned(
         self, sweep: Sweep, zone: str, pattern: str, spacing: Any, pieces: Sequence[Any]
     ) -> Sweep:

@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from typing import Any, TypedDict, cast
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 from sar_compiler.missions import (
     Journal,
@@ -14,7 +14,10 @@ from sar_compiler.missions import (
     mission_context,
     position,
 )
-from sar_compiler.missions.search_and_rescue.search_theory import Area, PoaMap, Tour
+from sar_compiler.missions.search_and_rescue.search_theory import ROUNDING, Area, PoaMap, Tour
+
+if TYPE_CHECKING:
+    from sar_compiler.missions.search_and_rescue.areas import Ground
 
 _GEOFENCE = "geofence"
 _LEAST_CORNERS = 3
@@ -70,9 +73,10 @@ class ZoneManager:
         speed_mps: How fast the robot drives, for estimates of time, m/s.
 
     Attributes:
-        journal: Where it is written what becomes of the zones: `zone_added`, `zone_chosen`, `zone_visited`,
+        journal: Where it is written what becomes of the zones: `zone_added`, `area_drawn`, `zone_chosen`, `zone_visited`,
             `zone_postponed`, `zone_abandoned`.
         areas: What is expected of looks in the zones.
+        speed_mps: How fast the robot drives, for estimates of time, m/s.
         looks: How often it was looked in each zone; a sweep counts as what it has seen.
         swept: How likely the sweep of each zone has found who is there, 0 to 1.
         hints: How many times likelier all hints on a zone are if somebody is there than if nobody is.
@@ -92,7 +96,7 @@ class ZoneManager:
         self.swept: dict[str, float] = {}
         self.hints: dict[str, float] = {}
         self._priorities = dict(priorities or {})
-        self._speed_mps = speed_mps
+        self.speed_mps = speed_mps
         self.journal = Journal(apply=self.apply)
         self._zones = [cast("Zone", deepcopy(dict(zone))) for zone in zones]
         self._base_station = cast("MapPose", deepcopy(dict(base_station)))
@@ -200,11 +204,40 @@ class ZoneManager:
         return deepcopy(self._here)
 
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
-        return self.way_m(start, target) / self._speed_mps
+        return self.way_m(start, target) / self.speed_mps
 
     def add(self, zone: Zone) -> None:
         """Put a further zone behind all others."""
         self.journal.note("zone_added", **zone)
+
+    def draw(self, zone: Zone, ground: "Ground", area: Area | None) -> float:
+        """Put a zone with an outline behind all others, or change one that is there.
+
+        Args:
+            zone: The zone.
+            ground: Its outline, and how far one sees there.
+            area: What is expected of a look there; None where no probabilities are given.
+
+        Returns:
+            How many times the POA of the others counts from now on: below 1 where all together would be above 1.
+        """
+        before = math.fsum(each.poa for name, each in self.areas.items() if name != zone["id"])
+        room = 1.0 - area.poa if area is not None else 1.0
+        shrunk = room / before if before > room + ROUNDING else 1.0
+        places = [list(corner) for corner in ground.polygon]
+        self.journal.note(
+            "area_drawn",
+            zone=zone["id"],
+            x=zone["x"],
+            y=zone["y"],
+            yaw=zone["yaw"],
+            polygon=places,
+            sweep_width=ground.sweep_width,
+            detection_range=ground.detection_range,
+            expected=list(area) if area is not None else None,
+            shrunk=shrunk,
+        )
+        return shrunk
 
     def advance(self) -> None:
         """Advance to the next zone; past the last one, nothing happens."""
@@ -302,6 +335,22 @@ class ZoneManager:
     def _take_zone_added(self, data: Mapping[str, Any]) -> None:
         x, y = position(data["x"], data["y"])
         self._zones.append(Zone(id=data["id"], x=x, y=y, yaw=position(data["yaw"], 0.0)[0]))
+
+    def _take_area_drawn(self, data: Mapping[str, Any]) -> None:
+        name, (x, y) = data["zone"], position(data["x"], data["y"])
+        zone = Zone(id=name, x=x, y=y, yaw=position(data["yaw"], 0.0)[0])
+        at = next((at for at, each in enumerate(self._zones) if each["id"] == name), None)
+        if at is None:
+            self._zones.append(zone)
+        elif at < self._index:
+            raise ValueError(f"{name} was visited then")
+        else:
+            self._zones[at] = zone
+        if data["expected"] is None:
+            return
+        shrunk = position(data["shrunk"], 0.0)[0]
+        others = {other: area._replace(poa=area.poa * shrunk) for other, area in self.areas.items()}
+        self.areas = {**others, name: Area(*map(float, data["expected"]))}
 
     def _take_survivor_named(self, data: Mapping[str, Any]) -> None:
         number = data["survivor"].rpartition("_")[2]

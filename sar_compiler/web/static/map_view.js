@@ -8,6 +8,8 @@ const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
 // Where a label may be, beside its mark: x and y of its middle, in its own halves of width and height beyond the mark's radius.
 const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
 const [RADIUS, HEIGHT, FONT] = [13, 16, "600 12.5px system-ui, 'DejaVu Sans', sans-serif"];
+// How near to its first corner a click closes an outline, in pixels.
+const [CLOSING, LEAST_CORNERS] = [9, 3];
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
 export class MapView {
@@ -21,6 +23,7 @@ export class MapView {
     this.zoom = 1;
     this.shift = [0, 0];
     this.picking = null;
+    this.drawn = null;
     this.canvas = svg("svg", { role: "presentation" });
     this.pen = html("canvas").getContext("2d");
     this.pen.font = FONT;
@@ -62,6 +65,7 @@ export class MapView {
       ...this.ground(run.map ? run : (runs.find(({ map }) => map) ?? run), scale),
       this.grid(width, height, scale),
       ...of((each) => this.areas(each)),
+      ...this.outline(),
       ...of((each, other) => this.ways(each, other)),
       ...marks.map(({ group }) => group),
       ...robots.map(({ group }) => group),
@@ -113,6 +117,14 @@ export class MapView {
       const points = each.corners.map(([x, y]) => this.at(x, y).map((at) => at.toFixed(1)).join(",")).join(" ");
       return svg("polygon", { class: `area ${LEVELS[each.level]?.word}`, points }, svg("title", {}, titled(each)));
     });
+  }
+
+  /** What is being drawn, with its corners; the first one closes it. */
+  outline() {
+    if (!this.drawn?.length) return [];
+    const corners = this.drawn.map(([x, y]) => this.at(x, y));
+    const points = corners.map((at) => at.map((each) => each.toFixed(1)).join(",")).join(" ");
+    return [svg("g", { class: "drawn" }, svg(corners.length < LEAST_CORNERS ? "polyline" : "polygon", { points }), ...corners.map(([cx, cy], at) => svg("circle", { cx, cy, r: at ? 4 : CLOSING }))) ];
   }
 
   landmarks(run) {
@@ -202,7 +214,9 @@ export class MapView {
     if (!event.isPrimary || event.button !== 0) return;
     const { left, top } = this.place.getBoundingClientRect();
     if (this.picking) {
-      this.picked(this.from(event.clientX - left, event.clientY - top));
+      const at = [event.clientX - left, event.clientY - top];
+      if (this.drawn) this.corner(at);
+      else this.picked(this.from(...at));
       return;
     }
     const begin = [event.clientX - this.shift[0], event.clientY - this.shift[1]];
@@ -224,10 +238,26 @@ export class MapView {
     this.place.focus();
   }
 
+  /** Have the next clicks answer with the corners of an outline, in metres, once it is closed; with null if it is left. */
+  draw(answer) {
+    this.pick(answer);
+    this.drawn = [];
+  }
+
+  /** Take a corner of an outline; at the first one it is closed. */
+  corner([px, py]) {
+    const [first] = this.drawn;
+    const isFirst = first && Math.hypot(...this.at(...first).map((each, axis) => each - [px, py][axis])) <= CLOSING;
+    if (!isFirst) this.drawn.push(this.from(px, py).map((each) => Math.round(each * 100) / 100));
+    else if (this.drawn.length >= LEAST_CORNERS) this.picked(this.drawn);
+    this.again();
+  }
+
   picked(place) {
     const pick = this.picking;
-    this.picking = null;
+    this.picking = this.drawn = null;
     this.place.classList.remove("picking");
+    this.again();
     pick?.(place);
   }
 
@@ -237,6 +267,7 @@ export class MapView {
     else if (event.key === "+") this.nearer(1.3);
     else if (event.key === "-") this.nearer(1 / 1.3);
     else if (event.key === "0") this.fit();
+    else if (event.key === "Backspace" && this.drawn) this.drawn.pop();
     else return;
     event.preventDefault();
     this.again();

@@ -15,7 +15,7 @@ import { WhyView } from "./why_view.js";
 const at = (id) => document.getElementById(id);
 const stream = new Stream({ begin, change: drawer(show) });
 const map = new MapView(at("map"), at("legend").querySelector("table"));
-const orders = new Orders(at("orders"), stream, (answer) => map.pick(answer));
+const orders = new Orders(at("orders"), stream, map);
 const alarms = new AlarmsView(at("alarms"), at("sound"));
 const cards = new CardsView(at("robots"));
 const places = new PlacesView(at("places"));

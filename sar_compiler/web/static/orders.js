@@ -7,15 +7,17 @@ const ANSWER_MS = 12000;
 // How long an answer that is no trouble stays.
 const READ_MS = 6000;
 const NAME = "sar-operator";
+// How what is typed becomes the value of a field, by its kind; what is no outline is for the mission to refuse.
+const READ = { number: (text) => (text === "" ? null : Number(text)), polygon: (text) => (text === "" ? [] : parsed(text)) };
 
 export class Orders {
   /**
    * @param {HTMLElement} place where the buttons are.
    * @param {import("./stream.js").Stream} stream what the robots are, and which of them is chosen.
-   * @param {(answer: (place: number[] | null) => void) => void} pick has the map asked for a place.
+   * @param {{pick: Function, draw: Function}} map is asked for a place, or for an outline (MapView).
    */
-  constructor(place, stream, pick) {
-    Object.assign(this, { place, stream, pick });
+  constructor(place, stream, map) {
+    Object.assign(this, { place, stream, map });
     this.stop = html("button", { type: "button", class: "stop", disabled: true }, "STOP");
     this.stopAll = html("button", { type: "button", class: "stop-all", disabled: true, hidden: true }, "STOP ALL");
     this.toggle = html("button", { type: "button", class: "toggle", disabled: true });
@@ -153,9 +155,10 @@ export class Orders {
     say(yes, verb.label);
     say(this.ask.querySelector(".no"), before ? "Stay paused" : "Leave it");
     body.replaceChildren(...[before, verb.confirm].filter(Boolean).map((text) => html("p", {}, text)), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))));
-    const number = (text) => (text === "" ? null : Number(text));
-    const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, (kind === "number" ? number : String)(fields.get(name).value)]));
-    if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read));
+    const outline = verb.fields.find(({ kind }) => kind === "polygon")?.name;
+    const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, (READ[kind] ?? String)(fields.get(name).value)]));
+    if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read, "Show it on the map", "Click where it is to be; Escape leaves it.", (answer) => this.map.pick(answer), ([x, y]) => ({ x: x.toFixed(2), y: y.toFixed(2) })));
+    if (outline) body.append(this.picker(verb, read, "Draw it on the map", "Click its corners one after the other, and the first one again to close it; Backspace takes one back, Escape leaves it.", (answer) => this.map.draw(answer), (corners) => ({ [outline]: corners })));
     this.ask.returnValue = "no";
     this.ask.showModal();
     if (!verb.fields.length) this.ask.querySelector(".no").focus();
@@ -164,18 +167,18 @@ export class Orders {
     });
   }
 
-  picker(verb, read) {
-    const button = html("button", { type: "button" }, "Show it on the map");
+  /** A button that leaves the question for the map, and comes back to it with what was picked there. */
+  picker(verb, read, label, request, ask, values) {
+    const button = html("button", { type: "button" }, label);
     button.addEventListener("click", () => {
-      const values = read();
+      const said = read();
       const robot = this.stream.chosen;
       this.ask.close("no");
-      this.tell("Click where it is to be; Escape leaves it.", "asked");
-      this.pick(async (place) => {
+      this.tell(request, "asked");
+      ask(async (picked) => {
         this.tell("");
-        if (!place) return;
-        const [x, y] = place;
-        const all = await this.question(verb, { ...values, x: x.toFixed(2), y: y.toFixed(2) });
+        if (!picked) return;
+        const all = await this.question(verb, { ...said, ...values(picked) });
         if (all) this.give(verb, all, robot);
       });
     });
@@ -189,6 +192,7 @@ export class Orders {
       const offered = optional ? [["", "–"], ...known] : known;
       return html("select", { name, required: !optional }, ...offered.map(([key, label]) => html("option", { value: key, selected: key === value }, label)));
     }
+    if (kind === "polygon") return html("input", { name, required: !optional, value: value.length ? JSON.stringify(value) : "", autocomplete: "off", placeholder: "[[x1, y1], [x2, y2], [x3, y3], …]" });
     const numeric = kind === "number" ? { type: "number", step: "any" } : { type: "text", maxlength: longest };
     return html("input", { name, required: !optional, value: kind === "number" && value === "" && !optional ? 0 : value, autocomplete: "off", ...numeric });
   }
@@ -235,6 +239,14 @@ export class Orders {
     say(this.answer, text);
     this.answer.dataset.kind = kind;
     if (kind === "done") this.fading = setTimeout(() => this.tell(""), READ_MS);
+  }
+}
+
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return text;
   }
 }
 

@@ -33,10 +33,15 @@ const why = new WhyView(at("why"), (id) => {
   tree.select(id);
 });
 const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise"), proof: at("properties").querySelector(".bar") }, stream, tree);
-const orders = new Orders(at("orders"), stream, (answer) => {
-  look("map");
-  map.pick(answer);
-});
+const orders = new Orders(at("orders"), stream, { pick: onMap((answer) => map.pick(answer)), draw: onMap((answer) => map.draw(answer)) });
+
+/** Have the map in sight before it is asked for something. */
+function onMap(ask) {
+  return (answer) => {
+    look("map");
+    ask(answer);
+  };
+}
 
 function begin() {
   orders.again();

@@ -2,7 +2,8 @@
 
 import math
 from concurrent.futures import Future
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
+from functools import partial
 from typing import Annotated, Any
 
 from py_trees.common import Status
@@ -12,6 +13,8 @@ from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateT
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from sar_compiler.missions.search_and_rescue.areas import COVERAGE, Corners
 from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
+from sar_compiler.missions.search_and_rescue.drawn_areas import DrawingError, DrawnAreas
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search_theory import (
     SweepPattern,
@@ -20,7 +23,7 @@ from sar_compiler.missions.search_and_rescue.search_theory import (
 )
 from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.sweeps import sweep
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
 
 Passes = Annotated[int, at_least(1)]
 
@@ -147,6 +150,8 @@ class PlanSweep(_PlanLeaf):
     FAILURE if nothing of the ground can be driven to.
 
     Args:
+        orders: Takes the operator's areas, by the service `~/add_area` (`sar_interfaces/srv/AddArea`).
+        fence: The geofence, for areas that are drawn.
         pattern: How: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's
             pose, or the diameters of a `sector` search through it.
         coverage: How often each place is covered by the sweep width: legs are sweep width / coverage apart.
@@ -155,6 +160,33 @@ class PlanSweep(_PlanLeaf):
 
     pattern: SweepPattern = "parallel"
     coverage: float = COVERAGE
+    orders: OperatorOrders = field(default_factory=OperatorOrders)
+    fence: Fence = field(default_factory=Fence)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map, and to the operator."""
+        from sar_interfaces.srv import AddArea
+
+        super().setup(**kwargs)
+        extent = map_extent_of(self.node)
+        drawn = DrawnAreas(self.zone_manager, self.sweeps, self.fence, extent.objection)
+        self.orders.offer(self.node, "add_area", AddArea, partial(self._on_area, drawn))
+
+    def shutdown(self) -> None:
+        """Withdraw the service, and release the node."""
+        self.orders.withdraw()
+        super().shutdown()
+
+    def _on_area(self, drawn: DrawnAreas, request: Any, response: Any) -> Any:
+        """Take an area that the operator has drawn; it counts from the next choice on."""
+        try:
+            response.success, response.message = True, drawn.take(request)
+        except DrawingError as error:
+            response.success, response.message = False, str(error)
+            self.complain(f"Operator: add_area: refused, {error}.")
+        else:
+            self.say(f"Operator: add_area: {response.message}.")
+        return response
 
     def _begin(self, zone: str) -> Status:
         if zone not in self.sweeps.grounds:

@@ -1,0 +1,218 @@
+"""Areas that the operator draws while the mission is under way."""
+
+import math
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.missions.search_and_rescue.actions.sweeping import PlanSweep
+from sar_compiler.missions.search_and_rescue.drawn_areas import DrawingError, DrawnAreas
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.ros.parameter_reader import ParameterReader
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import Stage
+
+SQUARE = [(4.0, 0.0), (8.0, 0.0), (8.0, 4.0), (4.0, 4.0)]
+PARAMETERS: dict[str, object] = {
+    "zone_order": ["a", "b"],
+    **{f"zones.a.{key}": value for key, value in {"x": 1.0, "y": 0.0, "yaw": 0.0}.items()},
+    **{f"zones.b.{key}": value for key, value in {"x": 3.0, "y": 0.0, "yaw": 0.0}.items()},
+    "base_station.x": 0.0,
+    "cruise_speed_mps": 0.5,
+    "geofence": [-10.0, -10.0, 10.0, -10.0, 10.0, 10.0, -10.0, 10.0],
+    "zones.b.polygon": [2.0, -1.0, 4.0, -1.0, 4.0, 1.0, 2.0, 1.0],
+    "zones.b.detection_range": 1.0,
+    "zones.b.visibility": "low",
+}
+LIKELY: dict[str, object] = {"zones.a.poa": 0.6, "zones.a.pod": 0.8, "zones.b.poa": 0.4, "zones.b.pod": 0.5}
+
+
+def begun(**more: object) -> Search:
+    reader = ParameterReader(PARAMETERS | more)
+    run = MISSION.begin(reader)
+    reader.complain()
+    assert isinstance(run, Search)
+    return run
+
+
+def asked(zone: str = "c", corners: Sequence[tuple[float, float]] = SQUARE, **values: Any) -> Any:
+    points = [SimpleNamespace(x=x, y=y) for x, y in corners]
+    header = SimpleNamespace(frame_id=values.get("frame", "map"))
+    return SimpleNamespace(
+        zone_id=zone,
+        outline=SimpleNamespace(header=header, polygon=SimpleNamespace(points=points)),
+        poa=values.get("poa", math.nan),
+        detection_range=values.get("detection_range", math.nan),
+    )
+
+
+def draw(search: Search, *what: Any, **values: Any) -> str:
+    def off_map(x: float, y: float) -> str:
+        return f"({x:g}, {y:g}) is not on the map" if x > 9.0 else ""
+
+    return DrawnAreas(search.zones, search.sweeps, search.fence, off_map).take(asked(*what, **values))
+
+
+def test_an_area_is_searched_after_all_others_from_a_place_inside() -> None:
+    search = begun()
+    assert draw(search) == "'c' is searched as well"
+    *_, last = search.zones.remaining_zones()
+    assert (last["id"], last["x"], last["y"]) == ("c", 6.0, 2.0)
+    assert search.sweeps.grounds["c"].polygon == tuple(SQUARE)
+    assert [each.name for each in search.display().landmarks if each.kind == "area"] == ["b", "c"]
+
+
+def test_a_survivor_is_seen_as_far_as_in_the_other_areas_unless_it_is_said() -> None:
+    search = begun()
+    draw(search)
+    draw(search, "d", detection_range=3.0)
+    assert search.sweeps.grounds["c"][1:] == pytest.approx((1.1, 1.0))
+    assert search.sweeps.grounds["d"][1:] == pytest.approx((3.3, 3.0))
+
+
+def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -> None:
+    search = begun(**LIKELY)
+    assert draw(search, poa=0.5) == "'c' is searched as well; the POA of the others counts 0.50 times"
+    assert {name: area.poa for name, area in search.zones.areas.items()} == pytest.approx(
+        {"a": 0.3, "b": 0.2, "c": 0.5}
+    )
+    look = search.zones.areas["c"]
+    assert (look.pod, look.look_sec) == pytest.approx((0.593, 16.0 * 0.9 / 1.1 / 0.5), rel=0.01)
+
+
+def test_where_there_is_room_the_others_stay_as_likely_as_they_are() -> None:
+    search = begun(**LIKELY | {"zones.a.poa": 0.3})
+    assert draw(search, poa=0.3) == "'c' is searched as well"
+    assert [area.poa for area in search.zones.areas.values()] == pytest.approx([0.3, 0.4, 0.3])
+
+
+def test_an_area_that_nobody_has_begun_to_search_is_changed() -> None:
+    search = begun(**LIKELY)
+    assert draw(search, "b", (), poa=0.2) == "'b' is changed"
+    assert search.zones.areas["b"].poa == 0.2
+    assert search.zones.areas["b"].pod == 0.5
+    draw(search, "b")
+    assert search.sweeps.grounds["b"].polygon == tuple(SQUARE)
+    assert search.zones.areas["b"].poa == 0.2
+    assert [zone["id"] for zone in search.zones.remaining_zones()] == ["a", "b"]
+    assert search.zones.remaining_zones()[1]["x"] == 6.0
+
+
+@pytest.mark.parametrize("zone", ["a", "b"])
+def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None:
+    search = begun()
+    search.zones.advance()
+    with pytest.raises(DrawingError, match=f"'{zone}' is being searched, or was: draw another area"):
+        draw(search, zone)
+
+
+@pytest.mark.parametrize(
+    ("what", "values", "said"),
+    [
+        ((""), {}, "the area has no name"),
+        (("c", SQUARE[:2]), {}, "the outline has 2 corners, and needs three or more"),
+        (("c", ()), {}, "it has no outline: draw three corners or more"),
+        (("c", [(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)]), {}, "crosses or touches itself at"),
+        (
+            ("c", [(0.0, 0.0), (0.0, 9.0), (-12.0, 0.0)]),
+            {},
+            r"has the corner \(-12, 0\) outside the geofence",
+        ),
+        (
+            ("c", [(0.0, 0.0), (0.0, 9.0), (9.5, 0.0)]),
+            {},
+            r"where nothing can be: \(9.5, 0\) is not on the map",
+        ),
+        (("c",), {"frame": "odom"}, "the outline is in the frame 'odom', and must be in 'map'"),
+        (("c",), {"detection_range": 0.0}, "the detection range is 0, and must be above 0"),
+        (("c",), {"poa": 1.5}, "the probability is 1.5, and must be from 0 to 1"),
+        (("c",), {}, "give a probability"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused_with_the_reason(
+    what: Any, values: dict[str, Any], said: str
+) -> None:
+    search = begun(**LIKELY)
+    with pytest.raises(DrawingError, match=said):
+        draw(search, *(what or ("",)), **values)
+    assert [zone["id"] for zone in search.zones.remaining_zones()] == ["a", "b"]
+    assert set(search.sweeps.grounds) == {"b"}
+
+
+def test_where_no_zone_has_a_probability_none_is_taken() -> None:
+    with pytest.raises(DrawingError, match="no zone of this mission has a probability"):
+        draw(begun(), poa=0.2)
+
+
+def test_on_the_way_home_no_area_is_taken() -> None:
+    search = begun()
+    search.zones.advance()
+    search.zones.advance()
+    with pytest.raises(DrawingError, match="the robot is on its way home"):
+        draw(search)
+
+
+def test_a_mission_without_other_areas_asks_how_far_one_sees() -> None:
+    bare = {
+        key: value
+        for key, value in PARAMETERS.items()
+        if key.rpartition(".")[2] not in ("polygon", "detection_range", "visibility")
+    }
+    reader = ParameterReader(bare)
+    search = MISSION.begin(reader)
+    assert isinstance(search, Search)
+    with pytest.raises(DrawingError, match="give a detection range"):
+        draw(search)
+    draw(search, detection_range=2.0)
+    assert search.sweeps.grounds["c"].sweep_width == pytest.approx(3.2)
+
+
+def test_a_later_run_has_the_areas_that_were_drawn() -> None:
+    told: list[tuple[str, dict[str, Any]]] = []
+    search = begun(**LIKELY)
+    search.zones.journal.note = lambda kind, **data: told.append((kind, data))  # type: ignore[method-assign]
+    draw(search, poa=0.5)
+    [(kind, data)] = told
+    later = begun(**LIKELY)
+    later.apply(JournalEntry(1, 1, 0.0, 0.0, kind, data))
+    assert later.sweeps.grounds["c"].polygon == tuple(SQUARE)
+    assert later.zones.areas["a"].poa == pytest.approx(0.3)
+    assert (
+        later.sentence(JournalEntry(1, 1, 0.0, 0.0, kind, data))
+        == "the operator: the area c was drawn, with 4 corners"
+    )
+    assert later.places()["c"] == (6.0, 2.0)
+
+
+@pytest.mark.ros
+def test_an_area_that_is_drawn_is_answered_and_told(stage: "Stage") -> None:
+    from geometry_msgs.msg import Point32
+    from sar_interfaces.srv import AddArea
+
+    search = begun()
+    leaf = stage.take(
+        PlanSweep("PlanSweep", search.zones, search.sweeps, orders=search.orders, fence=search.fence)
+    )
+    client = stage.host().node.create_client(AddArea, f"{stage.node.get_fully_qualified_name()}/add_area")
+    stage.until(client.service_is_ready, "the service")
+
+    def answered(name: str) -> tuple[bool, str]:
+        request = AddArea.Request(zone_id=name, poa=math.nan, detection_range=math.nan)
+        request.outline.header.frame_id = "map"
+        request.outline.polygon.points = [Point32(x=x, y=y) for x, y in SQUARE]
+        answer = client.call_async(request)
+        stage.until(answer.done, "the answer")
+        response: Any = answer.result()
+        return response.success, response.message
+
+    assert answered("c") == (True, "'c' is searched as well")
+    assert answered("") == (False, "the area has no name")
+    assert stage.lines == ["Operator: add_area: 'c' is searched as well."]
+    assert stage.warnings == ["Operator: add_area: refused, the area has no name."]
+    leaf.shutdown()
+    stage.until(lambda: not client.service_is_ready(), "the end of the service")
