@@ -1,12 +1,13 @@
 """A node that starts runs of trees for others, as the server of that name of BehaviorTree.ROS2 does: one at a time, by the action `bt_execution`.
 
-It is a lifecycle node. Configured, it knows its trees; active, it takes goals; deactivated, it has the run that it has started stand still.
+It is a lifecycle node. Configured, it knows its trees; active, it takes goals; deactivated, it has the run that it has started stand still. Managed
+by another program, it has a bond as Nav2's nodes have.
 """
 
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from btcpp_ros2_interfaces.action import ExecuteTree
 from btcpp_ros2_interfaces.msg import NodeStatus
@@ -25,6 +26,9 @@ from sar_compiler.ros.served_runs import EndedRun, PayloadError, RunStarter, Ser
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.showing import in_one_line
+
+if TYPE_CHECKING:
+    from sar_compiler.ros.bond import Bond
 
 NODE_NAME = "sar_tree_server"
 ACTION, TREES_SERVICE = "bt_execution", "get_loaded_trees"
@@ -45,7 +49,7 @@ def serve_trees(starter: RunStarter, ros: Sequence[str], signals: StopSignals, *
         False if the trees cannot be flown, so that nothing was served; the log says why.
     """
     with ros_up(init_arguments(ros)) as context, suppress(ExternalShutdownException):
-        node = TreeExecutionServer(context, starter)
+        node = TreeExecutionServer(context, starter, is_managed=is_managed)
         starter.node = node
         with SingleThreadedExecutor(context=context) as executor:
             executor.add_node(node)
@@ -75,15 +79,17 @@ class TreeExecutionServer(LifecycleNode):
     Args:
         context: The ROS context.
         starter: Starts runs.
+        is_managed: Whether a lifecycle manager sees by a bond that it is alive.
     """
 
-    def __init__(self, context: Context, starter: RunStarter) -> None:
+    def __init__(self, context: Context, starter: RunStarter, *, is_managed: bool) -> None:
         super().__init__(NODE_NAME, context=context)
         self._starter = starter
         self._trees: Sequence[str] = ()
         self._run: ServedRun | None = None
         self._is_active, self._is_taken = False, False
         self._due: deque[Callable[[], object]] = deque()
+        self._bond = _new_bond(self) if is_managed else None
         self._action: Any = ActionServer(
             self,
             ExecuteTree,
@@ -111,6 +117,7 @@ class TreeExecutionServer(LifecycleNode):
 
     def destroy_node(self) -> None:
         """Take the node down."""
+        self._take_no_goals()
         self._action.destroy()
         super().destroy_node()
 
@@ -128,12 +135,14 @@ class TreeExecutionServer(LifecycleNode):
         self._is_active = True
         if self._run is not None:
             self._run.hold(wanted=False, refused=self._say_held)
+        if self._bond is not None:
+            self._bond.begin()
         self.get_logger().info(f"Trees: {', '.join(self._trees)}. Goals of '{ACTION}' start them.")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take no goals; the robot of a run stands until the next activation, or its mission ends if it cannot be held."""
-        self._is_active = False
+        self._take_no_goals()
         if self._run is not None:
             self._run.hold(wanted=True, refused=lambda why: self._later(lambda: self._stop_instead(why)))
         return super().on_deactivate(state)
@@ -146,8 +155,13 @@ class TreeExecutionServer(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take no goals any more; a run ends."""
-        self._is_active = False
+        self._take_no_goals()
         return self.on_cleanup(state)
+
+    def _take_no_goals(self) -> None:
+        self._is_active = False
+        if self._bond is not None:
+            self._bond.end()
 
     def _stop_instead(self, why: str) -> None:
         if self._run is not None:
@@ -227,3 +241,15 @@ class TreeExecutionServer(LifecycleNode):
     def _catch_up(self) -> None:
         while self._due:
             self._due.popleft()()
+
+
+def _new_bond(node: TreeExecutionServer) -> "Bond | None":
+    try:
+        # Its messages come with Nav2.
+        from sar_compiler.ros.bond import Bond
+    except ModuleNotFoundError as error:
+        node.get_logger().warning(
+            f"No bond, since ROS's package 'bond' is not here ({error}): the lifecycle manager needs bond_timeout: 0.0."
+        )
+        return None
+    return Bond(node)

@@ -47,6 +47,15 @@ class Client:
         self._ros.spin_until(client.service_is_ready, name)
         return self.answer(client.call_async(request), f"the answer of {name}")
 
+    def listen(self, kind, topic):
+        """Return the list that grows by what is published."""
+        heard: list = []
+        self.node.create_subscription(kind, topic, heard.append, 100)
+        return heard
+
+    def wait_for(self, condition, what):
+        self._ros.spin_until(condition, what)
+
     def trees(self):
         self._ros.spin_until(self._trees.service_is_ready, "the server's service")
         return self.answer(self._trees.call_async(self._trees.srv_type.Request()), "the trees").tree_ids
@@ -196,6 +205,46 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     assert client.end(goal)[:2] == (ABORTED, IDLE)
     assert change(client, "cleanup")
     assert client.trees() == []
+
+
+def test_a_lifecycle_manager_hears_by_a_bond_that_the_server_is_alive(client, serve):
+    messages = pytest.importorskip("bond.msg", reason="ROS's package 'bond' is not here")
+    heard = client.listen(messages.Status, "bond")
+    server = serve(LONG, options=["--managed"])
+    assert change(client, "configure")
+    assert heard == []
+    assert change(client, "activate")
+    client.wait_for(lambda: len(heard) > 1, "two beats of the bond")
+    assert {(each.id, each.active) for each in heard} == {("sar_tree_server", True)}
+    (end,) = {each.instance_id for each in heard}
+    assert change(client, "deactivate")
+    client.wait_for(lambda: not heard[-1].active, "the bond's end")
+    assert heard[-1].instance_id == end
+    heard.clear()
+    # To its manager it is another one now.
+    assert change(client, "activate")
+    client.wait_for(lambda: heard, "a beat of a new bond")
+    assert (heard[0].active, heard[0].instance_id == end) == (True, False)
+    server.send(signal.SIGINT)
+    client.wait_for(lambda: not heard[-1].active, "the new bond's end")
+    assert server.end() == 0
+
+
+def test_where_there_is_no_package_of_bonds_a_manager_is_told_to_do_without(
+    client, serve, tmp_path, monkeypatch
+):
+    (tmp_path / "bond.py").touch()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    server = serve(LONG, options=["--managed"])
+    server.wait_for("No bond, since ROS's package 'bond' is not here")
+    assert change(client, "configure")
+    assert change(client, "activate")
+
+
+def test_a_server_that_nobody_manages_has_no_bond(client, serve):
+    serve(LONG)
+    assert client.trees() == ["Long"]
+    assert client.node.count_publishers("bond") == 0
 
 
 def test_a_mission_is_held_while_its_server_is_not_active(client, start, tmp_path):
