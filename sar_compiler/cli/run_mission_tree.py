@@ -101,8 +101,17 @@ class RouteReport:
         planner = Planner(occupancy, self._radius) if stops else None
         legs = plan_route(planner, (x, y), stops, mission.allows) if planner is not None else []
         self.lines = self._table(legs) if legs else []
+        besides = [
+            leg
+            for place in mission.may_visit()
+            if planner is not None
+            for leg in plan_route(planner, (x, y), [place], mission.allows)
+        ]
+        self.lines += [f"  {leg.name}, from the start: {self._way(leg.distance).strip()}" for leg in besides]
         self.problems = [
-            f"{leg.name} ({leg.x:.2f}, {leg.y:.2f}): {leg.trouble}." for leg in legs if leg.trouble
+            f"{leg.name} ({leg.x:.2f}, {leg.y:.2f}): {leg.trouble}."
+            for leg in (*legs, *besides)
+            if leg.trouble
         ]
         if legs and not mission.allows(x, y):
             self.problems.insert(0, f"The start ({x:.2f}, {y:.2f}) is outside the geofence.")

@@ -205,6 +205,10 @@ class MissionRun:
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
 
+    def may_visit(self) -> Sequence[tuple[str, float, float]]:
+        """Return the names and positions to which the robot may drive besides its route, such as charging places, for the same check."""
+        return []
+
     def searched_areas(self) -> Sequence[SearchedArea]:
         """Return the areas that the robot will search, for the check before the flight: how much of each it can drive to."""
         return ()

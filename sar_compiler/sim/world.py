@@ -204,7 +204,7 @@ def load_world(path: Path) -> World:
         ),
         survey=tuple((point["x"], point["y"]) for point in said.get("survey", ())),
         map_path=map_path,
-        battery=BatteryKind(**said.get("battery", {})),
+        battery=_battery(said.get("battery", {})),
     )
     if world.solid.clearance(world.start.x, world.start.y) <= world.robot_radius:
         message = "the robot would start in an obstacle"
@@ -288,3 +288,8 @@ def _cast_discs(solid: Solid, x: float, y: float, along: Floats) -> Floats:
     hit = (square >= 0.0) & (distance >= 0.0)
     nearest: Floats = np.min(np.where(hit, distance, np.inf), axis=1, initial=np.inf)
     return nearest
+
+
+def _battery(said: Mapping[str, Any]) -> BatteryKind:
+    places = tuple((point["x"], point["y"]) for point in said.get("places", ()))
+    return BatteryKind(**{**said, "places": places})

@@ -127,6 +127,7 @@ def test_these_are_the_leaves_with_several_answers_of_a_status() -> None:
         "AdvanceZone",
         "AbandonZone",
         "FullBatterySuffices",  # in tests/missions/test_home_again.py
+        "NavigateToCharge",  # as NavigateToBase
         # These in tests/missions/test_sweeping.py.
         "PlanSweep",
         "RefineSweep",

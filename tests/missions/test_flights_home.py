@@ -40,26 +40,34 @@ class Flight:
         chance: Where zones, ways, looks and readings come from.
         world: What the robot does not know.
         wrong_by: How wrong the prior is said to be at most.
+        charging: How many charging places there are.
     """
 
-    def __init__(self, chance: np.random.Generator, world: World, wrong_by: float = 0.25) -> None:
+    def __init__(
+        self, chance: np.random.Generator, world: World, wrong_by: float = 0.25, charging: int = 0
+    ) -> None:
         self._chance, self._world = chance, world
         base = MapPose(x=0.0, y=0.0, yaw=0.0)
         count = int(chance.integers(4, 13))
         places = [(chance.uniform(-80, 80), chance.uniform(-80, 80)) for _ in range(count)]
         zones = [{"id": f"zone_{i}", "x": x, "y": y, "yaw": 0.0} for i, (x, y) in enumerate(places)]
         areas = {f"zone_{i}": Area(0.05, 0.8, chance.uniform(5, 90)) for i in range(count)}
-        self.zones = ZoneManager(zones, base, areas=areas, speed_mps=SPEED_MPS)
+        docks = {
+            f"dock_{i}": MapPose(x=chance.uniform(-80, 80), y=chance.uniform(-80, 80), yaw=0.0)
+            for i in range(charging)
+        }
+        self.zones = ZoneManager(zones, base, areas=areas, speed_mps=SPEED_MPS, charging=docks)
         self.homing = Homing(self.zones, EnergyModel(PRIOR, wrong_by), reserve=RESERVE, speed_mps=SPEED_MPS)
         self.share = self.lowest = 1.0
         self.at_home: list[float] = []
+        self.charged_at: list[str] = []
         self._now = self._metres = 0.0
         self.homing.place = base
         self._read()
 
     def fly(self) -> "Flight":
         while self.zones.has_remaining():
-            if self.homing.shortage():
+            if self.homing.shortage() and not self.homing.excess():
                 self._swap()
             if self.homing.shortage():
                 self.zones.abandon("it is out of reach of any battery")
@@ -72,7 +80,13 @@ class Flight:
         return self
 
     def _swap(self) -> None:
-        self._go_home()
+        name, pose = self.homing.charging_stop()
+        self.charged_at.append(name)
+        if name:
+            self._drive(pose)
+            self.zones.journal.note("charging_reached", place=name)
+        else:
+            self._go_home()
         self.share = self._chance.uniform(0.9, 1.0)
         for _ in range(3):
             self._use(0.0, STEP_SEC)
@@ -120,6 +134,27 @@ def test_in_flights_by_chance_half_of_the_reserve_is_always_left() -> None:
     lowest = [
         Flight(chance := np.random.default_rng(seed), unlike(chance)).fly().lowest
         for seed in range(rounds(100))
+    ]
+    assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
+
+
+def test_with_charging_places_half_of_the_reserve_is_always_left_too() -> None:
+    """Bounded: less than 20 zones a flight, each with one charge at most."""
+    flights = [
+        Flight(chance := np.random.default_rng(seed), unlike(chance), charging=2).fly()
+        for seed in range(rounds(100))
+    ]
+    lowest = [flight.lowest for flight in flights]
+    assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
+    stops = [stop for flight in flights for stop in flight.charged_at]
+    assert sum(map(bool, stops)) > 20
+    assert not all(stops)
+
+
+def test_in_the_worst_world_charging_places_do_not_cost_the_reserve_either() -> None:
+    worst = World(Rates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    lowest = [
+        Flight(np.random.default_rng(seed), worst, charging=3).fly().lowest for seed in range(rounds(50))
     ]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 

@@ -73,6 +73,7 @@ def as_answers(finds: list[float]) -> dict[str, object]:
         "ReturnInReach": "in reach",
         "NavigateToZone": "arrived",
         "NavigateToBase": "arrived",
+        "NavigateToCharge": "arrived",
         "NotifyBase": "acknowledged",
         "DeliverReports": "nothing kept",
     }

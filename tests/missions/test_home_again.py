@@ -311,10 +311,10 @@ NEEDED = {
         '<ForceSuccess><AwaitCharge patience="15min"/></ForceSuccess>',
         "no leg begins where it would hurt the reserve before the battery was charged",
     ),
-    "home before the wait": (
-        '<SubTree ID="DriveHome"/>\n      <AwaitCharge patience="15min"/>',
+    "the drive to where it waits": (
+        "<NavigateToCharge/>",
         "<AlwaysSuccess/>",
-        UNASKED,
+        "every leaf can run",
     ),
 }
 
@@ -337,7 +337,12 @@ def test_the_tree_needs(tmp_path: Path, old: str, new: str, question: str) -> No
 def test_where_no_battery_comes_the_zones_that_are_left_are_given_up_and_the_mission_ends_at_home() -> None:
     run = simulate(TREE, ReturnInReach="out of reach", AwaitCharge="not charged")
     run.until_end().expect(
-        order=["NavigateToBase arrived", "AwaitCharge not charged", "AbandonZones abandoned"],
+        order=[
+            "NavigateToCharge arrived",
+            "AwaitCharge not charged",
+            "AbandonZones abandoned",
+            "NavigateToBase arrived",
+        ],
         count={"PostponeZone postponed": 0, "NavigateToZone starts": 0},
         root="FAILURE",
     )

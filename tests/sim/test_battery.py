@@ -46,6 +46,17 @@ def test_by_default_it_lasts_four_hours_however_far_it_drives_and_is_not_swapped
     assert battery.share == pytest.approx(0.5)
 
 
+def test_it_is_swapped_at_a_charging_place_too() -> None:
+    kind = BatteryKind(per_m=0.01, per_sec=0.0, swap_sec=10.0, places=((12.0, START.y),))
+    battery = Battery(kind, START)
+    drive(battery, 5.0)
+    stand(battery, 20, away=5.0)
+    assert battery.share == pytest.approx(0.95)
+    drive(battery, 5.0, START.x + 5.0)
+    stand(battery, 10, away=10.0)
+    assert battery.share == 1.0
+
+
 def test_it_is_swapped_where_the_robot_has_stood_at_its_start_for_long_enough() -> None:
     battery = Battery(BatteryKind(per_m=0.01, per_sec=0.0, swap_sec=10.0), START)
     drive(battery, 10.0)

@@ -5,8 +5,10 @@ import math
 from sar_compiler.missions import Figure, ParameterReader, mission_context
 from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
 from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
 
+CHARGING = "charging"
+"""The group of parameters with the poses of charging places."""
 ENERGY = "energy"
 """The group of parameters."""
 RESERVE = 0.15
@@ -15,6 +17,7 @@ PRIOR = Rates(per_m=0.0005, per_sec=0.0001)
 """What a robot is expected to use, where the parameters do not say it."""
 _WRONG_BY = EnergyModel.wrong_by
 _NEAR_M = 1.5
+_POSE = ("x", "y", "yaw")
 _NAMES = (*Rates._fields, "wrong_by", "reserve")
 
 
@@ -146,16 +149,47 @@ class Homing:
             f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}"
         )
 
+    def charging_stop(self) -> tuple[str, MapPose]:
+        """Return where the robot is to have its battery charged: the id of the charging place, empty for home; and its pose.
+
+        It is the nearest place that is reached with the reserve, of those from where a full battery suffices for the current zone if there
+        are such. Home counts as reached where no charging place is: no leg begins that does not end there.
+        """
+        stops = self._stops()
+        useful = {name: pose for name, pose in stops.items() if self.has_next and self._suffices_from(pose)}
+        among = useful or stops
+        name = min(among, key=lambda each: self._way_from_here(among[each]))
+        return name, among[name]
+
+    def way_to(self, pose: MapPose) -> Trip:
+        """Return the way to a place from where the robot is."""
+        return self._drive(self._way_from_here(pose))
+
+    def _stops(self) -> dict[str, MapPose]:
+        """Return home, and the charging places that are reached with the reserve; without home if it is not, and one of these is."""
+        near = {name: pose for name, pose in self._zones.charging.items() if self._is_reached(pose)}
+        base = self._zones.base_pose()
+        return {"": base, **near} if not near or self._is_reached(base) else near
+
+    def _is_reached(self, pose: MapPose) -> bool:
+        return self.energy.need(self.way_to(pose)) <= self.spare
+
+    def _suffices_from(self, start: MapPose) -> bool:
+        return self.energy.need(self.leg(start)) <= 1.0 - self.reserve
+
     def excess(self) -> str:
-        """Return in words that not even a full battery suffices for the current zone, from home; empty if one does.
+        """Return in words that not even a full battery suffices for the current zone, from home or a charging place in reach; empty if one does.
 
         Raises:
             IndexError: If every zone is visited.
         """
+        if any(map(self._suffices_from, self._stops().values())):
+            return ""
+        if self._zones.charging and self.energy.need(self.leg()) <= self.spare:
+            # From home it is too far, and the robot is nearer.
+            return ""
         trip = self.leg(self._zones.base_pose())
         need = self.energy.need(trip)
-        if need <= 1.0 - self.reserve:
-            return ""
         return (
             f"{self.next_zone} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s from home and back, "
             f"and a full battery leaves {1.0 - self.reserve:.0%} above the reserve"
@@ -202,6 +236,21 @@ def read_homing(reader: ParameterReader, zones: ZoneManager, speed_mps: float) -
     return Homing(
         zones, EnergyModel(prior, wrong_by), reserve=_share(reader, "reserve", RESERVE), speed_mps=speed_mps
     )
+
+
+def read_charging(reader: ParameterReader, fence: Fence) -> dict[str, MapPose]:
+    """Read the poses of charging places, `charging.<id>.{x,y,yaw}`; those besides the base station, where there are such."""
+    places = dict[str, MapPose]()
+    for name, given in reader.group(CHARGING, _POSE).items():
+        for missing in sorted({"x", "y"} - given):
+            reader.report(
+                f"{CHARGING}.{name}.{missing}", "is missing: a charging place has x and y in metres"
+            )
+        x, y, yaw = (reader.number(f"{CHARGING}.{name}.{axis}", 0.0) for axis in _POSE)
+        if not fence.contains(x, y):
+            reader.report(f"{CHARGING}.{name}.x", f"has the place ({x:g}, {y:g}) outside the geofence")
+        places[name] = MapPose(x=x, y=y, yaw=yaw)
+    return places
 
 
 def _share(reader: ParameterReader, name: str, default: float) -> float:

@@ -46,6 +46,7 @@ _NEXT_ROUND = f"({_ROUND_IS_OVER} ? round + 1 : round)"
 _POSTPONED = (
     f"round += {_ROUND_IS_OVER} ? 1 : 0; postponed_in_round = {_ROUND_IS_OVER} ? 1 : postponed_in_round + 1"
 )
+_AT_CHARGE = "(at == 'base' || at == 'charging')"
 _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
 _SERVER_TIMEOUT = attribute("server_timeout_sec", Seconds, "How long to wait for a server, seconds.", 10.0)
 _DRIVE = (
@@ -286,22 +287,40 @@ SPECS = [
         facts={"zones_left": 3},
     ),
     leaf_spec(
+        f"{_HERE}.actions.coming_home:NavigateToCharge",
+        "Drive to where the battery is charged: home, or a charging place that is nearer and reached with the reserve.",
+        handed_over("zone_manager", _ZONES, "The mission's zones and base station."),
+        handed_over("record", _RECORD, "Where the return is noted.", required=False),
+        *_DRIVE,
+        handed_over("homing", _HOMING, "What it takes to come home."),
+        effects="drives the robot to the base station or a charging place",
+        uses=(Use.action("{action}"), Use.nav2()),
+        answers=(
+            Answer("SUCCESS", "arrived", then="at = 'charging'; navigation_lost = false"),
+            Answer("FAILURE", "aborted", then="navigation_lost = false"),
+            Answer("FAILURE", "unavailable", then="navigation_lost = true"),
+            Answer("RUNNING", "driving", then="at = ''; navigation_lost = false"),
+            Answer("RUNNING", "waiting for Nav2", then="at = ''; navigation_lost = true"),
+        ),
+        facts={"at": "", "navigation_lost": False},
+    ),
+    leaf_spec(
         f"{_HERE}.actions.coming_home:AwaitCharge",
-        "Wait at home until the battery was charged or swapped and suffices for the current zone: RUNNING meanwhile, then SUCCESS.",
+        "Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the current zone.",
         handed_over("homing", _HOMING, "What it takes to come home."),
         handed_over("clock", Clock, "The clock of the patience."),
         handed_over(
             "record",
             _RECORD,
-            "Knows whether the robot is home; where it is noted what has come of it.",
+            "Knows whether the robot is there; where it is noted what has come of it.",
             required=False,
         ),
         attribute("patience", Seconds, "How long to wait, seconds of the mission's clock.", 900.0),
         uses=(Use.topic("battery_state"),),
         answers=(
-            Answer("SUCCESS", "charged", "zones_left > 0 && at == 'base'"),
+            Answer("SUCCESS", "charged", f"zones_left > 0 && {_AT_CHARGE}"),
             Answer("FAILURE", "not charged"),
-            Answer("RUNNING", "waiting", "zones_left > 0 && at == 'base'"),
+            Answer("RUNNING", "waiting", f"zones_left > 0 && {_AT_CHARGE}"),
         ),
         facts={"zones_left": 3, "at": ""},
     ),

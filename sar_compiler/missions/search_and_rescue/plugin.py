@@ -11,7 +11,13 @@ from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, read_areas,
 from sar_compiler.missions.search_and_rescue.areas_file import AREAS_FILE, take_areas_file
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.hiding import HIDDEN, read_hiding
-from sar_compiler.missions.search_and_rescue.homing import ENERGY, Homing, read_homing
+from sar_compiler.missions.search_and_rescue.homing import (
+    CHARGING,
+    ENERGY,
+    Homing,
+    read_charging,
+    read_homing,
+)
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, KeptReports, MissionRecord
 from sar_compiler.missions.search_and_rescue.search import Search
@@ -32,6 +38,7 @@ class SearchAndRescue(Mission):
         "geofence",
         "duplicate_radius_m",
         ENERGY,
+        CHARGING,
         HIDDEN,
         AREAS_FILE,
     )
@@ -62,7 +69,14 @@ class SearchAndRescue(Mission):
             {} if reader.problems else {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
         )
         areas, priorities = read_areas(reader, zones, sweeps_sec), read_priorities(reader, zones)
-        plan = ZoneManager(zones, base, areas=areas, priorities=priorities, speed_mps=speed)
+        plan = ZoneManager(
+            zones,
+            base,
+            areas=areas,
+            priorities=priorities,
+            speed_mps=speed,
+            charging=read_charging(reader, fence),
+        )
         homing, sweeps = read_homing(reader, plan, speed), Sweeps(grounds)
         return Search(
             plan,

@@ -258,6 +258,8 @@ class MissionRecord:
         home: Whether the robot has returned to the base station and not left it for a zone since.
         alarms: The reasons to cut the mission short, in words, the latest last.
         homing_for: Why the robot comes home before it goes on, in words; empty if it does not, the battery was charged since, or the mission is cut short.
+        homing_to: The charging place to which it goes then; empty for home.
+        charging_at: The charging place at which the robot is; empty elsewhere.
         navigation_lost: Why nobody can judge a drive, in words; empty while somebody can. It is no fact.
     """
 
@@ -270,7 +272,7 @@ class MissionRecord:
         self._began: FactTime | None = None
         self.zones_visited: tuple[str, ...] = ()
         self.alarms: tuple[str, ...] = ()
-        self.zone = self.homing_for = self.navigation_lost = ""
+        self.zone = self.homing_for = self.homing_to = self.charging_at = self.navigation_lost = ""
         self.home = False
 
     def apply(self, fact: JournalEntry) -> None:
@@ -340,15 +342,20 @@ class MissionRecord:
         """Note a reason to cut the mission short, in words."""
         self.journal.note("alarmed", reason=reason)
 
-    def home_first(self, zone_id: str, reason: str, **figures: float | None) -> None:
-        """Note that the robot comes home before it goes on to a zone.
+    def home_first(self, zone_id: str, reason: str, to: str = "", **figures: float | None) -> None:
+        """Note that the robot comes home, or to a charging place, before it goes on to a zone.
 
         Args:
             zone_id: The zone.
             reason: Why, in words.
+            to: The charging place; empty for home.
             figures: What was weighed.
         """
-        self.journal.note("home_first", zone=zone_id, reason=reason, **figures)
+        self.journal.note("home_first", zone=zone_id, reason=reason, **figures, **({"to": to} if to else {}))
+
+    def charging_reached(self, place: str) -> None:
+        """Note that the robot has arrived at a charging place."""
+        self.journal.note("charging_reached", place=place)
 
     def charged(self, share: float) -> None:
         """Note that the battery suffices again, at a share of a full one."""
@@ -425,7 +432,7 @@ class MissionRecord:
     def _take_zone_started(self, at: FactTime, zone: str) -> None:
         known = self.of_zone(zone)
         self._zones[zone] = replace(known, attempts=known.attempts + 1, started=at)
-        self.zone, self.home, self.before.home = zone, False, False
+        self.zone, self.home, self.before.home, self.charging_at = zone, False, False, ""
 
     def _take_zone_searched(self, at: FactTime, zone: str, survivor: Any) -> None:
         found = None if survivor is None else FoundSurvivor(zone, *position(*survivor), found_at=at)
@@ -473,7 +480,7 @@ class MissionRecord:
         self._set(survivor, acknowledged=True, kept=False, acknowledged_at=at)
 
     def _take_base_reached(self, _: FactTime) -> None:
-        self.home, self.zone = True, ""
+        self.home, self.zone, self.charging_at = True, "", ""
 
     def _take_run_began(self, at: FactTime, **_run: object) -> None:
         self._began, self.zone = self._began or at, ""
@@ -481,8 +488,11 @@ class MissionRecord:
     def _take_run_ended(self, _: FactTime, **_run: object) -> None:
         self.zone = ""
 
-    def _take_home_first(self, _: FactTime, reason: str, **_figures: object) -> None:
-        self.homing_for = str(reason)
+    def _take_home_first(self, _: FactTime, reason: str, to: str = "", **_figures: object) -> None:
+        self.homing_for, self.homing_to = str(reason), str(to)
+
+    def _take_charging_reached(self, _: FactTime, place: str) -> None:
+        self.charging_at, self.home, self.zone = str(place), False, ""
 
     def _take_charged(self, _: FactTime, share: float) -> None:  # noqa: ARG002 - as the fact has it
         self.homing_for = ""

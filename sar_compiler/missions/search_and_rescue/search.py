@@ -48,6 +48,8 @@ KINDS = (
     LandmarkKind("geofence", "geofence"),
 )
 """What a search shows on the map."""
+CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
+"""What it shows as well where there are such."""
 GROUND_KINDS = (LandmarkKind("area", "areas"), LandmarkKind("gap", "gaps"))
 """What it shows as well where zones have outlines."""
 # As of a log line: it comes home, and means to go on.
@@ -85,13 +87,19 @@ class Search(MissionRun):
         self._home = self.homing or Homing(zones)
         parts = (zones, self.record, self.kept, self.orders, self.fence, self._home, self.sweeps)
         self.context = {type(part): part for part in parts}
-        self.kinds = (*KINDS, *(GROUND_KINDS if self.sweeps.grounds else ()))
+        self.kinds = (
+            *KINDS,
+            *(GROUND_KINDS if self.sweeps.grounds else ()),
+            *([CHARGING_KIND] if zones.charging else ()),
+        )
         self._identity: dict[str, object] = {
             "zones": zones.remaining_zones(),
             "base_station": zones.base_pose(),
         }
         if zones.areas:
             self._identity["areas"] = {name: list(area) for name, area in zones.areas.items()}
+        if zones.charging:
+            self._identity["charging"] = dict(zones.charging)
         if self.sweeps.grounds:
             self._identity["grounds"] = {name: list(ground) for name, ground in self.sweeps.grounds.items()}
         self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
@@ -154,7 +162,8 @@ class Search(MissionRun):
         survivors, zones = self.record.survivors, self.zones
         found = map(_survivor, survivors, count(1))
         zones_shown = list(map(self._zone, self._plan.values()))
-        landmarks = [*zones_shown, *found, self._base(), *self._area(), *self._grounds(zones_shown)]
+        places = self._base(), *self._charging(), *self._area()
+        landmarks = [*zones_shown, *found, *places, *self._grounds(zones_shown)]
         figures = [
             Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
             Figure("survivors found", len(survivors)),
@@ -167,14 +176,15 @@ class Search(MissionRun):
         figures += self._home.figures()
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         if self.record.homing_for:
-            alarms.append(Alarm(f"{self.record.homing_for}: home first", level=_WARNING))
+            alarms.append(Alarm(_home_first(self.record.homing_for, self.record.homing_to), level=_WARNING))
         return Display(landmarks, figures, alarms=alarms, phase=self._phase())
 
     def _phase(self) -> MissionPhase:
-        orders, place = self.orders, self.record.zone or (BASE if self.record.home else "")
+        orders, at_base = self.orders, BASE if self.record.home else ""
+        place = self.record.zone or self.record.charging_at or at_base
         name = "aborted" if "abort" in orders.given else "held" if orders.held else ""
         why = "by the operator" if name else "called home by the operator" if "recall" in orders.given else ""
-        if self.record.homing_for and self.record.home and not name:
+        if self.record.homing_for and place in (BASE, *self.zones.charging) and not name:
             name, why = "waiting", "for another battery"
         return MissionPhase(name, why, place)
 
@@ -210,6 +220,12 @@ class Search(MissionRun):
         return Landmark(
             "base", BASE, base["x"], base["y"], "home" if home else "", Level.DONE if home else Level.TO_COME
         )
+
+    def _charging(self) -> Iterator[Landmark]:
+        for name, pose in self.zones.charging.items():
+            is_there = name == self.record.charging_at
+            state, level = ("the robot is there", Level.IN_HAND) if is_there else ("", Level.TO_COME)
+            yield Landmark("charging place", name, pose["x"], pose["y"], state, level)
 
     def _area(self) -> list[Landmark]:
         corners = self.fence.corners
@@ -272,6 +288,10 @@ class Search(MissionRun):
         base = self.zones.base_pose()
         zones = [(zone["id"], zone["x"], zone["y"]) for zone in self.zones.remaining_zones()]
         return [*zones, ("base station", base["x"], base["y"])]
+
+    def may_visit(self) -> list[tuple[str, float, float]]:
+        """Return the charging places."""
+        return [(name, pose["x"], pose["y"]) for name, pose in self.zones.charging.items()]
 
     def searched_areas(self) -> list[SearchedArea]:
         """Return the grounds of the zones that are left, swept once at coverage 1."""
@@ -380,6 +400,10 @@ def _judged(survivor: str, standing: str, same_as: str | None) -> str:
     return f"the operator: {survivor} is {standing}{f' with {same_as}' if same_as else ''}"
 
 
+def _home_first(reason: str, to: str) -> str:
+    return f"{reason}: {to or 'home'} first"
+
+
 # As people read them on the buttons.
 _ORDERS = {"hold": "pause", "release": "resume", "recall": "go home"}
 _SENTENCES: Mapping[str, Callable[..., str]] = {
@@ -404,7 +428,8 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     "report_kept": lambda survivor, **_place: f"the report of {survivor} is kept",
     "report_acknowledged": lambda survivor: f"base has acknowledged {survivor}",
     "operator_ordered": lambda order: f"the operator: {_ORDERS.get(order, order)}",
-    "home_first": lambda zone, reason, **_figures: f"{reason}: home first",  # noqa: ARG005
+    "home_first": lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005
+    "charging_reached": lambda place: f"reached charging place {place}",
     "charged": lambda share: f"the battery is at {share:.0%}, and suffices",
     "alarmed": lambda reason: f"alarm: {reason}",
     "base_reached": lambda: "reached the base station",

@@ -71,8 +71,10 @@ class ZoneManager:
         areas: What is expected of looks in the zones, by their ids; none where no probabilities are given.
         priorities: Which zones are chosen before others, by their ids: the higher ones; 0 where nothing is said.
         speed_mps: How fast the robot drives, for estimates of time, m/s.
+        charging: The poses of charging places besides the base station, by their ids.
 
     Attributes:
+        charging: The poses of charging places.
         journal: Where it is written what becomes of the zones: `zone_added`, `area_drawn`, `zone_chosen`, `zone_visited`,
             `zone_postponed`, `zone_abandoned`.
         areas: What is expected of looks in the zones.
@@ -90,7 +92,9 @@ class ZoneManager:
         areas: Mapping[str, Area] | None = None,
         priorities: Mapping[str, float] | None = None,
         speed_mps: float = 1.0,
+        charging: Mapping[str, MapPose] | None = None,
     ) -> None:
+        self.charging = deepcopy(dict(charging or {}))
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
         self.swept: dict[str, float] = {}
@@ -175,13 +179,17 @@ class ZoneManager:
         )
 
     def ways(self, zones: Sequence[Zone], *, between: bool = True) -> list[PosePair]:
-        """Return the ways by which some zones are put in an order, and those home from them, each in one direction.
+        """Return the ways by which some zones are put in an order, and those home and to charging places, each in one direction.
 
         Args:
             zones: The zones.
             between: Whether those from zone to zone are among them, or only those from where the robot has looked last.
         """
-        ways = [(start, zone) for start in (self._here, self._base_station) for zone in zones]
+        places = list(self.charging.values())
+        ways: list[PosePair] = [
+            (start, zone) for start in (self._here, self._base_station, *places) for zone in zones
+        ]
+        ways += [(self._here, place) for place in places]
         ways += itertools.combinations(zones, 2) if between else ()
         by_ends = {_ends(*way): way for way in ways}
         return [way for ends, way in by_ends.items() if len(ends) > 1]
@@ -331,6 +339,9 @@ class ZoneManager:
 
     def _take_base_reached(self, _: Mapping[str, Any]) -> None:
         self._here = self._base_station
+
+    def _take_charging_reached(self, data: Mapping[str, Any]) -> None:
+        self._here = self.charging[data["place"]]
 
     def _take_zone_added(self, data: Mapping[str, Any]) -> None:
         x, y = position(data["x"], data["y"])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import Clock, RosLeaf, Seconds, of_node, qos_profile, robot_estimate
+from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
@@ -135,9 +136,13 @@ class ReturnInReach(_HomingLeaf):
         return self._refuse(f"no share of the battery on '{BATTERY_TOPIC}' for {self.max_age_sec:g} s")
 
     def _refuse(self, reason: str) -> Status:
-        self.complain(f"{reason}: home first.")
+        stop, pose = self.homing.charging_stop()
+        near, home = self.homing.way_to(pose).metres, self.homing.home().metres
+        self.complain(
+            f"{reason}: {f'{stop} first, {near:.0f} m; home is {home:.0f} m' if stop else 'home first'}."
+        )
         self.homing.await_charge()
-        self.record.home_first(self.homing.next_zone, reason, **self.homing.weighed())
+        self.record.home_first(self.homing.next_zone, reason, stop, **self.homing.weighed())
         return self.answer(Status.FAILURE, "out of reach")
 
     def _go(self) -> Status:
@@ -171,16 +176,52 @@ class FullBatterySuffices(RosLeaf):
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
-class AwaitCharge(_HomingLeaf):
-    """Wait at home until the battery was charged or swapped and suffices for the current zone: RUNNING meanwhile, then SUCCESS.
+class NavigateToCharge(NavigateToBase):
+    """Drive to where the battery is charged: home, or a charging place that is nearer and reached with the reserve.
 
-    FAILURE if the robot is not at home, if that has not happened when the patience is over, or if no battery helps because the mission's
+    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there. Where there is no charging place it drives home, as
+    `NavigateToBase` does.
+
+    Args:
+        homing: What it takes to come home.
+    """
+
+    homing: Homing
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._stop = ""
+
+    def goal(self) -> Any:
+        """Return the goal for the place; SUCCESS if that is home, and the robot was there already when the mission was resumed."""
+        self._stop, pose = self.homing.charging_stop()
+        if not self._stop:
+            return super().goal()
+        trip = self.homing.way_to(pose)
+        headline = (
+            f"{self._stop} is {trip.metres:.0f} m away, for {self.homing.energy.need(trip):.0%} of the battery, "
+            f"which is at {self.homing.energy.share:.0%}."
+        )
+        return self._drive_to(f"charging place {self._stop}", pose, headline)
+
+    def _on_arrival(self) -> None:
+        if self._stop:
+            self.record.charging_reached(self._stop)
+        else:
+            super()._on_arrival()
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class AwaitCharge(_HomingLeaf):
+    """Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the current zone.
+
+    RUNNING meanwhile, then SUCCESS. FAILURE if the robot is at neither, if that has not happened when the patience is over, or if no battery helps because the mission's
     time is short.
 
     Args:
         homing: What it takes to come home.
         clock: The clock of the patience.
-        record: Knows whether the robot is home; where it is noted what has come of it.
+        record: Knows whether the robot is there; where it is noted what has come of it.
         patience: How long to wait, seconds of the mission's clock.
     """
 
@@ -193,10 +234,10 @@ class AwaitCharge(_HomingLeaf):
     def update(self) -> Status:
         """Look at the battery."""
         now, share = self.clock.now(), self.homing.energy.share
-        if not (self.homing.has_next and self.record.home):
-            self.complain(
-                f"'{self.name}' has nothing to wait for: the robot is not at home, or no zone is left."
-            )
+        place = self.record.charging_at or ("home" if self.record.home else "")
+        if not (self.homing.has_next and place):
+            nowhere = "the robot is not at home, nor at a charging place, or no zone is left"
+            self.complain(f"'{self.name}' has nothing to wait for: {nowhere}.")
             return self.answer(Status.FAILURE, "not charged")
         lacking = self.homing.shortage(now)
         if self.homing.is_charged and not lacking:
@@ -206,7 +247,7 @@ class AwaitCharge(_HomingLeaf):
         if self.homing.late(now):
             return self._give_up(lacking)
         if now - self._began > self.patience:
-            return self._give_up(f"the battery was not charged within {self.patience:g} s at home")
+            return self._give_up(f"the battery was not charged within {self.patience:g} s at {place}")
         self.feedback_message = f"waiting for a charge, the battery is at {share:.0%}"
         return self.answer(Status.RUNNING, "waiting")
 

@@ -1,0 +1,176 @@
+"""Charging places besides the base station: their parameters, which one the robot goes to, and what is shown of that."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.missions import MissionPhase, ParameterError, ParameterReader
+from sar_compiler.missions.search_and_rescue.actions.coming_home import (
+    AwaitCharge,
+    NavigateToCharge,
+    ReturnInReach,
+)
+from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
+from sar_compiler.missions.search_and_rescue.homing import Homing
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+from sar_compiler.ros.parameter_reader import RunParameters
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.sim.occupancy import read_map
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import Stage
+
+GIVEN: dict[str, object] = {"zone_order": ["a"], "zones.a.x": 1.0, "zones.a.y": 0.0, "zones.a.yaw": 0.0}
+
+
+def pose(x: float) -> MapPose:
+    return MapPose(x=x, y=0.0, yaw=0.0)
+
+
+def begun(**charging: object) -> Search:
+    places = {f"charging.{key.replace('__', '.')}": value for key, value in charging.items()}
+    fence = places.pop("charging.geofence", None)
+    reader = ParameterReader({**GIVEN, **places, **({"geofence": fence} if fence else {})})
+    search = MISSION.begin(reader)
+    reader.complain()
+    return search
+
+
+def searching(share: float, here: float, zone: float = 10.0, **docks: float) -> Search:
+    """Return a search of one zone, where a metre takes 1 %, ways are straight lines times 1.5, and all lies on a line."""
+    plan = ZoneManager(
+        [{"id": "zone_a", **pose(zone)}],
+        pose(0.0),
+        charging={name: pose(x) for name, x in docks.items()},
+    )
+    homing = Homing(plan, EnergyModel(Rates(0.01, 1e-9), wrong_by=0.0))
+    homing.energy.read(0.0, share)
+    homing.place = pose(here)
+    return Search(plan, homing=homing)
+
+
+def home_of(search: Search) -> Homing:
+    found = search.context[Homing]
+    assert isinstance(found, Homing)
+    return found
+
+
+def stop(*where: Any, **docks: float) -> str:
+    return home_of(searching(*where, **docks)).charging_stop()[0]
+
+
+def test_the_parameters_name_the_places_and_they_are_shown() -> None:
+    search = begun(dock__x=2.0, dock__y=3.0, dock__yaw=1.0)
+    assert search.zones.charging == {"dock": {"x": 2.0, "y": 3.0, "yaw": 1.0}}
+    [shown] = [each for each in search.display().landmarks if each.kind == "charging place"]
+    assert (shown.name, shown.x, shown.y) == ("dock", 2.0, 3.0)
+    assert "charging place" in {kind.name for kind in search.kinds}
+    assert search.identity() != begun().identity()
+
+
+def test_without_such_a_parameter_nothing_is_shown_of_them() -> None:
+    search = begun()
+    assert "charging" not in search.identity()
+    assert "charging place" not in {kind.name for kind in search.kinds}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"dock__x": 2.0}, "charging.dock.y: is missing: a charging place has x and y in metres"),
+        ({"dock__x": 2.0, "dock__y": "far"}, "charging.dock.y: must be a number"),
+        ({"dock__x": 2.0, "dock__y": 1.0, "dock__z": 1.0}, "charging.dock.z: is not known there"),
+        (
+            {"dock__x": 20.0, "dock__y": 1.0, "geofence": [-9.0, -9.0, 9.0, -9.0, 9.0, 9.0, -9.0, 9.0]},
+            "charging.dock.x: has the place (20, 1) outside the geofence",
+        ),
+    ],
+)
+def test_each_mistake_in_them_is_named_before_the_flight(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        begun(**given)
+    assert said in str(refused.value)
+
+
+@pytest.mark.ros
+def test_a_check_names_a_place_that_cannot_be_reached() -> None:
+    from sar_compiler.cli.run_mission_tree import RouteReport
+
+    occupancy = read_map(Path("maps/disaster_zone.yaml"))
+    good, bad = (RouteReport(begun(dock__x=x, dock__y=3.0), RunParameters(), occupancy) for x in (-3.0, 99.0))
+    assert not any("dock" in problem for problem in good.problems)
+    assert [line for line in good.lines if line.startswith("  dock, from the start: ")]
+    assert "dock (99.00, 3.00): it is outside the map." in bad.problems
+
+
+def test_the_robot_goes_to_the_nearest_place_that_it_reaches_with_the_reserve() -> None:
+    # At 10 m: home takes 15 %, near 3 %, far 6 %.
+    assert stop(0.4, 10.0, near=12.0, far=14.0) == "near"
+    assert stop(0.4, 3.0, near=12.0, far=14.0) == ""
+    # 2 % above the reserve suffice for none, and home is what it was kept for.
+    assert stop(0.17, 10.0, near=12.0) == ""
+
+
+def test_a_place_from_where_no_battery_suffices_is_passed_by_for_one_from_where_it_does() -> None:
+    # From far, 120 m of way to the zone and home would take more than a battery.
+    assert stop(0.9, -20.0, 10.0, far=-40.0) == ""
+
+
+def test_a_zone_too_far_from_home_is_not_too_far_from_a_place_in_reach() -> None:
+    # From home and back 87 m take more than 85 %; from half way less.
+    assert home_of(searching(0.9, 0.0, 29.0)).excess()
+    assert not home_of(searching(0.9, 0.0, 29.0, dock=15.0)).excess()
+    assert home_of(searching(0.2, 0.0, 29.0, dock=15.0)).excess()
+
+
+def test_what_is_asked_of_the_planner_has_the_ways_to_the_places() -> None:
+    zones = searching(0.9, 0.0, dock=15.0).zones
+    ways = {(start["x"], end["x"]) for start, end in zones.ways(zones.remaining_zones())}
+    assert ways == {(0.0, 10.0), (15.0, 10.0), (0.0, 15.0)}
+
+
+def test_a_robot_at_a_place_is_known_to_be_there_until_it_goes_on() -> None:
+    search = searching(0.4, 10.0, dock=12.0)
+    told: list[str] = []
+    search.record.journal.listen(lambda fact: told.append(search.sentence(fact)))
+    search.record.home_first("zone_a", "zone_a is far", "dock")
+    search.record.charging_reached("dock")
+    assert told == ["zone_a is far: dock first", "reached charging place dock"]
+    assert search.zones.here() == pose(12.0)
+    assert [each.text for each in search.display().alarms] == ["zone_a is far: dock first"]
+    assert search.display().phase == MissionPhase("waiting", "for another battery", "dock")
+    assert [each.state for each in search.display().landmarks if each.name == "dock"] == [
+        "the robot is there"
+    ]
+    search.record.zone_started("zone_a")
+    assert search.record.charging_at == ""
+
+
+@pytest.mark.ros
+class TestTheLeaves:
+    def test_a_battery_that_does_not_suffice_brings_the_robot_to_the_place_where_it_waits(
+        self, stage: "Stage"
+    ) -> None:
+        search = searching(0.4, 10.0, 20.0, dock=12.0)
+        homing, clock = home_of(search), ManualClock(100.0)
+        shared: Any = {"homing": homing, "clock": clock, "record": search.record}
+        asks = stage.take(ReturnInReach("InReach?", **shared, max_age_sec=1e12))
+        waits = stage.take(AwaitCharge("Await", **shared, patience=60.0))
+        asks.tick_once()
+        assert asks.status is Status.FAILURE
+        [warning] = stage.warnings
+        assert warning.endswith("the reserve is 15%: dock first, 3 m; home is 15 m.")
+        drives = stage.take(NavigateToCharge("Drive", search.zones, record=search.record, homing=homing))
+        drives.tick_once()
+        drives.stop(Status.INVALID)
+        assert "dock is 3 m away, for 3% of the battery, which is at 40%." in stage.lines
+        search.record.charging_reached("dock")
+        waits.tick_once()
+        assert waits.status is Status.RUNNING
+        clock.advance(61.0)
+        waits.tick_once()
+        assert search.record.alarm == "the battery was not charged within 60 s at dock"
