@@ -11,6 +11,7 @@ import yaml
 
 from sar_compiler.cli.compile import main
 from sar_compiler.missions import ParameterReader
+from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.hiding import Hiding, read_hiding
 from sar_compiler.missions.search_and_rescue.search_theory import Area, Tour
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
@@ -133,6 +134,49 @@ def test_neither_the_order_of_the_areas_nor_looks_elsewhere_change_what_a_seed_m
             assert other.look("unknown") is None
             others.append(other.look("attic"))
         assert (one.area, looks) == (other.area, others)
+
+
+def in_the_hall(seed: int, pod: float = 1.0, reach: float = 99.0) -> Hiding:
+    """Return somebody who hides in the outline of the hall for sure: a triangle with two sides of 8 m."""
+    ground = Ground(((0.0, 0.0), (8.0, 0.0), (8.0, 8.0)), sweep_width=4.0, detection_range=reach)
+    return Hiding(POSES, {"hall": Area(1.0, pod)}, seed, {"hall": ground})
+
+
+def place_of(seed: int) -> tuple[float, float]:
+    found = in_the_hall(seed).look("hall", (4.0, 4.0))
+    assert found is not None
+    return found
+
+
+def test_who_hides_in_an_outline_is_anywhere_in_it_whatever_the_pose() -> None:
+    count = rounds(2000)
+    places = [place_of(seed) for seed in range(count)]
+    assert all(0.0 <= y <= x <= 8.0 for x, y in places)
+    share = sum(x < 4.0 for x, _ in places) / count
+    assert abs(share - 0.25) <= SIGMAS * math.sqrt(0.25 * 0.75 / count)
+
+
+def test_who_hides_in_an_outline_is_found_from_within_the_detection_range_alone() -> None:
+    x, y = place_of(0)
+    near, far = (x - 2.4, y), (x - 2.6, y)
+    assert in_the_hall(0, reach=2.5).look("hall", near) == (x, y)
+    assert in_the_hall(0, reach=2.5).look("hall", far) is None
+    assert in_the_hall(0, reach=2.5).look("hall") is None
+    assert in_the_hall(0, reach=2.5).look("attic", near) is None
+
+
+def test_looks_from_too_far_away_do_not_change_which_look_finds() -> None:
+    def looks(seed: int, *, with_far_ones: bool) -> list[bool]:
+        hiding, found = in_the_hall(seed, pod=0.5), []
+        for _ in range(6):
+            if with_far_ones:
+                assert hiding.look("hall", (199.0, 199.0)) is None
+            found.append(hiding.look("hall", (4.0, 4.0)) is not None)
+        return found
+
+    without = [looks(seed, with_far_ones=False) for seed in range(20)]
+    assert without == [looks(seed, with_far_ones=True) for seed in range(20)]
+    assert {True, False} == {each for flight in without for each in flight}
 
 
 def read(**parameters: object) -> bool:

@@ -3,6 +3,7 @@
 import pytest
 
 from sar_compiler.missions import Journal, JournalEntry
+from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.record import (
     FoundSurvivor,
     MissionRecord,
@@ -11,7 +12,8 @@ from sar_compiler.missions.search_and_rescue.record import (
 )
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.context import preview_of
 
@@ -177,3 +179,16 @@ def test_only_a_search_with_probabilities_shows_when_somebody_was_found_first() 
         found_after(Journal(), search, 12.5)
         shown[name] = [each.text for each in search.display().figures if "first" in each.name]
     assert shown == {"without": [], "with": ["first find after 12.5 s"]}
+
+
+def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept() -> None:
+    plan = [{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}]
+    ground = Ground(((0.0, 0.0), (8.0, 0.0), (8.0, 8.0)), sweep_width=4.0, detection_range=2.5)
+    sweeps = Sweeps({"zone_a": ground})
+    sweeps.plan("zone_a", "parallel", 4.0, [MapPose(x=6.0, y=2.0, yaw=0.0)])
+    sweeps.drive("zone_a", [(3.0, 1.0), (6.0, 1.0)], None)
+    sweeps.advance("zone_a", None, 0.6)
+    base = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+    with_outline, without = Search(ZoneManager(plan, base), sweeps=sweeps), Search(ZoneManager(plan, base))
+    shown = [[each.text for each in search.display().figures] for search in (with_outline, without)]
+    assert shown[0] == [*shown[1], "swept 3 m"]

@@ -173,6 +173,9 @@ class Search(MissionRun):
             figures.append(Figure("probability of success", round(100 * zones.poa_map().pos(), 1), unit="%"))
             if (first := self.record.first_find_sec) is not None:
                 figures.append(Figure("first find after", round(first, 1), unit="s"))
+        if self.sweeps.grounds:
+            swept = sum(self.sweeps.of(zone).metres for zone in self.sweeps.grounds)
+            figures.append(Figure("swept", round(swept, 1), unit="m"))
         figures += self._home.figures()
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         if self.record.homing_for:
@@ -311,7 +314,8 @@ class Search(MissionRun):
         from sar_compiler.missions.search_and_rescue.hiding import Hiding
         from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer, ReportSurvivorServer
 
-        hiding = Hiding(self._plan, self.zones.areas, faults.seed) if self.hides else None
+        areas, grounds = self.zones.areas, self.sweeps.grounds
+        hiding = Hiding(self._plan, areas, faults.seed, grounds) if self.hides else None
         return [
             DetectSurvivorServer(faults.for_service("detect_survivor"), hiding, **options),
             ReportSurvivorServer(faults=faults.for_service("report_survivor"), **options),

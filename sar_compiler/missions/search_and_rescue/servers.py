@@ -1,7 +1,6 @@
 """The two servers of the mission: `detect_survivor`, which looks for survivors, and `report_survivor`, the base station."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
@@ -43,11 +42,12 @@ class DetectSurvivorServer(DataNode):
         super().__init__("detect_survivor_server", **options)
         parameters = flat_parameters(self)
         table = read_survivors(parameters, SURVIVORS)
-        self._look: Callable[[str], tuple[float, float] | None] = hiding.look if hiding else table.get
+        self._table, self._hiding = table, hiding
         # The mission's parameters reach its servers as well where one file has them for all nodes.
         ranges = {zone: parameters.get(f"zones.{zone}.detection_range") for zone in table}
         self._ranges = {zone: reach for zone, reach in ranges.items() if isinstance(reach, int | float)}
-        self._robot = robot_estimate(self) if self._ranges and not hiding else None
+        depends_on_place = hiding.ground is not None if hiding else bool(self._ranges)
+        self._robot = robot_estimate(self) if depends_on_place else None
         for note in lookalikes(parameters, ["survivors", "zones"]):
             self.get_logger().warning(note)
         create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
@@ -55,7 +55,7 @@ class DetectSurvivorServer(DataNode):
 
     def _answer(self, request: Any, response: Any) -> Any:
         survivor, zone = self._look(request.zone_id), short_line(request.zone_id)
-        if survivor is None or not self._is_seen(request.zone_id, survivor):
+        if survivor is None:
             self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
             return response
         response.found = True
@@ -63,11 +63,16 @@ class DetectSurvivorServer(DataNode):
         self.get_logger().info(f"Detection request for {zone}: FOUND at ({x:.2f}, {y:.2f})")
         return response
 
-    def _is_seen(self, zone: str, survivor: tuple[float, float]) -> bool:
-        if self._robot is None or zone not in self._ranges:
-            return True
-        place = self._robot.place()
-        return place is not None and math.dist(place[:2], survivor) <= self._ranges[zone]
+    def _look(self, zone: str) -> tuple[float, float] | None:
+        """Return where somebody is found in a zone; None if nobody is."""
+        place = self._robot.place() if self._robot is not None else None
+        robot = place[:2] if place is not None else None
+        if self._hiding is not None:
+            return self._hiding.look(zone, robot)
+        survivor = self._table.get(zone)
+        if survivor is None or zone not in self._ranges:
+            return survivor
+        return survivor if robot is not None and math.dist(robot, survivor) <= self._ranges[zone] else None
 
 
 class ReportSurvivorServer(DataNode):
