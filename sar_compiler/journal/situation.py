@@ -4,7 +4,9 @@ A mission has its state change by its facts, and says after each what is so (`Di
 of the kind `changed`, so that whoever reads a journal shows a mission without knowing it.
 """
 
+import itertools
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -16,6 +18,11 @@ CHANGED = "changed"
 """The kind of an entry behind a fact: what that has changed of what a mission shows."""
 
 _OPERATOR = "the operator"
+# A cell is as full as its letter says in tenths, rounded up; none is empty.
+_TENTHS = "-abcdefghij"
+_RUNS = re.compile(r"(?:(?:[1-9][0-9]{0,5})?[-a-j])+")
+_RUN = re.compile(r"([0-9]*)[-a-j]")
+_MOST_CELLS = 100_000
 
 
 class Level(IntEnum):
@@ -88,6 +95,42 @@ class Landmark(NamedTuple):
     is_certain: bool = False
     details: Mapping[str, Any] = {}
     corners: Sequence[tuple[float, float]] = ()
+
+
+class RasterLayer(NamedTuple):
+    """Ground that a mission shows by colour, cell by cell.
+
+    Attributes:
+        name: Its name.
+        meaning: What a cell says in per cent, in words: `seen`.
+        x: Its left edge, metres in the frame `map`.
+        y: Its lower edge, metres.
+        cell_m: The side of a cell, metres.
+        columns: How many cells a row has.
+        cells: The cells from the left, row after row from below: `a` for one above 0 to 10 %, up to `j` for one above 90 %, `-` for one with nothing; in
+            front of it how many in that row are so, where they are several.
+    """
+
+    name: str
+    meaning: str
+    x: float
+    y: float
+    cell_m: float
+    columns: int
+    cells: str
+
+    @classmethod
+    def of(
+        cls, name: str, meaning: str, x: float, y: float, cell_m: float, rows: Sequence[Sequence[float]]
+    ) -> "RasterLayer":
+        """Return a layer of shares from 0 to 1, row after row from below, each from the left."""
+        runs = (
+            f"{count if count > 1 else ''}{_TENTHS[tenths]}"
+            for row in rows
+            for tenths, same in itertools.groupby(min(10, math.ceil(10 * share)) for share in row)
+            for count in (sum(1 for _ in same),)
+        )
+        return cls(name, meaning, x, y, cell_m, len(rows[0]), "".join(runs))
 
 
 class Figure(NamedTuple):
@@ -169,6 +212,7 @@ class Display(NamedTuple):
     gauges: Sequence[Gauge] = ()
     alarms: Sequence[Alarm] = ()
     phase: MissionPhase = MissionPhase()
+    rasters: Sequence[RasterLayer] = ()
 
 
 def changes(before: Display, after: Display) -> dict[str, Any]:
@@ -180,6 +224,7 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
         "gone": [list(key) for key in known if key not in now],
         "figures": [_plain(each) for each in after.figures if each not in before.figures],
         "gauges": [_plain(each) for each in after.gauges if each not in before.gauges],
+        "rasters": [_plain(each) for each in after.rasters if each not in before.rasters],
         "alarms": [*map(_plain, _raised(before.alarms, after.alarms))],
         "phase": _plain(after.phase) if after.phase != before.phase else None,
     }
@@ -237,6 +282,7 @@ class Situation:
         landmarks: Its landmarks by kind and name, in the order in which they came.
         figures: Its figures by name.
         gauges: Its gauges by name.
+        rasters: Its raster layers by name.
         alarms: Its alarms by what they say, with the entry's number of each.
         phase: What it is at.
     """
@@ -246,6 +292,7 @@ class Situation:
         self.landmarks: dict[tuple[str, str], Landmark] = {}
         self.figures: dict[str, Figure] = {}
         self.gauges: dict[str, Gauge] = {}
+        self.rasters: dict[str, RasterLayer] = {}
         self.alarms: dict[str, Alarm] = {}
         self.phase = MissionPhase()
 
@@ -256,6 +303,7 @@ class Situation:
         gone: Iterable[Sequence[str]] = (),
         figures: Iterable[Mapping[str, Any]] = (),
         gauges: Iterable[Mapping[str, Any]] = (),
+        rasters: Iterable[Mapping[str, Any]] = (),
         alarms: Iterable[Mapping[str, Any]] = (),
         phase: Mapping[str, Any] | None = None,
         **_more: object,
@@ -281,6 +329,9 @@ class Situation:
             gauge = Gauge(**each)
             _check_numbers(gauge.value, gauge.least)
             self.gauges[gauge.name] = gauge
+        for each in rasters:
+            layer = _raster_layer(**each)
+            self.rasters[layer.name] = layer
         self.alarms.update((each["text"], Alarm(**each)) for each in alarms)
         if phase is not None:
             self.phase = MissionPhase(**phase)
@@ -316,6 +367,18 @@ def _landmark(
         details={key: _detail(each) for key, each in (details or {}).items()},
         corners=tuple(position(*each) for each in corners),
         **more,
+    )
+
+
+def _raster_layer(x: float, y: float, cell_m: float, columns: int, cells: str, **more: Any) -> RasterLayer:
+    _check_numbers(cell_m, columns)
+    if not _RUNS.fullmatch(cells):
+        raise ValueError(f"{cells!r:.60} is no row of cells")
+    count = sum(int(each or 1) for each in _RUN.findall(cells))
+    if count > _MOST_CELLS or columns < 1 or count % columns or not 0.0 < cell_m < math.inf:
+        raise ValueError(f"{count} cells of {cell_m} m in rows of {columns} are no raster")
+    return RasterLayer(
+        x=position(x, y)[0], y=position(x, y)[1], cell_m=cell_m, columns=columns, cells=cells, **more
     )
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.situation import LandmarkKind as LandmarkKind
     from sar_compiler.journal.situation import Level as Level
     from sar_compiler.journal.situation import MissionPhase as MissionPhase
+    from sar_compiler.journal.situation import RasterLayer as RasterLayer
     from sar_compiler.journal.situation import position as position
     from sar_compiler.missions.choosing import MissionError as MissionError
     from sar_compiler.missions.mission import Mission as Mission

@@ -101,7 +101,7 @@ class PageState:
     """What a page shows of a robot after some entries.
 
     Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `map`, `times` of these,
-    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `figures`, `gauges`, `alarms`, `properties`, `proofs`, `chance`, `why`, `log`
+    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `proofs`, `chance`, `why`, `log`
     and `trail`, from a place on. With `begin` nothing of what was known before holds.
 
     Args:
@@ -137,6 +137,7 @@ class PageState:
         self._nodes: set[int] = set()
         self._landmarks: dict[tuple[str, str], None] = {}
         self._gone: set[tuple[str, str]] = set()
+        self._rasters: set[str] = set()
 
     def take(self, entry: JournalEntry) -> None:
         """Apply an entry to the state.
@@ -200,6 +201,8 @@ class PageState:
                 change["states"] = {str(number): self._statuses[number] for number in self._nodes}
             if self._landmarks:
                 change["landmarks"] = {"/".join(key): self._landmark(key) for key in self._landmarks}
+            if self._rasters:
+                change["rasters"] = {name: self._raster(name) for name in self._rasters}
             change.update({name: news for name, each in self._lists() if (news := each.news())})
         else:
             return None
@@ -215,6 +218,7 @@ class PageState:
             **{part: read(self) for part, read in self._READ.items()},
             "states": {str(number): status for number, status in self._statuses.items()},
             "landmarks": {"/".join(key): self._landmark(key) for key in self._mission.situation.landmarks},
+            "rasters": {name: self._raster(name) for name in self._mission.situation.rasters},
             **{name: {"at": 0, "values": each.values[:]} for name, each in self._lists()},
         }
 
@@ -281,6 +285,7 @@ class PageState:
         keys = [(each["kind"], each["name"]) for each in data.get("landmarks", ())]
         self._gone.update((kind, name) for kind, name in data.get("gone", ()))
         self._landmarks.update(dict.fromkeys([*keys, *self._gone]))
+        self._rasters.update(each["name"] for each in data.get("rasters", ()))
         if "kinds" in data or not self._gone.isdisjoint(keys):
             # What an earlier run has shown need not be there any more; what was gone and came again is the last one.
             self._is_new = True
@@ -350,6 +355,9 @@ class PageState:
             return None
         details = {name: self._moment(each) for name, each in known.details.items() if each not in (None, "")}
         return {**known._asdict(), "level": int(known.level), "details": details}
+
+    def _raster(self, name: str) -> PageChange:
+        return self._mission.situation.rasters[name]._asdict()
 
     def _moment(self, value: Any) -> Any:
         if not isinstance(value, FactTime):

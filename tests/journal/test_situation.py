@@ -24,6 +24,7 @@ from sar_compiler.journal.situation import (
     LandmarkKind,
     Level,
     MissionPhase,
+    RasterLayer,
     Situation,
     beginning,
     changes,
@@ -70,6 +71,19 @@ SHOWN = st.builds(
     ),
     st.lists(st.builds(Alarm, WORDS), max_size=2, unique_by=lambda each: each.text),
     st.builds(MissionPhase, WORDS, WORDS, WORDS),
+    st.lists(
+        st.builds(
+            RasterLayer.of,
+            WORDS,
+            WORDS,
+            NUMBERS,
+            NUMBERS,
+            st.floats(0.1, 9.0),
+            st.lists(st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4), min_size=1, max_size=3),
+        ),
+        max_size=2,
+        unique_by=lambda each: each.name,
+    ),
 )
 
 
@@ -86,6 +100,7 @@ def test_what_is_folded_from_the_changes_is_what_is_shown(moments: list[Display]
         assert situation.landmarks == by_name(shown.landmarks)
         assert set(shown.figures) <= set(situation.figures.values())
         assert set(shown.gauges) <= set(situation.gauges.values())
+        assert set(shown.rasters) <= set(situation.rasters.values())
         assert situation.phase == shown.phase
 
 
@@ -125,6 +140,33 @@ def test_a_landmark_nowhere_is_refused(place: tuple[Any, Any]) -> None:
 def test_a_figure_or_gauge_that_is_no_number_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match="is no number"):
         Situation().take(**wrong)
+
+
+def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted() -> None:
+    layer = RasterLayer.of("lawn", "mown", 1.0, 2.0, 0.25, [[0.0, 0.01, 0.1, 0.11], [0.9, 0.91, 1.0, 1.0]])
+    assert layer == RasterLayer("lawn", "mown", 1.0, 2.0, 0.25, 4, "-2abi3j")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"cells": "3a"},
+        {"cells": "4k"},
+        {"cells": ""},
+        {"cells": "0a4a"},
+        {"cells": "999998a"},
+        {"columns": 0},
+        {"columns": "4"},
+        {"cell_m": 0.0},
+        {"cell_m": math.nan},
+        {"x": math.inf},
+    ],
+)
+def test_cells_that_are_no_raster_are_refused(wrong: dict[str, Any]) -> None:
+    layer = RasterLayer("lawn", "mown", 0.0, 0.0, 0.25, 4, "4a2-2b")._asdict()
+    Situation().take(rasters=[layer])
+    with pytest.raises((TypeError, ValueError)):
+        Situation().take(rasters=[{**layer, **wrong}])
 
 
 def test_a_fact_that_nobody_has_put_into_a_sentence_has_words_too() -> None:

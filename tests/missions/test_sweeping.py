@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 GROUND = Ground(((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)), 2.0, 1.25)
+SEEN = {"area_m2": 16.0, "coverage": 0.0, "pod": 0.0, "seen": 0.0}
 PIECES = [(1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0)]
 
 
@@ -113,6 +114,19 @@ def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_le
     assert [(gap.kind, gap.name, gap.level) for gap in gaps] == [("gap", "a gap 1", Level.GIVEN_UP)]
 
 
+def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
+    search = planned(searching())
+    search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)], None)
+    assert search.display().rasters == []
+    search.sweeps.advance("a", None, 0.5)
+    [layer] = search.display().rasters
+    assert (layer.name, layer.meaning, layer.columns) == ("a", "looked at, POD", 16)
+    assert (layer.x, layer.y, layer.cell_m) == (0.0, 0.0, 0.25)
+    # The upper rows are farther from y = 1 than can be seen.
+    assert layer.cells.endswith("16-" * 6)
+    assert set("abcdefghij") & set(layer.cells.removesuffix("16-" * 6))
+
+
 def test_an_outline_that_was_not_swept_has_no_size_yet_and_no_pieces() -> None:
     [area] = [each for each in searching().display().landmarks if each.corners]
     assert (area.state, area.details["area A"], area.details["POD"]) == ("", "", "0.0%")
@@ -152,6 +166,7 @@ def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_
     assert second.sweeps.of("a") == first.sweeps.of("a")
     assert second.sweeps.of("a").left == 2
     assert second.sweeps.raster("a", None).pod() == pytest.approx(first.sweeps.of("a").pod, abs=0.001)
+    assert second.display().rasters == first.display().rasters
     assert second.zones.poa_map() == first.zones.poa_map()
 
 
@@ -165,6 +180,7 @@ def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_
         ("sweep_planned", {"zone": "a", "pattern": "parallel", "spacing": math.nan, "pieces": [[0, 0, 0]]}),
         ("sweep_planned", {"zone": "a", "pattern": "parallel", "spacing": 1.0, "pieces": [[math.inf, 0, 0]]}),
         ("piece_swept", {"zone": "a", "piece": 0, "metres": 1.0, "cells": "", "gaps": [], "pod": "much"}),
+        ("piece_swept", {"zone": "a", "piece": 0, "metres": 1.0, "cells": "x", "gaps": [], **SEEN}),
     ],
 )
 def test_facts_that_cannot_be_are_none_of_a_sweep(kind: str, data: dict[str, Any]) -> None:

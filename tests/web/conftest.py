@@ -22,6 +22,7 @@ from sar_compiler.journal.situation import (
     LandmarkKind,
     Level,
     MissionPhase,
+    RasterLayer,
 )
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.views.report_html import html_report
@@ -67,6 +68,7 @@ class Patrol:
         self.points = {name: Landmark("point", name, *place, "open") for name, place in POINTS.items()}
         self.finds = {}
         self.alarms = {}
+        self.lawns = {}
         self.phase = MissionPhase()
 
     def apply(self, fact):
@@ -86,6 +88,8 @@ class Patrol:
             )
         elif fact.kind == "lost":
             self.finds.pop(data["name"], None)
+        elif fact.kind == "mown":
+            self.lawns[data["name"]] = RasterLayer.of(data["name"], "mown", -1.0, -2.0, 0.5, data["rows"])
         elif fact.kind == "held":
             self.phase = MissionPhase("held", "by the operator") if data["is_held"] else MissionPhase()
         elif fact.kind == "aborted":
@@ -106,6 +110,7 @@ class Patrol:
             [Gauge("battery", 90.0 - visited, "%", 20.0)],
             list(self.alarms.values()),
             self.phase,
+            list(self.lawns.values()),
         )
 
     def sentence(self, fact):

@@ -26,6 +26,7 @@ def folded(known, change):
     known["states"] = {**known.get("states", {}), **change.pop("states", {})}
     marks = {**known.get("landmarks", {}), **change.pop("landmarks", {})}
     known["landmarks"] = {key: each for key, each in marks.items() if each is not None}
+    known["rasters"] = {**known.get("rasters", {}), **change.pop("rasters", {})}
     return {**known, **change}
 
 
@@ -65,6 +66,10 @@ def happen(journal, chance, name):
         "point_added": {"point": point, "x": x, "y": 0.0},
         "found": {"name": f"find_{chance.randrange(4)}", "x": x, "y": 0.0},
         "lost": {"name": f"find_{chance.randrange(4)}"},
+        "mown": {
+            "name": chance.choice("pq"),
+            "rows": [[chance.random() for _ in range(3)] for _ in range(2)],
+        },
         "held": {"is_held": chance.random() < 0.5},
         "property_broken": {"property": chance.choice("pq"), "event": name},
         "assumption_failed": {"assumption": name},

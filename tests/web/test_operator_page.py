@@ -159,6 +159,29 @@ def test_a_gauge_has_a_bar_with_its_limit_and_the_legend_says_how_old_a_place_is
     browser.wait_for("#legend table", "robot1:05 ago")
 
 
+def cells_of(browser):
+    """Return of each path of coloured cells how it is filled, and how many cells its runs have."""
+    return browser.js(
+        """return [...document.querySelectorAll('#map g.cells path')].map(
+            (each) => [each.getAttribute('fill-opacity'), each.getAttribute('d').match(/h(?=\\d)\\d+/g).map((run) => Number(run.slice(1)))])"""
+    )
+
+
+def test_a_layer_is_coloured_cell_by_cell_and_the_legend_says_what_it_means(patrol, browser):
+    patrol.journal.note("mown", name="lawn", rows=[[0.0, 0.55, 0.55], [1.0, 1.0, 0.0]])
+    browser.wait(lambda: len(cells_of(browser)) == 2, "the cells")
+    assert cells_of(browser) == [["0.51", [2]], ["0.75", [2]]]
+    box = "return document.querySelector('#map g.cells').getBBox()"
+    assert browser.js(f"{box}.width") == 3
+    assert browser.js(f"{box}.height") == 2
+    patrol.journal.note("mown", name="lawn", rows=[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+    browser.wait(lambda: cells_of(browser) == [["0.75", [3, 3]]], "the later cells")
+    browser.open(patrol.server.url)
+    assert cells_of(browser) == [["0.75", [3, 3]]]
+    legend = browser.text("#legend table")
+    assert all(f"mown to {percent} %" in legend for percent in (20, 50, 100))
+
+
 def test_places_have_their_state_and_what_was_found_its_coordinates(patrol, browser):
     patrol.journal.note("found", name="find_1", x=-2.0, y=2.25)
     patrol.journal.note("point_reached", point="north", level="GIVEN_UP", state="given up", reason="no way")

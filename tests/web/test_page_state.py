@@ -69,6 +69,7 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     assert [each["text"] for each in shown["figures"]] == [
         each.text for each in mission.situation.figures.values()
     ]
+    assert shown["rasters"] == {name: each._asdict() for name, each in mission.situation.rasters.items()}
     assert {each["text"]: (each["run"], each["time"]) for each in shown["alarms"]} == {
         text: (since.run, since.time) for text, since in mission.since.items()
     }

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from sar_compiler.missions import RasterLayer
 from sar_compiler.missions.search_and_rescue.areas import Corners, Ground
 
 Points = npt.NDArray[np.float64]
@@ -81,8 +82,9 @@ class Raster:
         axes = [np.arange(low[axis] + self.cell_m / 2, high[axis], self.cell_m) for axis in (0, 1)]
         everywhere = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         self._outline = shapely.Polygon(ground.polygon)
-        inside = shapely.contains_xy(self._outline, everywhere)
-        self.centres: Points = everywhere[inside]
+        self._inside = shapely.contains_xy(self._outline, everywhere)
+        self._low, self._columns = low, len(axes[0])
+        self.centres: Points = everywhere[self._inside]
         self.coverage = _read(cells, len(self.centres)) if cells else np.zeros(len(self.centres))
 
     @property
@@ -173,6 +175,15 @@ class Raster:
         parts = [part for part in _without_holes(joined) if part.area > _FEWEST_CELLS * self.cell_m**2]
         parts.sort(key=lambda part: -part.area)
         return [tuple(map(tuple, part.exterior.simplify(0.0).coords[:-1])) for part in parts]
+
+    def layer(self, name: str) -> RasterLayer:
+        """Return what is shown of it: with how much POD each cell was looked at."""
+        pods = np.zeros(len(self._inside))
+        pods[self._inside] = 1.0 - np.exp(-self.coverage)
+        x, y = self._low.tolist()
+        return RasterLayer.of(
+            name, "looked at, POD", x, y, self.cell_m, pods.reshape(-1, self._columns).tolist()
+        )
 
     def text(self) -> str:
         """Return the coverage of all cells as text, to a thousandth."""

@@ -180,7 +180,7 @@ class Search(MissionRun):
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         if self.record.homing_for:
             alarms.append(Alarm(_home_first(self.record.homing_for, self.record.homing_to), level=_WARNING))
-        return Display(landmarks, figures, alarms=alarms, phase=self._phase())
+        return Display(landmarks, figures, alarms=alarms, phase=self._phase(), rasters=self.sweeps.layers())
 
     def _phase(self) -> MissionPhase:
         orders, at_base = self.orders, BASE if self.record.home else ""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.missions import Journal, JournalEntry, mission_context, position
+from sar_compiler.missions import Journal, JournalEntry, RasterLayer, mission_context, position
 from sar_compiler.missions.search_and_rescue.areas import Corners, Ground
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 
@@ -34,6 +34,7 @@ class Sweep:
         pod: How likely all of it has found who is there, 0 to 1.
         seen: The share of the ground that was seen at all, 0 to 1.
         cells: The coverage, cell by cell, as `Raster` writes it.
+        layer: What is shown of it; None before the first piece.
         gaps: The outlines of what is left to be looked at, as the end of a pass has found them.
     """
 
@@ -49,6 +50,7 @@ class Sweep:
     pod: float = 0.0
     seen: float = 0.0
     cells: str = ""
+    layer: RasterLayer | None = None
     gaps: tuple[Corners, ...] = ()
 
     @property
@@ -79,6 +81,10 @@ class Sweeps:
     def of(self, zone: str) -> Sweep:
         """Return what is so of the sweep of a zone."""
         return self._sweeps.get(zone, Sweep())
+
+    def layers(self) -> list[RasterLayer]:
+        """Return what is shown of the ground that was looked at."""
+        return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
 
     def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "Raster":
         """Return the coverage of the ground of a zone, with the map as it is now.
@@ -177,10 +183,14 @@ class Sweeps:
         gaps: Sequence[Any],
         **seen: Any,
     ) -> Sweep:
+        from sar_compiler.missions.search_and_rescue.coverage import Raster
+
         outlines = tuple(tuple(position(*corner) for corner in outline) for outline in gaps)
         numbers: dict[str, Any] = {name: _number(seen[name]) for name in _SEEN}
         driven = sweep.metres + _number(metres)
-        return replace(_past(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines, **numbers)
+        layer = Raster(self.grounds[zone], cells=str(cells)).layer(zone)
+        swept = replace(_past(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines)
+        return replace(swept, layer=layer, **numbers)
 
     def _take_piece_skipped(self, sweep: Sweep, zone: str, piece: int, reason: str) -> Sweep:  # noqa: ARG002 - for the reader of the journal
         return replace(_past(sweep, zone, piece), skipped=sweep.skipped + 1)

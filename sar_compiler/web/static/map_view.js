@@ -65,6 +65,7 @@ export class MapView {
       ...this.ground(run.map ? run : (runs.find(({ map }) => map) ?? run), scale),
       this.grid(width, height, scale),
       ...of((each) => this.areas(each)),
+      ...of((each) => this.rasters(each, scale)),
       ...this.outline(),
       ...of((each, other) => this.ways(each, other)),
       ...marks.map(({ group }) => group),
@@ -125,6 +126,15 @@ export class MapView {
     const corners = this.drawn.map(([x, y]) => this.at(x, y));
     const points = corners.map((at) => at.map((each) => each.toFixed(1)).join(",")).join(" ");
     return [svg("g", { class: "drawn" }, svg(corners.length < LEAST_CORNERS ? "polyline" : "polygon", { points }), ...corners.map(([cx, cy], at) => svg("circle", { cx, cy, r: at ? 4 : CLOSING }))) ];
+  }
+
+  rasters(run, scale) {
+    return Object.values(run.rasters).map((layer) => {
+      const [x, y] = this.at(layer.x, layer.y);
+      const group = cells(layer);
+      set(group, { transform: `translate(${x.toFixed(2)} ${y.toFixed(2)}) scale(${layer.cell_m * scale})` });
+      return group;
+    });
   }
 
   landmarks(run) {
@@ -288,15 +298,16 @@ class Legend {
 
   show(run) {
     const kinds = Object.values(run.kinds);
-    const key = JSON.stringify([kinds, Boolean(run.map), run.plan.length > 0]);
-    if (key !== this.key) this.draw(key, kinds, run);
+    const meanings = new Set(Object.values(run.rasters).map(({ meaning }) => meaning));
+    const key = JSON.stringify([kinds, Boolean(run.map), run.plan.length > 0, [...meanings]]);
+    if (key !== this.key) this.draw(key, kinds, meanings, run);
     for (const [name, element] of Object.entries(this.ages)) {
       const since = run.times[name];
       say(element, since === undefined ? "" : `${clock(run.time - since)} ago`);
     }
   }
 
-  draw(key, kinds, run) {
+  draw(key, kinds, meanings, run) {
     this.key = key;
     const row = (drawn, text, age) => {
       const old = html("td");
@@ -313,8 +324,33 @@ class Legend {
       ...(run.map ? [row(svg("path", { class: "wall", d: "M-12 -9 H12 V-3 H-12 Z" }), "wall", "map")] : []),
       ...drawn.map((kind) => row(mark({ level: 0 }, kind), kind.plural)),
       ...["in hand", "done", "given up"].map((name, level) => row(mark({ level: level + 1 }, {}), name)),
+      ...[...meanings].flatMap((meaning) => [2, 5, 10].map((tenths) => row(svg("path", { class: "cells", "fill-opacity": opacity(tenths), d: "M-12 -9 H12 V9 H-12 Z" }), `${meaning} to ${10 * tenths} %`))),
     );
   }
+}
+
+const TENTHS = "-abcdefghij";
+// What is drawn of a layer, made once.
+const drawnOf = new WeakMap();
+
+function opacity(tenths) {
+  return (0.15 + 0.06 * tenths).toFixed(2);
+}
+
+/** The cells of a layer, a path for as many tenths as they are full; a cell is 1 wide. */
+function cells(layer) {
+  if (drawnOf.has(layer)) return drawnOf.get(layer);
+  const paths = new Map();
+  let place = 0;
+  for (const [, count, letter] of layer.cells.matchAll(/(\d*)([-a-j])/g)) {
+    const long = Number(count || 1);
+    const path = `M${place % layer.columns} ${-Math.floor(place / layer.columns)}h${long}v-1h-${long}z`;
+    if (letter !== "-") paths.set(letter, (paths.get(letter) ?? "") + path);
+    place += long;
+  }
+  const group = svg("g", { class: "cells" }, ...[...paths].map(([letter, d]) => svg("path", { "fill-opacity": opacity(TENTHS.indexOf(letter)), d })));
+  drawnOf.set(layer, group);
+  return group;
 }
 
 /** How much of a box lies on another, in square pixels. */

@@ -11,13 +11,13 @@ export class Run {
   begin() {
     Object.assign(this, {
       run: { number: 0 }, condition: { word: "", level: "quiet", since: 0, reason: "" }, place: "", estimate: {}, time: 0, nodes: [], states: [],
-      pose: null, plan: [], drive: null, map: null, times: {}, kinds: {}, landmarks: new Map(),
+      pose: null, plan: [], drive: null, map: null, times: {}, kinds: {}, landmarks: new Map(), rasters: {},
       figures: [], gauges: [], alarms: [], properties: { watched: [], doubted: null }, proofs: null, chance: null, why: null, log: [], trail: [],
     });
   }
 
-  /** Take what has changed: of most parts what they are now, of nodes, landmarks and lists what is otherwise. */
-  take({ begin, nodes, states = {}, landmarks = {}, log, trail, ...parts }) {
+  /** Take what has changed: of most parts what they are now, of nodes, landmarks, rasters and lists what is otherwise. */
+  take({ begin, nodes, states = {}, landmarks = {}, rasters, log, trail, ...parts }) {
     if (begin) this.begin();
     Object.assign(this, parts);
     if (nodes) {
@@ -31,6 +31,7 @@ export class Run {
       if (landmark) this.landmarks.set(key, landmark);
       else this.landmarks.delete(key);
     }
+    this.rasters = { ...this.rasters, ...rasters };
     if (log) this.log = [...this.log.slice(0, log.at), ...log.values.map(([run, when, level, text]) => ({ run, time: when, level, text }))];
     if (trail) this.trail.splice(trail.at, Infinity, ...trail.values);
   }
