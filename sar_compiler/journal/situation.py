@@ -44,6 +44,7 @@ class LandmarkKind(NamedTuple):
         shape: How one is drawn: `circle`, `triangle`, `house` or `square`; one with corners as a polygon.
         is_found: Whether the robot finds them, and somebody must go there unless they are given up: `people` in a report's forms for emergency services.
         event: What such a find is, in words, for those services.
+        shaded_by: What their outlines are shaded by, in words: `probability now`; empty for none that are.
     """
 
     name: str
@@ -51,6 +52,7 @@ class LandmarkKind(NamedTuple):
     shape: str = "circle"
     is_found: bool = False
     event: str = ""
+    shaded_by: str = ""
 
 
 class FactTime(NamedTuple):
@@ -82,6 +84,7 @@ class Landmark(NamedTuple):
         is_certain: Whether a person has confirmed it.
         details: What else is known of it, by a name in words: numbers, texts, moments.
         corners: Its outline, as positions in the frame `map`, metres; empty for a point.
+        shade: How strongly the outline is shaded, 0 to 1, by what its kind says; None if it is not.
     """
 
     kind: str
@@ -95,6 +98,7 @@ class Landmark(NamedTuple):
     is_certain: bool = False
     details: Mapping[str, Any] = {}
     corners: Sequence[tuple[float, float]] = ()
+    shade: float | None = None
 
 
 class RasterLayer(NamedTuple):
@@ -357,8 +361,11 @@ def _landmark(
     details: Mapping[str, Any] | None = None,
     corners: Iterable[Sequence[float]] = (),
     level: int = 0,
+    shade: float | None = None,
     **more: Any,
 ) -> Landmark:
+    if shade is not None and not 0.0 <= shade <= 1.0:
+        raise ValueError(f"{shade!r} is no shade from 0 to 1")
     return Landmark(
         kind,
         name,
@@ -366,6 +373,7 @@ def _landmark(
         level=Level(level),
         details={key: _detail(each) for key, each in (details or {}).items()},
         corners=tuple(position(*each) for each in corners),
+        shade=shade,
         **more,
     )
 

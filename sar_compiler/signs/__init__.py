@@ -50,6 +50,7 @@ COLOURS: Mapping[str, Colour] = {
     "robot": Colour("#8a3f8a", "#e6a3e6"),
     "trail": Colour("#0072b2", "#5db7f0"),
     "plan": Colour("#b03a00", "#ff8b4d"),
+    "likely": Colour("#cc79a7", "#dd9bc2"),
     "seen": Colour("#009e73", "#3fd0a4"),
     "grid": Colour("rgb(20 30 45 / .09)", "rgb(220 230 245 / .1)"),
     # the shapes of a tree's nodes: those of py_trees' drawings, lighter

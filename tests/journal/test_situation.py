@@ -49,6 +49,7 @@ LANDMARKS = st.builds(
     st.booleans(),
     st.dictionaries(st.sampled_from(["found", "attempts"]), MOMENTS | st.integers(0, 9), max_size=2),
     st.lists(st.tuples(NUMBERS, NUMBERS), max_size=3).map(tuple),
+    st.none() | st.floats(0.0, 1.0),
 )
 
 
@@ -126,6 +127,12 @@ def test_a_figure_has_words(figure: Figure, text: str) -> None:
 def test_a_landmark_nowhere_is_refused(place: tuple[Any, Any]) -> None:
     with pytest.raises((TypeError, ValueError)):
         Situation().take(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
+
+
+@pytest.mark.parametrize("shade", [-0.1, 1.1, math.nan, "dark"])
+def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        Situation().take(landmarks=[{"kind": "zone", "name": "a", "x": 0, "y": 0, "shade": shade}])
 
 
 @pytest.mark.parametrize(

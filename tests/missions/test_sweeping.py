@@ -127,6 +127,15 @@ def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
     assert set("abcdefghij") & set(layer.cells.removesuffix("16-" * 6))
 
 
+def test_an_outline_is_shaded_by_its_probability_now() -> None:
+    search = searching(a=Area(0.5, 0.9), b=Area(0.3, 0.5))
+    search.record.zone_searched("b", None)
+    [area] = [each for each in search.display().landmarks if each.kind == "area"]
+    assert area.shade == pytest.approx(0.5 / (1 - 0.3 * 0.5), abs=0.0001)
+    [unknown] = [each for each in searching().display().landmarks if each.kind == "area"]
+    assert unknown.shade is None
+
+
 def test_an_outline_that_was_not_swept_has_no_size_yet_and_no_pieces() -> None:
     [area] = [each for each in searching().display().landmarks if each.corners]
     assert (area.state, area.details["area A"], area.details["POD"]) == ("", "", "0.0%")

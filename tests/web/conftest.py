@@ -56,7 +56,7 @@ KINDS = (
     LandmarkKind("point", "points"),
     LandmarkKind("find", "finds", "triangle", is_found=True),
     LandmarkKind("dock", "dock", "house"),
-    LandmarkKind("fence", "fences"),
+    LandmarkKind("fence", "fences", shaded_by="chance of rain"),
 )
 POINTS = {"north": (-3.0, 3.0), "east": (3.5, 3.0)}
 
@@ -69,6 +69,7 @@ class Patrol:
         self.finds = {}
         self.alarms = {}
         self.lawns = {}
+        self.rain = None
         self.phase = MissionPhase()
 
     def apply(self, fact):
@@ -88,6 +89,8 @@ class Patrol:
             )
         elif fact.kind == "lost":
             self.finds.pop(data["name"], None)
+        elif fact.kind == "forecast":
+            self.rain = data["rain"]
         elif fact.kind == "mown":
             self.lawns[data["name"]] = RasterLayer.of(data["name"], "mown", -1.0, -2.0, 0.5, data["rows"])
         elif fact.kind == "held":
@@ -104,7 +107,14 @@ class Patrol:
                 *self.points.values(),
                 *self.finds.values(),
                 Landmark("dock", "dock", 0.0, 0.0),
-                Landmark("fence", "fence", -5.0, -5.0, corners=((-5.0, -5.0), (5.0, -5.0), (0.0, 5.0))),
+                Landmark(
+                    "fence",
+                    "fence",
+                    -5.0,
+                    -5.0,
+                    corners=((-5.0, -5.0), (5.0, -5.0), (0.0, 5.0)),
+                    shade=self.rain,
+                ),
             ],
             [Figure("points visited", visited, len(self.points)), Figure("finds", len(self.finds))],
             [Gauge("battery", 90.0 - visited, "%", 20.0)],

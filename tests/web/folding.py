@@ -66,6 +66,7 @@ def happen(journal, chance, name):
         "point_added": {"point": point, "x": x, "y": 0.0},
         "found": {"name": f"find_{chance.randrange(4)}", "x": x, "y": 0.0},
         "lost": {"name": f"find_{chance.randrange(4)}"},
+        "forecast": {"rain": chance.choice([None, 0.0, 0.25, 1.0])},
         "mown": {
             "name": chance.choice("pq"),
             "rows": [[chance.random() for _ in range(3)] for _ in range(2)],

@@ -182,6 +182,17 @@ def test_a_layer_is_coloured_cell_by_cell_and_the_legend_says_what_it_means(patr
     assert all(f"mown to {percent} %" in legend for percent in (20, 50, 100))
 
 
+def test_an_outline_is_shaded_and_the_legend_has_the_number_of_the_strongest(patrol, browser):
+    assert browser.js("return document.querySelector('#map .shade')") is None
+    patrol.journal.note("forecast", rain=0.45)
+    browser.wait(lambda: browser.js("return document.querySelectorAll('#map .shade').length") == 1, "a shade")
+    fills = "return document.querySelector('#map .shade').getAttribute('fill-opacity')"
+    assert browser.js(fills) == "0.55"
+    legend = browser.text("#legend table")
+    assert "chance of rain 45.0 %" in legend
+    assert "chance of rain 15.0 %" in legend
+
+
 def test_places_have_their_state_and_what_was_found_its_coordinates(patrol, browser):
     patrol.journal.note("found", name="find_1", x=-2.0, y=2.25)
     patrol.journal.note("point_reached", point="north", level="GIVEN_UP", state="given up", reason="no way")

@@ -66,6 +66,7 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
             mark.state,
             mark.level,
         )
+        assert told["shade"] == mark.shade
     assert [each["text"] for each in shown["figures"]] == [
         each.text for each in mission.situation.figures.values()
     ]

@@ -50,7 +50,7 @@ KINDS = (
 """What a search shows on the map."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
 """What it shows as well where there are such."""
-GROUND_KINDS = (LandmarkKind("area", "areas"), LandmarkKind("gap", "gaps"))
+GROUND_KINDS = (LandmarkKind("area", "areas", shaded_by="probability now"), LandmarkKind("gap", "gaps"))
 """What it shows as well where zones have outlines."""
 # As of a log line: it comes home, and means to go on.
 _WARNING = 30
@@ -240,6 +240,7 @@ class Search(MissionRun):
             ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.of(zone.name)
             if ground is None:
                 continue
+            has_map = zone.name in self.zones.areas
             state = f"{sweep.done} of {len(sweep.pieces)} pieces" if sweep.passes else ""
             yield zone._replace(
                 kind="area",
@@ -247,6 +248,7 @@ class Search(MissionRun):
                 reason="",
                 corners=ground.polygon,
                 details=self._swept(zone.name),
+                shade=round(self.zones.poa_map().now()[zone.name], 4) if has_map else None,
             )
             for number, gap in enumerate(sweep.gaps, 1):
                 name = f"{zone.name} gap {number}"

@@ -64,9 +64,10 @@ export class MapView {
     this.canvas.replaceChildren(
       ...this.ground(run.map ? run : (runs.find(({ map }) => map) ?? run), scale),
       this.grid(width, height, scale),
-      ...of((each) => this.areas(each)),
+      ...of((each) => this.shades(each)),
       ...of((each) => this.rasters(each, scale)),
-      ...this.outline(),
+      ...of((each) => this.areas(each)),
+      ...this.drawing(),
       ...of((each, other) => this.ways(each, other)),
       ...marks.map(({ group }) => group),
       ...robots.map(({ group }) => group),
@@ -114,18 +115,24 @@ export class MapView {
   }
 
   areas(run) {
-    return [...run.landmarks.values()].filter(({ corners }) => corners.length).map((each) => {
-      const points = each.corners.map(([x, y]) => this.at(x, y).map((at) => at.toFixed(1)).join(",")).join(" ");
-      return svg("polygon", { class: `area ${LEVELS[each.level]?.word}`, points }, svg("title", {}, titled(each)));
-    });
+    return [...run.landmarks.values()].filter(({ corners }) => corners.length).map((each) => svg("polygon", { class: `area ${LEVELS[each.level]?.word}`, points: this.outline(each) }, svg("title", {}, titled(each))));
+  }
+
+  outline({ corners }) {
+    return corners.map(([x, y]) => this.at(x, y).map((at) => at.toFixed(1)).join(",")).join(" ");
+  }
+
+  shades(run) {
+    const most = mostShaded(run);
+    return [...run.landmarks.values()].filter(({ shade }) => shade > 0).map((each) => svg("polygon", { class: "shade", points: this.outline(each), "fill-opacity": shadeOpacity(each.shade / most[each.kind]) }, svg("title", {}, titled(each))));
   }
 
   /** What is being drawn, with its corners; the first one closes it. */
-  outline() {
+  drawing() {
     if (!this.drawn?.length) return [];
     const corners = this.drawn.map(([x, y]) => this.at(x, y));
-    const points = corners.map((at) => at.map((each) => each.toFixed(1)).join(",")).join(" ");
-    return [svg("g", { class: "drawn" }, svg(corners.length < LEAST_CORNERS ? "polyline" : "polygon", { points }), ...corners.map(([cx, cy], at) => svg("circle", { cx, cy, r: at ? 4 : CLOSING }))) ];
+    const line = svg(corners.length < LEAST_CORNERS ? "polyline" : "polygon", { points: this.outline({ corners: this.drawn }) });
+    return [svg("g", { class: "drawn" }, line, ...corners.map(([cx, cy], at) => svg("circle", { cx, cy, r: at ? 4 : CLOSING })))];
   }
 
   rasters(run, scale) {
@@ -299,15 +306,16 @@ class Legend {
   show(run) {
     const kinds = Object.values(run.kinds);
     const meanings = new Set(Object.values(run.rasters).map(({ meaning }) => meaning));
-    const key = JSON.stringify([kinds, Boolean(run.map), run.plan.length > 0, [...meanings]]);
-    if (key !== this.key) this.draw(key, kinds, meanings, run);
+    const most = mostShaded(run);
+    const key = JSON.stringify([kinds, Boolean(run.map), run.plan.length > 0, [...meanings], most]);
+    if (key !== this.key) this.draw(key, kinds, meanings, most, run);
     for (const [name, element] of Object.entries(this.ages)) {
       const since = run.times[name];
       say(element, since === undefined ? "" : `${clock(run.time - since)} ago`);
     }
   }
 
-  draw(key, kinds, meanings, run) {
+  draw(key, kinds, meanings, most, run) {
     this.key = key;
     const row = (drawn, text, age) => {
       const old = html("td");
@@ -324,7 +332,8 @@ class Legend {
       ...(run.map ? [row(svg("path", { class: "wall", d: "M-12 -9 H12 V-3 H-12 Z" }), "wall", "map")] : []),
       ...drawn.map((kind) => row(mark({ level: 0 }, kind), kind.plural)),
       ...["in hand", "done", "given up"].map((name, level) => row(mark({ level: level + 1 }, {}), name)),
-      ...[...meanings].flatMap((meaning) => [2, 5, 10].map((tenths) => row(svg("path", { class: "cells", "fill-opacity": opacity(tenths), d: "M-12 -9 H12 V9 H-12 Z" }), `${meaning} to ${10 * tenths} %`))),
+      ...[...meanings].flatMap((meaning) => [2, 5, 10].map((tenths) => row(swatch("cells", opacity(tenths)), `${meaning} to ${10 * tenths} %`))),
+      ...kinds.filter(({ name }) => most[name]).flatMap(({ name, shaded_by: by }) => [1 / 3, 1].map((share) => row(swatch("shade", shadeOpacity(share)), `${by} ${(100 * share * most[name]).toFixed(1)} %`))),
     );
   }
 }
@@ -335,6 +344,22 @@ const drawnOf = new WeakMap();
 
 function opacity(tenths) {
   return (0.15 + 0.06 * tenths).toFixed(2);
+}
+
+/** How an outline is filled that is shaded by a share of what the strongest one is. */
+function shadeOpacity(share) {
+  return (0.55 * share).toFixed(2);
+}
+
+function swatch(name, filled) {
+  return svg("path", { class: name, "fill-opacity": filled, d: "M-12 -9 H12 V9 H-12 Z" });
+}
+
+/** Of each kind how strongly its strongest outline is shaded. */
+function mostShaded(run) {
+  const most = {};
+  for (const { kind, shade } of run.landmarks.values()) if (shade > (most[kind] ?? 0)) most[kind] = shade;
+  return most;
 }
 
 /** The cells of a layer, a path for as many tenths as they are full; a cell is 1 wide. */
