@@ -6,19 +6,16 @@ the state is the same. Entries of other kinds, or without what belongs to their 
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
     GOAL_ENDED,
-    GOAL_SENT,
     ORDERED,
-    PROPERTIES_OWED,
-    PROPERTIES_WATCHED,
     PROPERTY_BROKEN,
     RUN_BEGAN,
     RUN_ENDED,
@@ -168,6 +165,7 @@ class NodeState:
         parent: The number of its parent; None for the root.
         children: The numbers of its children.
         attributes: Its attributes, by name.
+        outline: All that the journal has of it.
         status: As in the entries; empty if it was never ticked. IDLE and HALTED: it has no part in what is going on.
         message: What it says; empty while it has no part in what is going on.
         label: The label of its answer, of a leaf; empty if it has not said which of several, None if it has declared none.
@@ -184,6 +182,7 @@ class NodeState:
     parent: int | None
     children: list[int] = field(default_factory=list)
     attributes: Mapping[str, Any] = field(default_factory=dict)
+    outline: Mapping[str, Any] = field(default_factory=dict)
     status: str = ""
     message: str = ""
     label: str | None = None
@@ -307,10 +306,10 @@ class MissionState:
         if entry.kind == RUN_BEGAN:
             self._starts[entry.run] = entry.time
         self.now = self.instant(FactTime(entry.run, entry.time, entry.wall))
-        happen = self._KINDS.get(entry.kind)
+        happen = getattr(self, f"_take_{entry.kind}", None)
         if happen is not None:
             try:
-                happen(self, **entry.data)
+                happen(**entry.data)
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
                 pass  # somebody else's entry of that kind
             else:
@@ -414,27 +413,27 @@ class MissionState:
         given = self.runs[-1].about.get("parameters") if self.runs else None
         return given if isinstance(given, Mapping) else {}
 
-    def _run_began(self, run: Mapping[str, Any], **about: Any) -> None:
+    def _take_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
         self.finished, self.properties, self.doubted = {}, {}, None
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
 
-    def _run_ended(self, ending: str, status: int | None, reason: str, head: str = "") -> None:
+    def _take_run_ended(self, ending: str, status: int | None, reason: str, head: str = "") -> None:
         run = self.runs[-1]
         run.ended, run.ending, run.status, run.reason = self.now, str(ending), status, str(reason)
         run.head = str(head)
         self.drive, self.lacks = None, ""
 
-    def _goal_sent(self, action: str, goal: str) -> None:
+    def _take_goal_sent(self, action: str, goal: str) -> None:
         self.goals[goal] = action
 
-    def _goal_ended(self, goal: str, status: int) -> None:  # noqa: ARG002 - as the entry has it
+    def _take_goal_ended(self, goal: str, status: int) -> None:  # noqa: ARG002 - as the entry has it
         self.goals.pop(goal, None)
         self.drive, self.plan = None, []
 
-    def _status(
+    def _take_status(
         self, node: int, tick: int, status: str, message: str, label: str | None = None, **_last: object
     ) -> None:
         state = self.nodes[node]
@@ -444,24 +443,24 @@ class MissionState:
         state.label = None if label is None else str(label)
         self.tick = max(self.tick, int(tick))
 
-    def _pose(self, x: float, y: float, yaw: float) -> None:
+    def _take_pose(self, x: float, y: float, yaw: float) -> None:
         self.pose = RobotPose(self.now, *position(x, y), float(yaw))
         self.trail.append(self.pose)
 
-    def _plan(self, frame: str, points: Any) -> None:
+    def _take_plan(self, frame: str, points: Any) -> None:
         self.plan = [position(*point) for point in points] if frame == "map" else []
 
-    def _progress(self, target: str, distance: float, time_left: float | None) -> None:
+    def _take_progress(self, target: str, distance: float, time_left: float | None) -> None:
         self._told_drive = self.now.time
         self.drive = DriveLeft(str(target), float(distance), None if time_left is None else float(time_left))
 
-    def _lacks(self, text: str) -> None:
+    def _take_lacks(self, text: str) -> None:
         self.lacks = str(text)
 
-    def _breakpoint(self, text: str) -> None:
+    def _take_breakpoint(self, text: str) -> None:
         self.breakpoint = str(text)
 
-    def _battery(self, share: float, at_least: float | None = None) -> None:
+    def _take_battery(self, share: float, at_least: float | None = None) -> None:
         """A mission that has a gauge of this name says it itself; who knows its limit says that once."""
         if not math.isfinite(share):
             raise ValueError(share)
@@ -469,40 +468,42 @@ class MissionState:
         least = known if at_least is None else round(100.0 * at_least)
         self.battery = Gauge("battery", round(100.0 * share), "%", least)
 
-    def _map(self, **data: Any) -> None:
+    def _take_map(self, **data: Any) -> None:
         self.map = data
 
-    def _ordered(self, verb: str, label: str, by: str, refusal: str = "", *, is_told: bool = False) -> None:
+    def _take_ordered(
+        self, verb: str, label: str, by: str, refusal: str = "", *, is_told: bool = False
+    ) -> None:
         if not is_told:
             data = {"verb": verb, "label": label, "by": by, "refusal": refusal}
             words = f"{by or 'somebody'}: {label or verb}{f': refused, {refusal}' if refusal else ''}"
             self.facts.append(KnownFact(self.now, ORDERED, data, words))
 
-    def _properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
+    def _take_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
         watched = [WatchedProperty(str(each["name"]), str(each["if_broken"])) for each in properties]
         self.properties = {each.name: each for each in watched}
 
-    def _properties_owed(self, owed: Iterable[str]) -> None:
+    def _take_properties_owed(self, owed: Iterable[str]) -> None:
         names = {*owed}
         self.properties = {
             name: each._replace(is_owed=name in names) for name, each in self.properties.items()
         }
 
-    def _property_broken(self, **data: Any) -> None:
+    def _take_property_broken(self, **data: Any) -> None:
         name, event = str(data["property"]), str(data["event"])
         known = self.properties.get(name, WatchedProperty(name))
         self.properties[name] = known._replace(broken=known.broken or self.now, event=known.event or event)
         self._know(PROPERTY_BROKEN, data)
 
-    def _assumption_failed(self, **data: Any) -> None:
+    def _take_assumption_failed(self, **data: Any) -> None:
         self.doubted = self.doubted or self.now
         self._know(ASSUMPTION_FAILED, data)
 
-    def _log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
+    def _take_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
             self.warnings.append(Told(self.now, str(text), str(node), int(level)))
 
-    def _changed(
+    def _take_changed(
         self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, by: str = "", **data: Any
     ) -> None:
         situation = self.situation
@@ -534,28 +535,6 @@ class MissionState:
             ):
                 self.finished.setdefault((kind, name), self.now)
 
-    _KINDS: ClassVar[Mapping[str, Callable[..., None]]] = {
-        RUN_BEGAN: _run_began,
-        RUN_ENDED: _run_ended,
-        GOAL_SENT: _goal_sent,
-        GOAL_ENDED: _goal_ended,
-        CHANGED: _changed,
-        "status": _status,
-        "pose": _pose,
-        "plan": _plan,
-        "progress": _progress,
-        "lacks": _lacks,
-        "breakpoint": _breakpoint,
-        "battery": _battery,
-        "map": _map,
-        "log": _log,
-        ORDERED: _ordered,
-        PROPERTIES_WATCHED: _properties_watched,
-        PROPERTIES_OWED: _properties_owed,
-        PROPERTY_BROKEN: _property_broken,
-        ASSUMPTION_FAILED: _assumption_failed,
-    }
-
 
 def tree_nodes(tree: Any) -> Iterator[NodeState]:
     """Yield the nodes of a tree of a journal in pre-order; anything else in it is left out."""
@@ -573,6 +552,7 @@ def tree_nodes(tree: Any) -> Iterator[NodeState]:
             0 if parent is None else parent.depth + 1,
             None if parent is None else parent.number,
             attributes=node.get("attributes") or {},
+            outline=node,
         )
         if parent is not None:
             parent.children.append(number)

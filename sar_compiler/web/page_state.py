@@ -1,7 +1,7 @@
 """The state of a robot's mission for a page, as JSON values, and its changes."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.condition import condition
@@ -154,9 +154,9 @@ class PageState:
         if mission.facts:
             self._fact = self._tell("fact", mission.facts.pop().text)
         else:
-            happen = self._KINDS.get(entry.kind)
+            happen = getattr(self, f"_take_{entry.kind}", None)
             if happen is not None:
-                happen(self, entry)
+                happen(entry)
             if entry.kind in self._TIMED:
                 self._times[entry.kind] = mission.now.time
                 self._touched.add("times")
@@ -225,20 +225,20 @@ class PageState:
     def _lists(self) -> tuple[tuple[str, GrowingList], ...]:
         return ("log", self._log), ("trail", self._trail)
 
-    def _run_began(self, entry: JournalEntry) -> None:
+    def _take_run_began(self, entry: JournalEntry) -> None:
         self._began, self._times = entry.time, {}
         self._why = self._proofs = self._chance = None
         self._statuses, self._nodes, self._reset = {}, set(), set()
         node = self._mission.runs[-1].about.get("node")
         self._tell("fact", f"The run began{f' on {node}' if node else ''}.")
 
-    def _run_ended(self, _: JournalEntry) -> None:
+    def _take_run_ended(self, _: JournalEntry) -> None:
         run = self._mission.runs[-1]
         self._tell(
             "fact", f"The run ended with status {run.status}{f': {run.reason}' if run.reason else '.'}"
         )
 
-    def _status(self, entry: JournalEntry) -> None:
+    def _take_status(self, entry: JournalEntry) -> None:
         data, now = entry.data, self._mission.now.time
         number, status, tick = data["node"], str(data["status"]), int(data["tick"])
         if status == "IDLE":  # it is shown, as something former, until there is something else
@@ -267,19 +267,19 @@ class PageState:
         )
         self._nodes.add(number)
 
-    def _pose(self, _: JournalEntry) -> None:
+    def _take_pose(self, _: JournalEntry) -> None:
         for pose in self._mission.trail:
             self._trail.append([pose.x, pose.y])
         self._mission.trail.clear()
         if len(points := self._trail.values) > _TRAIL:
             self._trail.renew([*points[:-1:2], points[-1]])
 
-    def _log_line(self, entry: JournalEntry) -> None:
+    def _take_log(self, entry: JournalEntry) -> None:
         self._mission.warnings.clear()
         data = entry.data
         self._tell(_LEVELS.get(data["level"], "info"), str(data["text"]), data.get("stamp"))
 
-    def _changed(self, entry: JournalEntry) -> None:
+    def _take_changed(self, entry: JournalEntry) -> None:
         data = entry.data
         self._touched.update(data.keys() & self._SITUATION)
         keys = [(each["kind"], each["name"]) for each in data.get("landmarks", ())]
@@ -329,7 +329,7 @@ class PageState:
         }
 
     def _tree(self) -> list[PageChange]:
-        about, runs = self._mission.about, self._mission.runs
+        runs = self._mission.runs
         looks = runs[-1].about.get("looks") if runs else None
         shown = [(str(look[0]), str(look[-1])) for look in looks if look] if isinstance(looks, list) else []
         return [
@@ -342,11 +342,11 @@ class PageState:
                 "file": node.file,
                 "line": node.line,
                 "attributes": {
-                    **{key: outline[key] for key in ("memory", "policy") if key in outline},
+                    **{key: node.outline[key] for key in ("memory", "policy") if key in node.outline},
                     **(node.attributes if isinstance(node.attributes, Mapping) else {}),
                 },
             }
-            for node, outline in zip(self._mission.nodes, _outlines(about.get("tree")), strict=True)
+            for node in self._mission.nodes
         ]
 
     def _landmark(self, key: tuple[str, str]) -> PageChange | None:
@@ -430,14 +430,6 @@ class PageState:
     }
     _TIMED = ("pose", "plan", "map")
     _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms"))
-    _KINDS: ClassVar[Mapping[str, Callable[..., None]]] = {
-        RUN_BEGAN: _run_began,
-        RUN_ENDED: _run_ended,
-        "status": _status,
-        "pose": _pose,
-        "log": _log_line,
-        CHANGED: _changed,
-    }
     # The parts that are replaced as they are, in the order in which they are told.
     _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
         "run": _run,
@@ -473,14 +465,3 @@ def all_changes(states: Iterable[PageState]) -> list[PageChange]:
 def _counted(ends: tuple[int, int, int], status: str) -> tuple[int, int, int]:
     successes, failures, halts = ends
     return successes + (status == SUCCESS), failures + (status == FAILURE), halts + (status == HALTED)
-
-
-def _outlines(tree: Any) -> Iterator[Mapping[str, Any]]:
-    """Yield the nodes of a tree as the journal has them, in pre-order."""
-    waiting = [tree] if isinstance(tree, Mapping) else []
-    while waiting:
-        node = waiting.pop()
-        yield node
-        children = node.get("children")
-        if isinstance(children, list):
-            waiting.extend(child for child in reversed(children) if isinstance(child, Mapping))
