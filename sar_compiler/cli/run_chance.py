@@ -184,7 +184,7 @@ class RunChance:
             take(*what)
         except Exception as error:  # noqa: BLE001
             self.end()
-            self.feed.tell_chance(not_known(error_text(error)))
+            self.feed.tell("chance", not_known(error_text(error)))
 
     def end(self) -> None:
         """Tell nothing more."""
@@ -204,10 +204,10 @@ class RunChance:
     def _receive(self, connection: "Connection") -> None:
         try:
             while (told := connection.recv()) is not None:
-                self.feed.tell_chance(told)
+                self.feed.tell("chance", told)
         except (EOFError, OSError):
             if not self._is_over:  # it was killed, perhaps for the memory that it took
-                self.feed.tell_chance(not_known("the computation was broken off"))
+                self.feed.tell("chance", not_known("the computation was broken off"))
         self._is_over = True
 
 

@@ -251,7 +251,7 @@ class _Team:
         if entry.kind == RUN_BEGAN and self.orders is not None:
             self.feed.offer([_form(verb) for verb in self.orders.know(robot, entry)], robot)
         if entry.kind == RUN_ENDED and (why := _why_of(_explain(path))) is not None:
-            self.feed.tell_why(why, robot)
+            self.feed.tell("why", why, robot)
 
     def beat(self) -> dict[str, object]:
         """Return what a page is told every second."""
@@ -288,7 +288,7 @@ class _TellsWhy:
         if entry.kind == RUN_ENDED:
             why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
             if why is not None:
-                self._feed.tell_why(why)
+                self._feed.tell("why", why)
 
 
 @contextmanager

@@ -160,14 +160,14 @@ class RunProof:
         self._process = context.Process(target=_prove, args=(question, sender), daemon=True)
         self._process.start()
         sender.close()
-        self.feed.tell_proofs({"verdicts": {}, "said": "being proved…"})
+        self.feed.tell("proofs", {"verdicts": {}, "said": "being proved…"})
         Thread(target=self._await, args=(receiver,), name="proof", daemon=True).start()
 
     def _await(self, receiver: "Connection") -> None:
         try:
-            self.feed.tell_proofs(receiver.recv())
+            self.feed.tell("proofs", receiver.recv())
         except EOFError:  # it was killed, perhaps for the memory that it took
-            self.feed.tell_proofs({"verdicts": {}, "said": "not known: the proof was broken off"})
+            self.feed.tell("proofs", {"verdicts": {}, "said": "not known: the proof was broken off"})
 
 
 def _prove(question: ProofQuestion, sender: "Connection") -> None:

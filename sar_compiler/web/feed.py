@@ -126,17 +126,9 @@ class LiveFeed:
         """Queue an entry of a robot; from any thread, without blocking."""
         self._news.append(lambda: _happen(self._states[robot], entry))
 
-    def tell_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue why a robot's mission has failed, as JSON values; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].tell_why(why))
-
-    def tell_proofs(self, proofs: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue what is proved of a robot's properties, as JSON values; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].tell_proofs(proofs))
-
-    def tell_chance(self, chance: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue how likely a robot's mission is to succeed, as JSON values; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].tell_chance(chance))
+    def tell(self, part: str, found: Mapping[str, Any], robot: int = 0) -> None:
+        """Queue what was found out of a robot's run, as `PageState.tell` takes it; from any thread, without blocking."""
+        self._news.append(lambda: self._states[robot].tell(part, found))
 
     def know(self, process: RunProcess, robot: int = 0) -> None:
         """Queue what is known of a robot's process; from any thread, without blocking."""
@@ -149,7 +141,7 @@ class LiveFeed:
     def _tell_verbs(self, verbs: list[Mapping[str, Any]], robot: int) -> None:
         if self._verbs[robot] != verbs:
             self._verbs[robot] = verbs
-            self._tell(message("verbs", self._verbs))
+            self._send(message("verbs", self._verbs))
 
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""
@@ -172,10 +164,10 @@ class LiveFeed:
             await self._tell_news()
             if loop.time() >= due:
                 due = loop.time() + _BEAT_SEC
-                self._tell(message("beat", {**self._beat(), "pages": len(self._listeners)}))
+                self._send(message("beat", {**self._beat(), "pages": len(self._listeners)}))
             await asyncio.sleep(_NEWS_SEC)
         await self._tell_news()
-        self._tell(message("bye", {}))
+        self._send(message("bye", {}))
         self._has_told_all = True
 
     def end(self) -> None:
@@ -188,9 +180,9 @@ class LiveFeed:
             if left % _AT_ONCE == 0:
                 await asyncio.sleep(0.0)
         if changes := all_changes(self._states):
-            self._tell(message("changes", changes))
+            self._send(message("changes", changes))
 
-    def _tell(self, text: str) -> None:
+    def _send(self, text: str) -> None:
         self._listeners = {listener for listener in self._listeners if listener.put(text)}
 
 

@@ -119,9 +119,8 @@ class PageState:
         self._statuses: dict[int, ShownStatus] = {}
         # The nodes that were reset since their last status.
         self._reset: set[int] = set()
-        self._why: Mapping[str, Any] | None = None
-        self._proofs: Mapping[str, Any] | None = None
-        self._chance: Mapping[str, Any] | None = None
+        # What others have found out of the run.
+        self._found: dict[str, Mapping[str, Any]] = {}
         self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
         # When the last lines of the log were said, in seconds since 1970.
@@ -152,7 +151,7 @@ class PageState:
         mission.take(entry)
         self._touched.update(self._PARTS.get(entry.kind, ()))
         if mission.facts:
-            self._fact = self._tell("fact", mission.facts.pop().text)
+            self._fact = self._add_line("fact", mission.facts.pop().text)
         else:
             happen = getattr(self, f"_take_{entry.kind}", None)
             if happen is not None:
@@ -168,20 +167,15 @@ class PageState:
         self._passed = seconds
         self._touched.add("time")
 
-    def tell_why(self, why: Mapping[str, Any]) -> None:
-        """Add why the mission has failed, as JSON values."""
-        self._why = why
-        self._touched.add("why")
+    def tell(self, part: str, found: Mapping[str, Any]) -> None:
+        """Add what was found out of the run, as JSON values.
 
-    def tell_proofs(self, proofs: Mapping[str, Any]) -> None:
-        """Add what is proved of the properties, as JSON values."""
-        self._proofs = proofs
-        self._touched.add("proofs")
-
-    def tell_chance(self, chance: Mapping[str, Any]) -> None:
-        """Add how likely the mission is to succeed from some moment on, as JSON values."""
-        self._chance = chance
-        self._touched.add("chance")
+        Args:
+            part: `why` it has failed, what `proofs` there are of the properties, or how likely (`chance`) it is to succeed from some moment on.
+            found: That.
+        """
+        self._found[part] = found
+        self._touched.add(part)
 
     def know(self, process: RunProcess) -> None:
         """Take what is known of the process that runs the mission."""
@@ -227,14 +221,14 @@ class PageState:
 
     def _take_run_began(self, entry: JournalEntry) -> None:
         self._began, self._times = entry.time, {}
-        self._why = self._proofs = self._chance = None
+        self._found = {}
         self._statuses, self._nodes, self._reset = {}, set(), set()
         node = self._mission.runs[-1].about.get("node")
-        self._tell("fact", f"The run began{f' on {node}' if node else ''}.")
+        self._add_line("fact", f"The run began{f' on {node}' if node else ''}.")
 
     def _take_run_ended(self, _: JournalEntry) -> None:
         run = self._mission.runs[-1]
-        self._tell(
+        self._add_line(
             "fact", f"The run ended with status {run.status}{f': {run.reason}' if run.reason else '.'}"
         )
 
@@ -277,7 +271,7 @@ class PageState:
     def _take_log(self, entry: JournalEntry) -> None:
         self._mission.warnings.clear()
         data = entry.data
-        self._tell(_LEVELS.get(data["level"], "info"), str(data["text"]), data.get("stamp"))
+        self._add_line(_LEVELS.get(data["level"], "info"), str(data["text"]), data.get("stamp"))
 
     def _take_changed(self, entry: JournalEntry) -> None:
         data = entry.data
@@ -293,7 +287,7 @@ class PageState:
             *when, _ = self._log.values[self._fact]
             self._log.put(self._fact, [*when, told_with_giver(str(said), str(data.get("by") or ""))])
 
-    def _tell(self, level: str, text: str, stamp: float | None = None) -> int:
+    def _add_line(self, level: str, text: str, stamp: float | None = None) -> int:
         """Add a line to the log, one with a stamp in front of what came later; return its place."""
         now, lines, walls = self._mission.now, self._log.values, self._walls
         wall = now.wall if stamp is None else min(now.wall, stamp)
@@ -451,9 +445,9 @@ class PageState:
         "gauges": lambda self: [each._asdict() for each in self._mission.gauges],
         "alarms": _alarms,
         "properties": _properties,
-        "proofs": lambda self: self._proofs,
-        "chance": lambda self: self._chance,
-        "why": lambda self: self._why,
+        "proofs": lambda self: self._found.get("proofs"),
+        "chance": lambda self: self._found.get("chance"),
+        "why": lambda self: self._found.get("why"),
     }
 
 

@@ -44,7 +44,7 @@ class Run:
     def facts(self):
         return {"zones_left": 2}
 
-    def tell_chance(self, chance):
+    def tell(self, _part, chance):
         self.told.put(chance)
 
     def add_post_tick_handler(self, handler):

@@ -325,7 +325,7 @@ def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
 
 def test_a_run_that_contradicts_what_proofs_assume_says_since_when_on_the_cards(patrol, browser):
     patrol.journal.watch("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
-    patrol.feed.tell_proofs({"verdicts": {"a": "proved"}})
+    patrol.feed.tell("proofs", {"verdicts": {"a": "proved"}})
     browser.wait_for("#properties li", "✓ in all runs: proved")
     assert not browser.text("#properties p")
     patrol.journal.clock.advance(5.0)
@@ -349,7 +349,7 @@ def test_the_chance_of_success_has_a_card_beside_those_of_the_properties(
 ):
     patrol.journal.watch("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
     browser.wait_for("#properties li", "watched")
-    patrol.feed.tell_chance({"low": low, "high": high, "said": said, "time": 62.0})
+    patrol.feed.tell("chance", {"low": low, "high": high, "said": said, "time": 62.0})
     browser.wait_for(
         "#properties li.chance", f"Chance of success from here{shown}at 1:02, by the chances of the file"
     )

@@ -502,7 +502,7 @@ def test_the_properties_of_a_run_are_proved_once_somebody_asks_for_it(live, brow
     browser.open(tree_of(run.server)).click("#properties summary")
     browser.click("#properties button")
     browser.wait(lambda: asked.seen == [{"robot": 0}], "the question")
-    run.feed.tell_proofs({"verdicts": {"a": "proved"}, "said": "173 states, 1 s"})
+    run.feed.tell("proofs", {"verdicts": {"a": "proved"}, "said": "173 states, 1 s"})
     browser.wait_for("#properties [role=status]", "In all runs: 173 states, 1 s")
     browser.wait_for("#properties li", "✓ in all runs: proved")
     assert not browser.driver.find_element("css selector", "#properties button").is_displayed()
