@@ -1,7 +1,6 @@
 """`sar-compile conform`: were flights runs of their tree, and did they keep its properties."""
 
 import argparse
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,16 +72,15 @@ def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "
     """Return what was found out about the last run of a journal."""
     from sar_compiler.checks.verify.recorded_runs import OtherTreeError
     from sar_compiler.errors import UndecidableError
-    from sar_compiler.journal.database import JournalFile, is_locked
+    from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.views.compared_flights import Flight
     from sar_compiler.views.journals import journal_word
 
-    is_gone = not is_locked(place)
-    with closing(JournalFile.read(place)) as file:
+    with JournalFile.reading(place) as file:
         entries = [*file.last_run(without=OF_ROBOT)]
     state = MissionState.of(entries)
-    state.look_at_process(is_gone=is_gone)
+    state.look_at_process(is_gone=not file.is_written)
     number, word = (state.runs[-1].number if state.runs else 0), journal_word(state)
     if not state.nodes:
         return Flight(place, number, word, None, "there is no run of a tree in it")

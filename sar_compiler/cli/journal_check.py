@@ -2,7 +2,6 @@
 
 import argparse
 import re
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -89,10 +88,9 @@ class CheckedJournal(NamedTuple):
         Raises:
             JournalError: If it cannot be read.
         """
-        from sar_compiler.journal.database import JournalFile, is_locked
+        from sar_compiler.journal.database import JournalFile
 
-        is_written = is_locked(place)
-        with closing(JournalFile.read(place)) as file, file.snapshot():
+        with JournalFile.reading(place) as file:
             if not file.is_chained:
                 words = "has no chain: an earlier version has written it, or the chain was taken out of it"
                 return cls(place, "no chain", words)
@@ -100,7 +98,7 @@ class CheckedJournal(NamedTuple):
             notes = [] if chain.wrong else [*_notes(file)]
         if expected is None and not chain.wrong:
             notes.append(_NOT_KNOWN)
-        return cls(place, *_judged(chain, expected, is_written=is_written), chain, tuple(notes))
+        return cls(place, *_judged(chain, expected, is_written=file.is_written), chain, tuple(notes))
 
     @property
     def is_good(self) -> bool:

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 
 from sar_compiler.cli.arguments import FILE, REPORT_FORMS, Parser, add_page_options, georeference
 from sar_compiler.cli.journal_check import add_check
@@ -89,17 +89,16 @@ def _serve(options: argparse.Namespace) -> None:
 
 
 def _show(options: argparse.Namespace) -> None:
-    from sar_compiler.journal.database import JournalFile, is_locked
+    from sar_compiler.journal.database import JournalFile
     from sar_compiler.missions.displaying import add_displays
     from sar_compiler.views.journals import journal_json, journal_lines
     from sar_compiler.views.why import Inquiry, first_to_look_at
 
     # To look at the lock takes away those of whoever reads the file in this process.
-    is_gone = not is_locked(options.journal)
-    with closing(JournalFile.read(options.journal)) as file, file.snapshot():
+    with JournalFile.reading(options.journal) as file:
         inquiry = Inquiry.of(add_displays(file.last_run(without=OF_ROBOT)))
         state, show_all = inquiry.state, options.all
-        state.look_at_process(is_gone=is_gone)
+        state.look_at_process(is_gone=not file.is_written)
         if options.format == "json":
             lines = journal_json(file, state, with_watched=show_all)
         else:

@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +50,7 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
 
     found, first = RunStatistics(), None
     for place in journals:
-        with closing(JournalFile.read(place)) as file, file.snapshot():
+        with JournalFile.reading(place) as file:
             nodes = nodes_told(file.about().get("tree"))
             first = nodes if first is None else first
             if nodes != first:

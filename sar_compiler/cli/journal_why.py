@@ -3,7 +3,6 @@
 import argparse
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -48,12 +47,11 @@ def tell_why(options: argparse.Namespace) -> None:
     Raises:
         JournalError: If a journal cannot be read.
     """
-    from sar_compiler.journal.database import JournalFile, is_locked
+    from sar_compiler.journal.database import JournalFile
     from sar_compiler.views.why import difference_data, difference_text
 
-    is_gone = not is_locked(options.journal)
-    with closing(JournalFile.read(options.journal)) as file, file.snapshot():
-        explained = Explanation.of(file, workspace(options), options.tree_file, is_gone=is_gone)
+    with JournalFile.reading(options.journal) as file:
+        explained = Explanation.of(file, workspace(options), options.tree_file, is_gone=not file.is_written)
     difference = None if options.against is None else _difference(options.journal, options.against)
     if options.format == "json":
         data = explained.data()
@@ -69,7 +67,7 @@ def _difference(place: Path, other_place: Path) -> "RunDifference | None":
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.views.why import first_difference
 
-    with closing(JournalFile.read(place)) as file, closing(JournalFile.read(other_place)) as other:
+    with JournalFile.reading(place) as file, JournalFile.reading(other_place) as other:
         return first_difference(_tree_entries(file), _tree_entries(other))
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from itertools import takewhile
 from pathlib import Path
 from threading import Lock
@@ -221,7 +221,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
     def entries(robot: int, run: int) -> "Iterable[JournalEntry]":
         from sar_compiler.journal.database import JournalFile
 
-        with alone, closing(JournalFile.read(journal_of(robot))) as file:
+        with alone, JournalFile.reading(journal_of(robot)) as file:
             return [
                 each for each in file.stream() if each.run == run and each.kind in ("run_began", "status")
             ]

@@ -263,7 +263,7 @@ class _Team:
 def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
     from sar_compiler.journal.database import JournalFile
 
-    with closing(JournalFile.read(path)) as file, file.snapshot():
+    with JournalFile.reading(path) as file:
         return Explanation.of(file, workspace)
 
 

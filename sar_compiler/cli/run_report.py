@@ -1,7 +1,6 @@
 """`--report` of `sar-run`, and `sar-journal report`."""
 
 from collections.abc import Iterable, Sequence
-from contextlib import closing
 from pathlib import Path
 
 from sar_compiler.cli.writing import write_text
@@ -114,14 +113,13 @@ def report_page(journal: Path) -> str:
 
 
 def _mission(journal: Path) -> tuple[MissionState, Why]:
-    from sar_compiler.journal.database import JournalFile, is_locked
+    from sar_compiler.journal.database import JournalFile
 
-    is_gone = not is_locked(journal)
-    with closing(JournalFile.read(journal)) as file, file.snapshot():
+    with JournalFile.reading(journal) as file:
         paths = ShortPaths(journal.parent)
         state = MissionState.of(paths.of(add_displays(file.stream())))
         why = Inquiry.of(paths.of(file.last_run(without=OF_ROBOT))).why()
-    state.look_at_process(is_gone=is_gone)
+    state.look_at_process(is_gone=not file.is_written)
     return state, why
 
 

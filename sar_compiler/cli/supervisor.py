@@ -7,7 +7,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -207,7 +207,7 @@ class _Life:
         if self._place is None:
             return None
         try:
-            with closing(JournalFile.read(self._place)) as file:
+            with JournalFile.reading(self._place) as file:
                 last = file.runs()[-1:]
         except JournalError:
             return None

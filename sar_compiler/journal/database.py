@@ -172,7 +172,13 @@ class JournalFile:
         path: Where it is.
         connection: The database.
         lock: The descriptor that holds the lock; None where it is only read.
+
+    Attributes:
+        path: The same.
+        is_written: Whether another process wrote to it just before it was opened to be read.
     """
+
+    is_written = False
 
     def __init__(self, path: Path, connection: sqlite3.Connection, lock: int | None = None) -> None:
         self.path = path
@@ -270,11 +276,13 @@ class JournalFile:
         """
         with _readable(path):
             _require_regular(path.stat().st_mode)
+            is_written = is_locked(path)
             # Where nobody writes to it SQLite need not put anything beside it to read it; and what whoever does has put
             # there is not touched: the file may get another name just now, and another one its place.
             passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
             file = cls(path, _connected(uri, uri=True))
+            file.is_written = is_written
             try:
                 with file._reading():
                     file._require_journal()
@@ -283,6 +291,13 @@ class JournalFile:
             except BaseException:
                 file.close()
                 raise
+
+    @classmethod
+    @contextmanager
+    def reading(cls, path: Path) -> "Iterator[JournalFile]":
+        """Have a journal open to be read, as it is at one moment; see `read`."""
+        with closing(cls.read(path)) as file, file.snapshot():
+            yield file
 
     def _require_journal(self) -> None:
         if flaw := self._flaw():

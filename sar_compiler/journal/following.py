@@ -1,6 +1,5 @@
 """Following of the journal that a mission in another process writes."""
 
-from contextlib import closing
 from pathlib import Path
 
 from sar_compiler.journal.database import JournalFile, StreamMark
@@ -47,7 +46,7 @@ class JournalFollower:
                 return []
         except FileNotFoundError:
             return []
-        with closing(JournalFile.read(self.path)) as file, file.snapshot():
+        with JournalFile.reading(self.path) as file:
             began = next((run.began for run in file.runs()), None)
             entries, mark = file.news(self._mark if began == self._began else StreamMark())
         self._began, self._mark = began, mark

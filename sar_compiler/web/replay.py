@@ -14,7 +14,7 @@ import os
 import pickle
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -117,7 +117,7 @@ class ReplayTrack:
 
     def _make(self, add_display: AddDisplay) -> None:
         state, place = PageState(), TrackPlace()
-        with closing(JournalFile.read(self._path)) as file, file.snapshot():
+        with JournalFile.reading(self._path) as file:
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
             for number, entry in enumerate(add_display(file.stream_behind(StreamPlace()))):
                 if self.first is None:
@@ -170,7 +170,7 @@ class ReplayTrack:
         return PageState(), TrackPlace()
 
     def _go_on(self, until: float) -> None:
-        with closing(JournalFile.read(self._path)) as file:
+        with JournalFile.reading(self._path) as file:
             for entry in file.stream_behind(self._place.entry):
                 place = self._place.behind(entry)
                 # A mission may have gone on since in this journal.
