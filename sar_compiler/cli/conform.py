@@ -4,16 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, add_tree_id
-from sar_compiler.cli.loading import (
-    FORMAT_HELP,
-    INPUT_HELP,
-    add_mission,
-    add_params,
-    add_project_options,
-    workspace,
-)
-from sar_compiler.cli.verify import add_facts, facts_given
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE
+from sar_compiler.cli.loading import INPUT_HELP, workspace
+from sar_compiler.cli.verify import add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.journal.journal_entries import OF_ROBOT
 
@@ -38,12 +31,7 @@ def add_conform(parser: argparse.ArgumentParser) -> None:
     )
     text = "a file of properties, for which flights are judged (default: what the mission brings)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    add_tree_id(parser, "compare with")
-    add_facts(parser)
-    add_params(parser)
-    add_project_options(parser)
-    add_mission(parser)
-    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    add_search_options(parser, "compare with")
     parser.set_defaults(run=conform_flights)
 
 

@@ -4,16 +4,9 @@ import argparse
 import contextlib
 import time
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, add_tree_id, count, seconds
-from sar_compiler.cli.loading import (
-    FORMAT_HELP,
-    INPUT_HELP,
-    add_mission,
-    add_params,
-    add_project_options,
-    workspace,
-)
-from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_facts, facts_given
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, count, seconds
+from sar_compiler.cli.loading import INPUT_HELP, workspace
+from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_text
 
 
@@ -25,18 +18,13 @@ def add_predict(parser: argparse.ArgumentParser) -> None:
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     text = "a further file with chances and times of answers, such as the statistics of journals; may be repeated"
     add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
-    add_tree_id(parser, "predict")
-    add_facts(parser)
-    add_params(parser)
     text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
     add("--period", type=seconds, metavar="SEC", help=text)
     text = f"explore at most N states; what is behind the others may be anything (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     text = "write a picture (SVG) of the chance that a run has ended, and ended well, by each time"
     add("--plot", type=FILE, metavar="OUT.svg", help=text)
-    add_project_options(parser)
-    add_mission(parser)
-    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    add_search_options(parser, "predict")
     parser.set_defaults(run=predict_file)
 
 

@@ -43,29 +43,34 @@ def add_verify(parser: CommandParser) -> None:
     add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
     text = "a file of properties, which must hold in every run (default: what the mission brings)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    add_tree_id(parser, "verify")
-    add_facts(parser)
     text = (
         "write the states and ticks for PRISM and Storm, as the explicit files PREFIX.sta, .tra and .lab; in a "
         "folder, they are named after the tree"
     )
     add("--export", type=FILE, metavar="PREFIX", help=text)
-    add_params(parser)
     text = f"explore at most N states, and leave open what would take more (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     parser.hide(add("--jobs", type=count, metavar="N", help="has no effect any more; older scripts say it"))
-    add_project_options(parser)
-    add_mission(parser)
-    add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    add_search_options(parser, "verify")
     parser.set_defaults(run=verify_file)
 
 
-def add_facts(parser: argparse.ArgumentParser) -> None:
-    """Add `--set`; see `facts_given`."""
+def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
+    """Add the options of commands that search all runs of a tree: which one it is, what is so at the start, and how it is told.
+
+    Args:
+        parser: The command's.
+        use: What is done with the tree, such as `verify`.
+    """
+    add_tree_id(parser, use)
     text = "the initial value of a fact, such as points_left=4; may be repeated"
     parser.add_argument(
         "--set", action="append", default=[], type=_assignment, metavar="FACT=VALUE", help=text
     )
+    add_params(parser)
+    add_project_options(parser)
+    add_mission(parser)
+    parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
