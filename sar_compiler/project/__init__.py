@@ -10,7 +10,7 @@ import os
 import shlex
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,16 +19,17 @@ from sar_compiler.checks.configuration import Configuration, configuration_for, 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.attributes import CONDITIONS
-from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.nodes.binding.bound import Binding, Collector
 from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
+from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, read_bytes, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, TreeError, UnreadableFileError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
-from sar_compiler.tree.gathering import files_meant, find_tree, read_tree_file
+from sar_compiler.tree.gathering import files_meant, find_tree, palettes_beside, read_tree_file
 from sar_compiler.tree.model import Element, FileBeginning, TreeFile
 
 if TYPE_CHECKING:
@@ -405,11 +406,7 @@ class LoadedTree:
             return self._findings_before()
         decide = self.project.configuration.decide
         found = check_context(self.context)
-        if any(each.code == "unknown-node" for each in found):
-            from sar_compiler.project.palettes_beside import naming_palettes
-
-            found = list(naming_palettes(found))
-        return decide(first_of_each(decide(found)))
+        return decide(first_of_each(decide(_naming_palettes(found))))
 
     @functools.cached_property
     def context(self) -> CheckContext:
@@ -563,13 +560,28 @@ class LoadedTree:
             raise TreeError(errors)
 
     def _start_values(self, params: "str | Path | StartValues | None", binding: Binding) -> "StartValues":
+        """Return what a parameter file says of the runs of a tree, without ROS; what is surprising in it is noted.
+
+        Raises:
+            ParameterFileError: If ROS would refuse or misread the file.
+            ParameterError: If the mission cannot begin with the parameters.
+        """
         from sar_compiler.checks.assumptions import StartValues
 
         if params is None or isinstance(params, StartValues):
             return params or StartValues()
-        from sar_compiler.project.start_values import start_values
+        from sar_compiler.missions.beginning import begin_run, node_name
+        from sar_compiler.ros.parameter_file import read_parameter_file
+        from sar_compiler.ros.parameter_reader import ParameterReader
 
-        return start_values(params, binding, self.mission(binding), self._note)
+        mission = self.mission(binding)
+        node = f"/{node_name(mission)}"
+        values = read_parameter_file(params, node)
+        reader = ParameterReader.of_files(values, [params], node)
+        begun = begin_run(mission, reader, binding)
+        for text in filter(None, (reader.elsewhere, *begun.notes)):
+            self._note(text if text.startswith(f"{params}:") else f"{params}: {text}")
+        return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)
 
     def stage(self, tree_id: str | None = None, params: "str | Path | StartValues | None" = None) -> "Stage":
         """Return the stage on which scenarios are played.
@@ -812,6 +824,37 @@ class LoadedTree:
         period = period_sec or start.period_sec or PERIOD_SEC
         search = functools.partial(predict, period_sec=period, max_states=max_states, on_progress=on_progress)
         return verify_tree(self, binding, properties, facts, start, search, answers)
+
+
+def _naming_palettes(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+    """Yield findings; those about unknown nodes name the palette in the folder of their file that describes the node.
+
+    It is not taken without being named: what a file means would depend on what happens to lie beside it.
+    """
+    described = functools.cache(_palettes_by_tag)
+    for finding in findings:
+        source, span = finding.source, finding.span
+        if finding.code == "unknown-node":
+            start, end = (source.offset(*place) for place in (span[:2], span[2:]))
+            palette = described(Path(source.path)).get(source.text[start:end].lstrip("<"))
+            if palette is not None:
+                hint = f"{palette.name} beside this file describes it: --model {palette}"
+                cause = finding.common_cause and Cause(
+                    f"these are nodes of {palette}", finding.common_cause.subject
+                )
+                yield replace(finding, suggestion=None, hint=hint, common_cause=cause)
+                continue
+        yield finding
+
+
+def _palettes_by_tag(tree_file: Path) -> Mapping[str, Path]:
+    """Return the nodes that palettes beside a file describe, with the palette."""
+    found: dict[str, Path] = {}
+    for path in palettes_beside(tree_file):
+        with contextlib.suppress(TreeError, UnreadableFileError):
+            for tag in read_models([read_tree_file(path)], Collector()).nodes:
+                found.setdefault(tag, path)
+    return found
 
 
 def load(
