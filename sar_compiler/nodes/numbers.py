@@ -4,6 +4,8 @@ import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
+from sar_compiler.tree.guessing import UNIT_OF
+
 if TYPE_CHECKING:
     from decimal import Decimal
     from fractions import Fraction
@@ -20,35 +22,26 @@ DURATION = rf"{WITH_UNIT}?"
 HOW_LONG = "write a number with ms, s or min: 500ms, 1.5s, 2min"
 
 _MILLISECONDS = {"ms": 1, "s": 1000, "min": 60_000}
-# What others write for these units, and for how many of them.
-_SPELT = {
-    **dict.fromkeys(("us", "µs", "usec"), ("0.001", "ms")),
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), ("1", "ms")),
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), ("1", "s")),
-    **dict.fromkeys(("min", "mins", "minute", "minutes"), ("1", "min")),
-    **dict.fromkeys(("h", "hour", "hours"), ("60", "min")),
+# What people write for durations, and for how many of these units.
+_DURATIONS = {
+    "us": ("0.001", "ms"),
+    "ms": ("1", "ms"),
+    "s": ("1", "s"),
+    "min": ("1", "min"),
+    "h": ("60", "min"),
 }
 # For each unit that a port can have: what it is called, and what others there are for the same thing, of which each is so many.
 _UNITS: dict[str, tuple[str, dict[str, str]]] = {
     "s": ("seconds", {}),
     "ms": ("milliseconds", {}),
-    "rad": ("radians", dict.fromkeys(("rad", "radian", "radians"), "1")),
-    "m": (
-        "metres",
-        {
-            "mm": "1/1000",
-            "cm": "1/100",
-            "km": "1000",
-            **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), "1"),
-        },
-    ),
+    "rad": ("radians", {"rad": "1"}),
+    "m": ("metres", {"m": "1", "mm": "1/1000", "cm": "1/100", "km": "1000"}),
     "m/s": (
         "metres per second",
         {"m/s": "1", "mm/s": "1/1000", "cm/s": "1/100", "km/h": "5/18", "kmh": "5/18"},
     ),
-    "hz": ("hertz", {"hz": "1", "hertz": "1", "khz": "1000"}),
+    "hz": ("hertz", {"hz": "1", "khz": "1000"}),
 }
-_DEGREES = frozenset({"deg", "degs", "degree", "degrees", "°"})
 _DIGITS = 5
 # More than a number in one unit has in another one; a part of a circle has no end, or a far one.
 _MOST_DIGITS = 20
@@ -139,7 +132,7 @@ def meant_plain_number(text: str) -> str | None:
 def meant_duration(text: str) -> str | None:
     """Return the one duration that a text in another notation can mean (`5 sec`, `1,5s`, `2h`); None if there is none."""
     match = _SPACED.fullmatch(text.strip()) if len(text) <= LONGEST else None
-    spelt = _SPELT.get(match[2].lower()) if match is not None else None
+    spelt = _DURATIONS.get(UNIT_OF.get(match[2].lower(), "")) if match is not None else None
     number = meant_number(match[1]) if match is not None else None
     if number is None or spelt is None or number.startswith("-"):
         return None
@@ -191,10 +184,11 @@ def _one(spelt: str, unit: str) -> "Fraction | None":
     """Return how many of a unit one of another is; None where these are of different things, or one is unknown."""
     from fractions import Fraction
 
+    spelt = UNIT_OF.get(spelt, spelt)
     if unit in _MILLISECONDS:
-        count, known = _SPELT.get(spelt, ("", ""))
+        count, known = _DURATIONS.get(spelt, ("", ""))
         return Fraction(count) * _MILLISECONDS[known] / _MILLISECONDS[unit] if known else None
-    if unit == "rad" and spelt in _DEGREES:
+    if unit == "rad" and spelt == "deg":
         return Fraction(math.pi) / 180
     count = _UNITS[unit][1].get(spelt, "") if unit in _UNITS else ""
     return Fraction(count) if count else None

@@ -7,19 +7,20 @@ MOST_COMPARED = 100_000
 """The largest number of words that one `Guesses` compares with what was written."""
 _UNITS = {
     "ms": ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"),
-    "us": ("us", "usec", "micros", "microseconds"),
+    "us": ("us", "µs", "usec", "micros", "microseconds"),
     "s": ("s", "sec", "secs", "second", "seconds"),
     "min": ("min", "mins", "minute", "minutes"),
     "h": ("h", "hour", "hours"),
     "hz": ("hz", "hertz"),
     "rad": ("rad", "rads", "radian", "radians"),
-    "deg": ("deg", "degs", "degree", "degrees"),
+    "deg": ("deg", "degs", "degree", "degrees", "°"),
     "m": ("m", "meter", "meters", "metre", "metres"),
     "cm": ("cm",),
     "mm": ("mm",),
     "km": ("km",),
 }
-_UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
+UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
+"""The units by what people write for them, in small letters."""
 LIKE = 0.7
 """How alike two words are at least of which one may be a slip for the other."""
 _SHORT, _LIKE_SHORT = 3, 0.6
@@ -36,7 +37,7 @@ _PARTS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 def unit_in(name: str) -> str:
     """Return the unit that a name ends with: `ms` for `delay_msec`; empty if it says none."""
     parts = _PARTS.findall(name)
-    return _UNIT_OF.get(parts[-1].lower(), "") if parts else ""
+    return UNIT_OF.get(parts[-1].lower(), "") if parts else ""
 
 
 def keeps_unit(written: str, meant: str) -> bool:
