@@ -183,8 +183,6 @@ def not_installed(error: ImportError) -> str | None:
 
 def _meant(message: str, options: Iterable[str]) -> str:
     """Return what argparse's message leaves out: the choice, or the option, that was probably meant."""
-    import re
-
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
     if chosen := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):

@@ -16,6 +16,7 @@ from sar_compiler.cli.arguments import ArgumentKind
 from sar_compiler.commands import OK
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.resources import shipped_root
+from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.project import Workspace
@@ -70,8 +71,6 @@ def _worlds(prefix: str, **_: Any) -> list[str]:
 
 def _ids(parsed_args: argparse.Namespace, **_: Any) -> Iterable[str]:
     """Return the IDs of the trees in the file that is named already."""
-    from sar_compiler.tree.showing import in_one_line
-
     trees = _workspace(parsed_args).load(parsed_args.file).forest.trees
     return [name for name in trees if in_one_line(name) == name]
 

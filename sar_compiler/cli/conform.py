@@ -8,11 +8,11 @@ from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE
 from sar_compiler.cli.loading import INPUT_HELP, workspace
 from sar_compiler.cli.verify import add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_text
-from sar_compiler.journal.journal_entries import OF_ROBOT
+from sar_compiler.errors import UndecidableError
+from sar_compiler.journal.journal_entries import OF_ROBOT, Ending, JournalEntry
 
 if TYPE_CHECKING:
     from sar_compiler.checks.conformance import Conformance
-    from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.project import LoadedTree
     from sar_compiler.views.compared_flights import Flight
@@ -59,7 +59,6 @@ def conform_flights(arguments: argparse.Namespace) -> int:
 def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "Flight":
     """Return what was found out about the last run of a journal."""
     from sar_compiler.checks.verify.recorded_runs import OtherTreeError
-    from sar_compiler.errors import UndecidableError
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.views.compared_flights import Flight
@@ -84,11 +83,10 @@ def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "
 
 
 def _compared(
-    tree: "LoadedTree", entries: "list[JournalEntry]", state: "MissionState", arguments: argparse.Namespace
+    tree: "LoadedTree", entries: list[JournalEntry], state: "MissionState", arguments: argparse.Namespace
 ) -> "Conformance":
     from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.verify.recorded_runs import OtherTreeError
-    from sar_compiler.journal.journal_entries import Ending
     from sar_compiler.journal.recorded_events import recorded_events
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
 

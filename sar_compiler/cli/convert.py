@@ -9,6 +9,7 @@ from sar_compiler.cli.arguments import FILE, TREE_INPUT
 from sar_compiler.cli.loading import INPUT_HELP, add_project_options, workspace
 from sar_compiler.cli.writing import WriteError, same_file, write_text
 from sar_compiler.commands import FINDINGS, OK
+from sar_compiler.tree.diagnostic import Form, Severity
 
 if TYPE_CHECKING:
     from sar_compiler.tree.conversion import Converted
@@ -35,7 +36,6 @@ def convert_file(arguments: argparse.Namespace) -> int:
         WriteError: If the output is the input file, or cannot be written.
         UnreadableFileError: If the file does not exist or cannot be read.
     """
-    from sar_compiler.tree.diagnostic import Severity
     from sar_compiler.tree.gathering import find_tree
 
     path = find_tree(arguments.file)
@@ -63,7 +63,6 @@ def _convert(path: Path, arguments: argparse.Namespace) -> "Converted":
             tree.forest.main, project.registry, project.palettes, project.configuration.btcpp
         )
     from sar_compiler.tree.conversion import convert
-    from sar_compiler.tree.diagnostic import Form
     from sar_compiler.tree.gathering import read_tree_file
 
     return convert(read_tree_file(path), Form(arguments.to))

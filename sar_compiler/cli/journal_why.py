@@ -10,7 +10,7 @@ from sar_compiler.cli.arguments import FILE, ArgumentKind
 from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
 from sar_compiler.commands import print_text
 from sar_compiler.errors import SarError
-from sar_compiler.journal.journal_entries import OF_ROBOT
+from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.plain import as_json
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from sar_compiler.checks.verify.counterfactual import Counterfactual
     from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.journal.mission_state import MissionState, NodeState
     from sar_compiler.project import Workspace
     from sar_compiler.runtime.events import Event
@@ -158,7 +157,7 @@ class Explanation(NamedTuple):
         }
 
 
-def _tree_entries(file: "JournalFile") -> "Iterator[JournalEntry]":
+def _tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
     return file.last_run(without=OF_ROBOT)
 
 

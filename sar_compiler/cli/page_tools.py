@@ -10,21 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import first_that_fits, trees_that_ran
 from sar_compiler.cli.run_report import report_page
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, HookMode, HookPosition
 from sar_compiler.monitoring.numbered_tree import NumberedTree, TooManyNodesError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError
+from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.web.page_server import Tool, Tools
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify.counterfactual import Consequence, Retrospect
-    from sar_compiler.compiler import CompiledTree
-    from sar_compiler.journal.journal_entries import JournalEntry
-    from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.ros.engine import Engine
-    from sar_compiler.runtime.events import Event
 
 # How long breakpoints hold a tree after the last browser has asked for them, in seconds.
 _PATIENCE_SEC = 10.0
@@ -64,12 +66,12 @@ class LiveTools:
             "otherwise": Tool(self._what_if.ask, is_free=False),
         }
 
-    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
+    def begin(self, tree: CompiledTree, engine: "Engine") -> None:
         """Take the tree, and what ticks it."""
         with suppress(TooManyNodesError):
             self._begin(NumberedTree(tree), tree, engine)
 
-    def _begin(self, numbered: NumberedTree, tree: "CompiledTree", engine: "Engine") -> None:
+    def _begin(self, numbered: NumberedTree, tree: CompiledTree, engine: "Engine") -> None:
         self._tree = numbered
         self._uids = [numbered.uid_of_inner(each) or numbered.uid(each) for each in pre_order(tree.root)]
         hooks = Groot2Hooks(numbered, lambda _: None, self._said, _PATIENCE_SEC, "A breakpoint")
@@ -77,7 +79,7 @@ class LiveTools:
         hooks.wake = getattr(engine, "wake", hooks.wake)
         self._hooks = hooks
 
-    def take(self, entry: "JournalEntry") -> None:
+    def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run."""
         if len(self._entries) < _MOST_ENTRIES and entry.kind in ("run_began", "status"):
             self._entries.append(entry)
@@ -159,7 +161,7 @@ class WhatIf:
         entries: Returns the entries of a robot's run.
     """
 
-    def __init__(self, entries: "Callable[[int, int], Iterable[JournalEntry]]") -> None:
+    def __init__(self, entries: Callable[[int, int], Iterable[JournalEntry]]) -> None:
         self._entries = entries
         self._known: dict[tuple[object, ...], list[Retrospect]] = {}
         self._lock = Lock()
@@ -170,9 +172,6 @@ class WhatIf:
         Raises:
             SarError: If that cannot be said.
         """
-        from sar_compiler.journal.mission_state import MissionState
-        from sar_compiler.journal.recorded_events import recorded_events
-
         robot, run, node, tick = (int(values.get(name, 0)) for name in ("robot", "run", "node", "tick"))
         with self._lock:
             entries = [*self._entries(robot, run)]
@@ -188,7 +187,7 @@ class WhatIf:
         looks = state.runs[-1].about.get("looks") or []
         return [_consequence_data(each, names, looks) for each in found]
 
-    def _retrospects(self, state: "MissionState") -> "list[Retrospect]":
+    def _retrospects(self, state: MissionState) -> "list[Retrospect]":
         from sar_compiler.checks.verify.counterfactual import Retrospect
         from sar_compiler.project import Workspace
 
@@ -218,8 +217,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
         with alone:
             return report_page(journal_of(values["robot"]))
 
-    def entries(robot: int, run: int) -> "Iterable[JournalEntry]":
-        from sar_compiler.journal.database import JournalFile
+    def entries(robot: int, run: int) -> Iterable[JournalEntry]:
 
         with alone, JournalFile.reading(journal_of(robot)) as file:
             return [
@@ -232,7 +230,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
 def _consequence_data(found: "Consequence", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
     """Return what an answer leads to as JSON values; conditions that say nothing special are left out."""
 
-    def is_told(answer: "Event") -> bool:
+    def is_told(answer: Event) -> bool:
         look = looks[answer.number] if answer.number < len(looks) else None
         return answer.status != "SUCCESS" or look != ["condition", ""]
 

@@ -8,6 +8,7 @@ from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, count, secon
 from sar_compiler.cli.loading import INPUT_HELP, workspace
 from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_text
+from sar_compiler.errors import UndecidableError
 
 
 def add_predict(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +39,6 @@ def predict_file(arguments: argparse.Namespace) -> int:
         TreeError: If a file has mistakes.
     """
     from sar_compiler.cli.writing import write_text
-    from sar_compiler.errors import UndecidableError
     from sar_compiler.views import prediction as views
 
     started = time.monotonic()

@@ -1,11 +1,11 @@
 """`sar-run`: run a mission on ROS 2."""
 
 import sys
-from argparse import BooleanOptionalAction, Namespace
+from argparse import BooleanOptionalAction, Namespace, _ArgumentGroup
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from sar_compiler.cli.arguments import (
     FILE,
@@ -29,10 +29,8 @@ from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import leave, require_middleware, shut_down
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
+from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gc_pause import gc_paused
-
-if TYPE_CHECKING:
-    from argparse import _ArgumentGroup
 
 PROG = "sar-run"
 
@@ -90,7 +88,6 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.cli.run_mission import run_mission
-        from sar_compiler.tree.diagnostic import TreeError
 
     options.tree = options.tree or _default_tree(options.mission)
     staying: list[Callable[[], object]] = []
@@ -228,7 +225,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _add_what_is_flown(parser: Parser, group: "_ArgumentGroup") -> None:
+def _add_what_is_flown(parser: Parser, group: _ArgumentGroup) -> None:
     # py_trees, which comes with it, cannot be imported where standard output is closed.
     from sar_compiler.missions.ending import Until
 
@@ -248,7 +245,7 @@ def _add_what_is_flown(parser: Parser, group: "_ArgumentGroup") -> None:
     add("--until", choices=[until.value for until in Until], help=text)
 
 
-def _add_simulation(parser: Parser, group: "_ArgumentGroup") -> None:
+def _add_simulation(parser: Parser, group: _ArgumentGroup) -> None:
     add = group.add_argument
     text = (
         "simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers in this process; "
@@ -267,7 +264,7 @@ def _add_simulation(parser: Parser, group: "_ArgumentGroup") -> None:
     parser.hide(add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)"))
 
 
-def _add_companions(parser: Parser, group: "_ArgumentGroup") -> None:
+def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     """Add the options that say who goes along with the run."""
     add = group.add_argument
     text = (
@@ -290,7 +287,7 @@ def _add_companions(parser: Parser, group: "_ArgumentGroup") -> None:
     parser.hide(web_port, add("--groot2-hooks", action="store_true", help=text))
 
 
-def _add_safety(parser: Parser, group: "_ArgumentGroup") -> None:
+def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
     add = group.add_argument
     text = "wait until everything that the mission needs is there, plan its way on the map, then end; nothing moves"
     add("--check", action="store_true", help=text)
@@ -320,7 +317,7 @@ def _add_safety(parser: Parser, group: "_ArgumentGroup") -> None:
     parser.hide(add("--guardian", action=BooleanOptionalAction, help=text))
 
 
-def _add_for_experts(parser: Parser, group: "_ArgumentGroup") -> None:
+def _add_for_experts(parser: Parser, group: _ArgumentGroup) -> None:
     text = "what ticks the tree: the project's runner (default own), or py_trees_ros where that is installed"
     engine = group.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help=text)
     text = (

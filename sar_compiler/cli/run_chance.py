@@ -5,34 +5,32 @@ import os
 import time
 from collections.abc import Callable
 from functools import partial
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from queue import SimpleQueue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from py_trees.behaviour import Behaviour
+from py_trees.trees import BehaviourTree
+
 from sar_compiler.checks.sweep.workers import live_with_parent
 from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.cli.run_proof import NICE, BegunRun
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.ros.clock import mission_clock
-from sar_compiler.ros.engine import error_text
+from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.runtime.answers import DeclaredAnswers
+from sar_compiler.runtime.kernel.searching import Progress
 from sar_compiler.runtime.leaf_ear import hear
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-    from multiprocessing.context import SpawnProcess
-
-    from py_trees.behaviour import Behaviour
-    from py_trees.trees import BehaviourTree
-
     from sar_compiler.checks.predict.present import PresentChance
     from sar_compiler.cli.companions import RunSetup
-    from sar_compiler.compiler import CompiledTree
-    from sar_compiler.ros.engine import Engine
-    from sar_compiler.runtime.kernel.searching import Progress
     from sar_compiler.web.feed import LiveFeed
 
 # What takes longer is not shown, in seconds of the processor; how often there is another figure, in seconds.
@@ -76,7 +74,7 @@ class ChanceQuestion(NamedTuple):
         """
         began = time.process_time()
 
-        def is_late(_: "Progress") -> bool:
+        def is_late(_: Progress) -> bool:
             return time.process_time() - began > self.most_sec
 
         said = "its chances do not tell"
@@ -116,7 +114,7 @@ class RunChance:
         self._properties = ""
         self._is_over = False
 
-    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
+    def begin(self, tree: CompiledTree, engine: Engine) -> None:
         """Hear the leaves of the tree from now on, if there is anything to tell."""
         options = self._run.options
         given = options.properties
@@ -168,10 +166,10 @@ class RunChance:
         said = getattr(leaf, "answer_label", "")
         self._answers.append((number, status, declared.label(status, said)))
 
-    def _end_tick(self, tree: "BehaviourTree") -> None:
+    def _end_tick(self, tree: BehaviourTree) -> None:
         self._hear(self._take_end, tree)
 
-    def _take_end(self, tree: "BehaviourTree") -> None:
+    def _take_end(self, tree: BehaviourTree) -> None:
         answers, self._answers = tuple(self._answers), []
         root = "SKIPPED" if was_skipped(tree.root) else tree.root.status.value
         self._ticks.put((self._clock.now() - self._began, answers, root))
@@ -193,7 +191,7 @@ class RunChance:
         if self._process is not None:
             self._process.kill()
 
-    def _send(self, connection: "Connection") -> None:
+    def _send(self, connection: Connection) -> None:
         # In a thread of its own: a process that gives way to all others may not read for a while.
         try:
             while (tick := self._ticks.get()) is not None:
@@ -201,7 +199,7 @@ class RunChance:
         except OSError:  # it has come to its end, of which the other thread tells
             pass
 
-    def _receive(self, connection: "Connection") -> None:
+    def _receive(self, connection: Connection) -> None:
         try:
             while (told := connection.recv()) is not None:
                 self.feed.tell("chance", told)
@@ -211,7 +209,7 @@ class RunChance:
         self._is_over = True
 
 
-def _foretell(question: ChanceQuestion, connection: "Connection") -> None:
+def _foretell(question: ChanceQuestion, connection: Connection) -> None:
     live_with_parent()
     os.nice(NICE)
     try:

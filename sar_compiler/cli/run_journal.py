@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.journal.errors import JournalPlaceError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import FACTS_LOST
 from sar_compiler.missions.mission import Mission, MissionRun
@@ -171,7 +172,6 @@ def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
     by_itself = options.sim is not None or (mission is not None and mission.is_resumable)
     if options.no_journal or options.check or not (asked or by_itself):
         return Journal()
-    from sar_compiler.journal.errors import JournalPlaceError
     from sar_compiler.journal.opening import open_journal
 
     place = options.journal or _usual_place(options, node.get_fully_qualified_name())

@@ -18,21 +18,25 @@ from sar_compiler.cli.run_report import report_page
 from sar_compiler.cli.team_orders import TeamOrders, ordering
 from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.commands import print_error
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
+from sar_compiler.journal.database import JournalFile, is_locked
 from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
+from sar_compiler.missions.displaying import add_displays
+from sar_compiler.missions.mission import LONGEST, Verb
+from sar_compiler.ros.clock import NodeTime
 from sar_compiler.ros.companion import Companion
+from sar_compiler.ros.engine import Engine
 from sar_compiler.views.why import Inquiry
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import OrderGiver, Orders, PageServer, Tool, Tools
+from sar_compiler.web.replay import Replay
 
 if TYPE_CHECKING:
     from sar_compiler.cli.companions import RunSetup
-    from sar_compiler.compiler import CompiledTree
-    from sar_compiler.missions.mission import Verb
     from sar_compiler.missions.verb_calls import VerbCalls
     from sar_compiler.project import Workspace
-    from sar_compiler.ros.engine import Engine
 
 # How often journals of other processes are looked at, in seconds; they are written once a second.
 _LOOK_SEC = 0.5
@@ -50,7 +54,6 @@ class RunPage(Companion):
 
     def __init__(self, run: "RunSetup") -> None:
         from sar_compiler.missions.verb_calls import VerbCalls
-        from sar_compiler.ros.clock import NodeTime
 
         self._run, self._has_ended, self._is_staying = run, False, False
         self._place = run.journal.place
@@ -97,7 +100,7 @@ class RunPage(Companion):
         if run.options.open:
             open_page(self._server.url)
 
-    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
+    def begin(self, tree: CompiledTree, engine: Engine) -> None:
         """Let the tree be asked."""
         self._tools.begin(tree, engine)
         if self._run.options.properties:
@@ -158,7 +161,7 @@ class _OwnOrders:
         self._calls = calls
         self.has_ended = False
 
-    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
+    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> Future[tuple[bool, str]]:
         """Give an order; see `VerbCalls.give`.
 
         Raises:
@@ -177,9 +180,7 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
         JournalError: If one cannot be read.
         PageError: If the port cannot be had.
     """
-    from sar_compiler.missions.displaying import add_displays
     from sar_compiler.project import Workspace
-    from sar_compiler.web.replay import Replay
 
     replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())), add_displays)
     tools = journal_tools(paths)
@@ -237,7 +238,6 @@ class _Team:
             self._look()
 
     def _look(self) -> None:
-        from sar_compiler.journal.database import is_locked
 
         for robot, follower in enumerate(self._followers):
             is_gone = not is_locked(follower.path)
@@ -261,7 +261,6 @@ class _Team:
 
 
 def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
-    from sar_compiler.journal.database import JournalFile
 
     with JournalFile.reading(path) as file:
         return Explanation.of(file, workspace)
@@ -315,9 +314,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return spaces if len(set(spaces)) == len(stems) else stems
 
 
-def _form(verb: "Verb") -> dict[str, Any]:
+def _form(verb: Verb) -> dict[str, Any]:
     """Return what the page must know of a verb, as JSON values."""
-    from sar_compiler.missions.mission import LONGEST
-
     own = {name: value for name, value in verb._asdict().items() if name not in ("service_type", "fill")}
     return {**own, "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields]}

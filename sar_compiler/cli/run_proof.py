@@ -5,6 +5,8 @@ import os
 import time
 from collections.abc import Mapping
 from functools import partial
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,16 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from sar_compiler.checks.sweep.workers import live_with_parent
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import PROPERTIES_WATCHED, JournalEntry
+from sar_compiler.runtime.answers import Fact
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-    from multiprocessing.context import SpawnProcess
-
     from sar_compiler.cli.companions import RunSetup
     from sar_compiler.project import Additions
     from sar_compiler.project.proof import SearchResult, TreeSearch
-    from sar_compiler.runtime.answers import Fact
     from sar_compiler.runtime.kernel.searching import Progress
     from sar_compiler.web.feed import LiveFeed
 
@@ -51,7 +50,7 @@ class BegunRun(NamedTuple):
     tree_id: str | None
     properties: str
     parameters: Mapping[str, object]
-    facts: "Mapping[str, Fact]"
+    facts: Mapping[str, Fact]
 
     @classmethod
     def of(cls, run: "RunSetup", properties: str) -> "BegunRun":
@@ -163,14 +162,14 @@ class RunProof:
         self.feed.tell("proofs", {"verdicts": {}, "said": "being proved…"})
         Thread(target=self._await, args=(receiver,), name="proof", daemon=True).start()
 
-    def _await(self, receiver: "Connection") -> None:
+    def _await(self, receiver: Connection) -> None:
         try:
             self.feed.tell("proofs", receiver.recv())
         except EOFError:  # it was killed, perhaps for the memory that it took
             self.feed.tell("proofs", {"verdicts": {}, "said": "not known: the proof was broken off"})
 
 
-def _prove(question: ProofQuestion, sender: "Connection") -> None:
+def _prove(question: ProofQuestion, sender: Connection) -> None:
     live_with_parent()
     os.nice(NICE)
     try:

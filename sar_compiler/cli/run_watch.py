@@ -1,13 +1,18 @@
 """The properties for which a run of `sar-run` is watched: what breaks one, or contradicts what its proof assumes, is an alarm."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
+
+from py_trees.behaviour import Behaviour
+from py_trees.trees import BehaviourTree
 
 from sar_compiler.checks.property_watch import AlarmCause, WatchAlarm
 from sar_compiler.cli.companions import RunSetup
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
@@ -18,22 +23,12 @@ from sar_compiler.journal.journal_entries import (
 from sar_compiler.missions.mission import Verb, VerbError
 from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.companion import Companion, UnfitLeavesError
-from sar_compiler.ros.engine import error_text, tell
+from sar_compiler.ros.engine import Engine, error_text, tell
 from sar_compiler.runtime.answers import DeclaredAnswers
 from sar_compiler.runtime.leaf_ear import hear
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from concurrent.futures import Future
-
-    from py_trees.behaviour import Behaviour
-    from py_trees.trees import BehaviourTree
-
-    from sar_compiler.compiler import CompiledTree
-    from sar_compiler.ros.engine import Engine
 
 TELL = "tell"
 """What is done in any case where a property is broken."""
@@ -121,7 +116,7 @@ class _PropertyOrders:
             else:
                 answer.add_done_callback(partial(self._take_answer, order))
 
-    def _take_answer(self, order: _DueOrder, answer: "Future[tuple[bool, str]]") -> None:
+    def _take_answer(self, order: _DueOrder, answer: Future[tuple[bool, str]]) -> None:
         error = answer.exception()
         accepted, said = answer.result() if error is None else (False, str(error))
         if not accepted:
@@ -151,7 +146,7 @@ class RunWatch(Companion):
         # Whether nothing is heard any more, and why, if that is a failure.
         self._is_over, self._failure = False, ""
 
-    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:
+    def begin(self, tree: CompiledTree, engine: Engine) -> None:
         """Hear the leaves of the tree from now on.
 
         Raises:
@@ -255,7 +250,7 @@ class RunWatch(Companion):
         count = "1 property" if len(verdicts) == 1 else f"{len(verdicts)} properties"
         return f"Watched for {count}: {', '.join(parts) or 'none was broken'}."
 
-    def _end_tick(self, tree: "BehaviourTree") -> None:
+    def _end_tick(self, tree: BehaviourTree) -> None:
         self._hear(self._take_end, "SKIPPED" if was_skipped(tree.root) else tree.root.status.value)
 
     def _take_end(self, root: str) -> None:

@@ -19,6 +19,7 @@ from sar_compiler.commands import FINDINGS, OK, USAGE
 from sar_compiler.errors import SarError
 from sar_compiler.ros.arguments import parameter_files, split_arguments
 from sar_compiler.ros.middleware import require_middleware
+from sar_compiler.ros.parameter_file import read_parameter_file
 from sar_compiler.ros.served_runs import EndedRun
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.diagnostic import TreeError
@@ -308,7 +309,6 @@ def _verbs_of(
 ) -> "tuple[Verb, ...]":
     """Return what can be ordered of a mission; nothing where its parameters are not all in files."""
     from sar_compiler.missions.beginning import begin_run
-    from sar_compiler.ros.parameter_file import read_parameter_file
     from sar_compiler.ros.parameter_reader import ParameterReader
 
     own = mission.default_parameters() if mission is not None and not files else None

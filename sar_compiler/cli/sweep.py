@@ -26,6 +26,7 @@ from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.cli.writing import write_text
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_text
 from sar_compiler.errors import SarError
+from sar_compiler.tree.diagnostic import TreeError
 
 if TYPE_CHECKING:
     from sar_compiler.checks.sweep import Played, SweptRow
@@ -180,7 +181,6 @@ def probabilities(text: str) -> tuple[float, ...]:
 def parse_variation(text: str) -> Variation:
     """Read `NAME=VALUE,VALUE`; a comma in brackets or in quotes separates no values."""
     from sar_compiler.documents.yaml_files import parse_yaml
-    from sar_compiler.tree.diagnostic import TreeError
 
     name, sign, listed = text.partition("=")
     values: list[tuple[str, object]] = []

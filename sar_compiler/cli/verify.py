@@ -20,7 +20,7 @@ from sar_compiler.cli.loading import (
 )
 from sar_compiler.cli.terminal import ProgressLine, painter
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_error
-from sar_compiler.errors import SarError
+from sar_compiler.errors import SarError, UndecidableError
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify.verdicts import Verification
@@ -84,7 +84,6 @@ def verify_file(arguments: argparse.Namespace) -> int:
         TreeError: If a file has mistakes.
     """
     from sar_compiler.compiler.simulated_tree import OnlyDescribedError
-    from sar_compiler.errors import UndecidableError
     from sar_compiler.tree.diagnostic import TreeError
 
     if arguments.against is not None and arguments.export is not None:

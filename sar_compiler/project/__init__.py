@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.checks import check_context, check_palettes, context_of, first_of_each
+from sar_compiler.checks import check_beginning, check_context, check_palettes, context_of, first_of_each
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
@@ -22,9 +22,10 @@ from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding, Collector
 from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
-from sar_compiler.nodes.models import read_models
+from sar_compiler.nodes.models import described_specs, read_models, supplements
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
+from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, TreeError, UnreadableFileError
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from sar_compiler.documents.located import Document
     from sar_compiler.missions.mission import Mission
     from sar_compiler.project.simulated import Simulated
-    from sar_compiler.runtime.answers import Fact
     from sar_compiler.runtime.events import Event
     from sar_compiler.runtime.kernel.searching import Report
 
@@ -204,7 +204,6 @@ class Project:
         found = [each for each in self._found_palettes if _real_path(each) not in own]
         if not found:
             return tuple(named)
-        from sar_compiler.nodes.models import supplements
 
         nearest = sorted(found, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
         return (*named, *supplements(nearest, named))
@@ -222,8 +221,6 @@ class Project:
             TreeError: If a palette has mistakes, or the configuration names modules that are not trusted.
             UnreadableFileError: If a palette cannot be read.
         """
-        from sar_compiler.nodes.models import described_specs
-
         if not self.palettes:
             return self.registry
         if any(each.severity is Severity.ERROR for each in self.findings):
@@ -434,8 +431,6 @@ class LoadedTree:
         """Return the findings about a malformed file: where it is that, and what is wrong before."""
         found, project = list(self._malformed), self.project
         if self._beginning is not None:
-            from sar_compiler.checks import check_beginning
-
             beginning, own = self._beginning, real_path(self.path)
 
             def read(path: Path) -> TreeFile:
@@ -718,7 +713,7 @@ class LoadedTree:
         watched: "CompiledTree",
         properties: str | Path | None = None,
         *,
-        facts: "Mapping[str, Fact] | None" = None,
+        facts: Mapping[str, Fact] | None = None,
         parameters: Mapping[str, object] | None = None,
         tree_id: str | None = None,
         clock: Callable[[], float] = lambda: 0.0,

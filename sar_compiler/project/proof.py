@@ -4,7 +4,7 @@ import contextlib
 import functools
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from sar_compiler.checks.assumptions import (
     StartValues,
@@ -25,11 +25,9 @@ from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.project import LoadedTree
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.tree.diagnostic import Diagnostic
-
-if TYPE_CHECKING:
-    from sar_compiler.project import LoadedTree
 
 SearchResult = TypeVar("SearchResult")
 TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
@@ -37,7 +35,7 @@ TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], Sea
 
 
 def verify_tree(
-    tree: "LoadedTree",
+    tree: LoadedTree,
     binding: Binding,
     properties: str | Path | None,
     facts: Mapping[str, object] | Document | None,
@@ -80,7 +78,7 @@ def begin_with(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
 
 
 def search_as_begun(
-    tree: "LoadedTree",
+    tree: LoadedTree,
     binding: Binding,
     properties: str | Path | None,
     facts: Mapping[str, Fact],
@@ -97,7 +95,7 @@ def search_as_begun(
 
 
 def watch_tree(
-    tree: "LoadedTree",
+    tree: LoadedTree,
     binding: Binding,
     properties: str | Path | None,
     watched: CompiledTree,
@@ -113,7 +111,7 @@ def watch_tree(
     return search_as_begun(tree, binding, properties, facts, parameters, watch)
 
 
-def try_runs(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
+def try_runs(tree: LoadedTree, binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
     """Return findings about ticks of a bound tree that raise; see `LoadedTree.try_runs`."""
     if not can_prepare(binding, budget):
         return []
@@ -130,7 +128,7 @@ def try_runs(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_s
         return []
 
 
-def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:
+def default_properties(tree: LoadedTree, binding: Binding) -> Path | None:
     """Return the file of the properties that the mission of a bound tree brings along; None for none."""
     mission = tree.mission(binding)
     if mission is None:

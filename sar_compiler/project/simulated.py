@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sar_compiler.checks.golden import compare_golden
 from sar_compiler.checks.leaf_words import LeafWords
@@ -11,18 +10,16 @@ from sar_compiler.checks.simulate.running import Failure, Run, ScenarioPlayer, f
 from sar_compiler.checks.simulate.scenario_files import Play, read_expectations, read_scenario, understand
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
+from sar_compiler.project import LoadedTree
 from sar_compiler.views.runs import failure_line, trace
 
-if TYPE_CHECKING:
-    from sar_compiler.project import LoadedTree
 
-
-def simulate_tree(tree: "LoadedTree", script: Mapping[str, object]) -> "Simulated":
+def simulate_tree(tree: LoadedTree, script: Mapping[str, object]) -> "Simulated":
     """Return a tree that is ticked by a script; see `LoadedTree.simulate`."""
     return Simulated(understand(_document(script), tree.stage()))
 
 
-def play_scenario(tree: "LoadedTree", scenario: str | Path) -> None:
+def play_scenario(tree: LoadedTree, scenario: str | Path) -> None:
     """Play a scenario file, and compare the result with its expectations.
 
     Raises:

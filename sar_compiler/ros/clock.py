@@ -11,13 +11,12 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.leaves.leaf import of_node
-from sar_compiler.runtime.clock import WallClock
+from sar_compiler.runtime.clock import Clock, WallClock
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.timer import Timer
 
-    from sar_compiler.runtime.clock import Clock
 
 # An executor that is turned again and again has not been for so long: nothing of this process has gone on, seconds.
 _STANDSTILL_SEC = 2.0
@@ -230,7 +229,7 @@ def trust_simulation(node: "Node") -> None:
     of_node(node, _Pace, _Pace).fastest = math.inf
 
 
-def deadline_clock(node: "Node") -> "Clock":
+def deadline_clock(node: "Node") -> Clock:
     """Return the clock of deadlines on a node: simulated time where there is any, else the machine's.
 
     Simulated time counts at most ten times as fast as the machine's, unless it is to be trusted (`trust_simulation`); the machine's
@@ -255,7 +254,7 @@ class Deadline:
         clock: The clock that counts; by default the machine's steady one.
     """
 
-    def __init__(self, seconds: float, clock: "Clock | None" = None) -> None:
+    def __init__(self, seconds: float, clock: Clock | None = None) -> None:
         self._clock = clock or WallClock()
         self._at = self._clock.now() + seconds
 

@@ -18,7 +18,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from sar_compiler.ros.companion import Companion
-from sar_compiler.ros.leaves.goals import GoalNews, goals_under_way
+from sar_compiler.ros.leaves.goals import GoalNews, end_in_words, goals_under_way
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -156,7 +156,6 @@ def _goals_left(node: "Node", lines: Iterable[str]) -> list["LeftGoal"]:
 
     Each is made as it is sent, so that it has found its server when that is needed.
     """
-    from sar_compiler.ros.leaves.goals import end_in_words
     from sar_compiler.ros.left_goals import LeftGoal
 
     def tell_end(action: str, status: int) -> None:

@@ -10,12 +10,10 @@ from sar_compiler.nodes.values import ConversionError
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Span
 from sar_compiler.tree.guessing import Guesses
-from sar_compiler.tree.model import Element
+from sar_compiler.tree.model import About, Element
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-    from sar_compiler.tree.model import About
 
 
 class Remapping(NamedTuple):

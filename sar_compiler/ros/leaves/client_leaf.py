@@ -7,13 +7,11 @@ from py_trees.common import Status
 
 from sar_compiler.ros.clock import Deadline, deadline_clock
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError, MissingNodeError, RosLeaf, alive, find_interface
-from sar_compiler.runtime.clock import WallClock
+from sar_compiler.runtime.clock import Clock, WallClock
 
 if TYPE_CHECKING:
     from rclpy.client import Client
     from rclpy.task import Future
-
-    from sar_compiler.runtime.clock import Clock
 
 
 class Exchange(ABC):

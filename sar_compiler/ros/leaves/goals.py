@@ -14,6 +14,7 @@ from weakref import WeakMethod
 from sar_compiler.ros.clock import AWAKE, Deadline
 from sar_compiler.ros.leaves.client_leaf import Exchange
 from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
+from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
-    from sar_compiler.runtime.clock import Clock
 
 SUCCEEDED = 4
 """The status of a goal that has been reached: of `action_msgs/msg/GoalStatus`, as those below."""
@@ -361,7 +361,7 @@ class Pulse:
         clock: The clock of the limits.
     """
 
-    def __init__(self, prober: "Client", limit_sec: float, clock: "Clock") -> None:
+    def __init__(self, prober: "Client", limit_sec: float, clock: Clock) -> None:
         self._prober, self._limit_sec, self._clock = prober, limit_sec, clock
         self._question: Future | None = None
         self._has_answered = False
