@@ -106,12 +106,13 @@ def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[str]:
         listed = situation.of_kind(kind.name)
         if kind.is_found != is_found or not (is_found or any(each.state for each in listed)):
             continue
-        yield f"<h2>{_text(kind.plural.capitalize())}</h2>"
         names = [*dict.fromkeys(name for each in listed for name in each.details)]
         within = ["in"] if any(each.within for each in listed) else []
         heads = ("name", "state", *within, *_POSITION[: 1 + (georeference(state) is not None)], *names)
         rows = ((_level(state, each), _landmark(state, each, within, names)) for each in listed)
-        yield _table(heads, rows, "None is known." if situation.alarms else "None was found.")
+        yield _table(
+            kind.plural.capitalize(), heads, rows, "None is known." if situation.alarms else "None was found."
+        )
 
 
 def _level(state: MissionState, landmark: Landmark) -> str:
@@ -149,29 +150,25 @@ def _map(state: MissionState) -> Iterator[str]:
 
 
 def _alarms(state: MissionState) -> Iterator[str]:
-    if state.situation.alarms:
-        yield "<h2>Alarms</h2>"
-        rows = (
-            (
-                "" if each.is_over else "alarm",
-                [_when(state, state.since[text]), text, "over" if each.is_over else _NONE],
-            )
-            for text, each in state.situation.alarms.items()
+    rows = (
+        (
+            "" if each.is_over else "alarm",
+            [_when(state, state.since[text]), text, "over" if each.is_over else _NONE],
         )
-        yield _table(("since", "what", "now"), rows, "")
+        for text, each in state.situation.alarms.items()
+    )
+    yield _table("Alarms", ("since", "what", "now"), rows)
 
 
 def _properties(state: MissionState) -> Iterator[str]:
-    if state.properties:
-        yield "<h2>Properties</h2>"
-        rows = (
-            (
-                "alarm" if each.broken else "",
-                [each.name, state.word_of(each), _when(state, each.broken), each.event],
-            )
-            for each in state.properties.values()
+    rows = (
+        (
+            "alarm" if each.broken else "",
+            [each.name, state.word_of(each), _when(state, each.broken), each.event],
         )
-        yield _table(("property", "verdict", "broken", "by"), rows, "")
+        for each in state.properties.values()
+    )
+    yield _table("Properties", ("property", "verdict", "broken", "by"), rows)
 
 
 def _next_steps(state: MissionState) -> Iterator[str]:
@@ -199,20 +196,18 @@ def next_steps(state: MissionState) -> Iterator[str]:
 
 
 def _facts(state: MissionState) -> Iterator[str]:
-    if state.facts:
-        yield "<h2>What has happened</h2>"
-        rows = (("", [_when(state, each.at), each.text]) for each in state.facts[:_MOST_FACTS])
-        yield _table(("when", "what"), rows, "")
-        yield _more(len(state.facts) - _MOST_FACTS)
+    rows = (("", [_when(state, each.at), each.text]) for each in state.facts[:_MOST_FACTS])
+    yield _table("What has happened", ("when", "what"), rows)
+    yield _more(len(state.facts) - _MOST_FACTS)
 
 
 def _faults(state: MissionState) -> Iterator[str]:
-    yield "<h2>Faults met</h2>"
     rows = (
         ("", [_when(state, each.at), "error" if each.level >= _ERROR else "warning", each.by, each.text])
         for each in state.warnings[:_MOST_WARNINGS]
     )
-    yield _table(("when", "kind", "of", "what"), rows, "The log has no warnings and no errors.")
+    empty = "The log has no warnings and no errors."
+    yield _table("Faults met", ("when", "kind", "of", "what"), rows, empty)
     yield _more(len(state.warnings) - _MOST_WARNINGS)
 
 
@@ -226,9 +221,8 @@ def _annex(state: MissionState, why: Why | None) -> Iterator[str]:
         yield f'<p class="first">{_text(first)}</p>'
     yield from _facts(state)
     yield from _faults(state)
-    yield "<h2>Parameters</h2>"
     rows = (("", [name, _value(value)]) for name, value in sorted(state.parameters.items()))
-    yield _table(("name", "value"), rows, "None were kept.")
+    yield _table("Parameters", ("name", "value"), rows, "None were kept.")
     yield "<h2>Tree</h2><p class='quiet'>The last status of each node, and what it said then.</p><div class='wide'>"
     yield f'<table class="tree"><tbody>{"".join(map(_node, state.nodes))}</tbody></table></div></section>'
     about = state.runs[-1].about if state.runs else {}
@@ -244,15 +238,21 @@ def _node(node: NodeState) -> str:
     return f'<tr class="{_text(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
 
 
-def _table(heads: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], empty: str) -> str:
-    """Return a table; each row has a class, and its cells."""
+def _table(
+    title: str, heads: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], empty: str = ""
+) -> str:
+    """Return a table with its heading; each row has a class, and its cells.
+
+    Without rows, there is what *empty* says instead; without that as well, nothing at all.
+    """
     body = "".join(
         f'<tr class="{_text(kind)}">{"".join(map(_cell, heads, cells))}</tr>' for kind, cells in rows
     )
     if not body:
-        return f"<p>{_text(empty)}</p>"
-    head = "".join(f"<th>{_text(each)}</th>" for each in heads)
-    return f'<div class="wide"><table class="rows"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        return f"<h2>{_text(title)}</h2><p>{_text(empty)}</p>" if empty else ""
+    head = f"<thead><tr>{''.join(f'<th>{_text(each)}</th>' for each in heads)}</tr></thead>"
+    table = f'<table class="rows">{head}<tbody>{body}</tbody></table>'
+    return f'<h2>{_text(title)}</h2><div class="wide">{table}</div>'
 
 
 def _cell(head: str, text: str) -> str:
