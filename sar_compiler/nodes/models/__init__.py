@@ -256,12 +256,9 @@ def _report_slip(
     hint: str | None = None,
 ) -> None:
     """Report a wrong attribute, or a missing one: an error in the model of a subtree, which BehaviorTree.CPP reads."""
-    if kind is not None:
-        collector.add("wrong-model", message, element, value=attribute, hint=hint)
-    elif attribute is None:
-        collector.add("missing-attribute", message, element, hint=hint)
-    else:
-        collector.add("wrong-value", message, element, value=attribute, hint=hint)
+    of_subtree = "missing-attribute" if attribute is None else "wrong-value"
+    code = of_subtree if kind is None else "wrong-model"
+    collector.add(code, message, element, value=attribute, hint=hint)
 
 
 def _used_port(port: Port) -> Parameter:
