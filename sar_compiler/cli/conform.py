@@ -49,10 +49,8 @@ def conform_flights(arguments: argparse.Namespace) -> int:
 
     tree = workspace(arguments).load(arguments.file)
     flights = [_flight(place, tree, arguments) for place in arguments.journals]
-    if arguments.format == "json":
-        print(views.flights_as_json(flights))
-    else:
-        print_text(views.flights_as_text(flights))
+    show = views.flights_as_json if arguments.format == "json" else views.flights_as_text
+    print_text(show(flights))
     return OK if all(each.is_fine for each in flights) else FINDINGS
 
 
@@ -68,18 +66,16 @@ def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "
         entries = [*file.last_run(without=OF_ROBOT)]
     state = MissionState.of(entries)
     state.look_at_process(is_gone=not file.is_written)
-    number, word = (state.runs[-1].number if state.runs else 0), journal_word(state)
+    flight = Flight(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
     if not state.nodes:
-        return Flight(place, number, word, None, "there is no run of a tree in it")
+        return flight._replace(problem="there is no run of a tree in it")
     try:
         found = _compared(tree, entries, state, arguments)
-        return Flight(place, number, word, found, changed=_changed(tree, state, arguments))
+        return flight._replace(found=found, changed=_changed(tree, state, arguments))
     except OtherTreeError as error:
-        return Flight(
-            place, number, word, None, f"{error}; it is of {_tree_of(state)}, and not of {tree.path}"
-        )
+        return flight._replace(problem=f"{error}; it is of {_tree_of(state)}, and not of {tree.path}")
     except UndecidableError as error:
-        return Flight(place, number, word, None, f"nothing can be decided: {error}")
+        return flight._replace(problem=f"nothing can be decided: {error}")
 
 
 def _compared(

@@ -62,10 +62,8 @@ def predict_file(arguments: argparse.Namespace) -> int:
         print_error(f"sar-compile: nothing can be predicted: {error}")
         return FINDINGS
     taken_sec = time.monotonic() - started
-    if arguments.format == "json":
-        print(views.prediction_as_json(found, taken_sec))
-    else:
-        print_text(views.prediction_as_text(found, taken_sec))
+    show = views.prediction_as_json if arguments.format == "json" else views.prediction_as_text
+    print_text(show(found, taken_sec))
     if arguments.plot is not None and not found.distribution:
         print_error(
             f"sar-compile: {arguments.plot} is not written: when runs end was not worked out, or none does"
