@@ -30,6 +30,10 @@ _MARKUP = re.compile(
 )
 
 
+def _same_but_case(written: str, suggestion: str) -> bool:
+    return written.lower() == suggestion.lower()
+
+
 def _attribute(written: str, suggestion: str) -> bool:
     """Attributes that any node may have, with one slip; others in the wrong case."""
     return _same_but_case(written, suggestion) or (suggestion in _COMMON and is_slip(written, suggestion))
@@ -101,11 +105,27 @@ class Fix:
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
 
+IsMeant = Callable[[Diagnostic], bool]
+"""Returns whether somebody takes a suggestion."""
+
+
+def _written(finding: Diagnostic) -> str:
+    start, end = finding.source.offsets(finding.span)
+    return finding.source.text[start:end]
+
+
+def is_safe(finding: Diagnostic) -> bool:
+    """Return whether a finding has a suggestion that is mended without asking."""
+    decide = SAFE.get(finding.code)
+    return (
+        decide is not None
+        and finding.suggestion is not None
+        and decide(_written(finding), finding.suggestion)
+    )
+
+
 def fixes(
-    source: Source,
-    tree_file: TreeFile | None,
-    findings: Iterable[Diagnostic],
-    is_meant: Callable[[Diagnostic], bool] | None = None,
+    source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> list[Fix]:
     """Return the fixes for a file, in its order; none touches another.
 
@@ -123,10 +143,7 @@ def fixes(
 
 
 def each_fix(
-    source: Source,
-    tree_file: TreeFile | None,
-    findings: Iterable[Diagnostic],
-    is_meant: Callable[[Diagnostic], bool] | None = None,
+    source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> Iterator[Fix]:
     """Yield fixes finding by finding, to be applied one by one; arguments as for `fixes`.
 
@@ -136,10 +153,9 @@ def each_fix(
         findings: As for `fixes`.
         is_meant: As for `fixes`.
     """
-    is_taken = is_meant or is_safe
     values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
     for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
-        if finding.source is source and finding.suggestion is not None and is_taken(finding):
+        if finding.source is source and finding.suggestion is not None and is_meant(finding):
             fix = _fix(finding, values)
             if fix is not None:
                 yield fix
@@ -152,25 +168,6 @@ def apply_fixes(text: str, chosen: Iterable[Fix]) -> str:
         parts += [text[done : fix.start], fix.text]
         done = fix.end
     return "".join([*parts, text[done:]])
-
-
-def _same_but_case(written: str, suggestion: str) -> bool:
-    return written.lower() == suggestion.lower()
-
-
-def is_safe(finding: Diagnostic) -> bool:
-    """Return whether a finding has a suggestion that is mended without asking."""
-    decide = SAFE.get(finding.code)
-    return (
-        decide is not None
-        and finding.suggestion is not None
-        and decide(_written(finding), finding.suggestion)
-    )
-
-
-def _written(finding: Diagnostic) -> str:
-    start, end = finding.source.offsets(finding.span)
-    return finding.source.text[start:end]
 
 
 @dataclass(frozen=True)
