@@ -31,11 +31,7 @@ class RunReport(Companion):
     """
 
     def __init__(
-        self,
-        files: Sequence[Path],
-        place: Georeference | None,
-        earlier: Iterable[JournalEntry],
-        folder: Path = Path(),
+        self, files: Sequence[Path], place: Georeference | None, earlier: Iterable[JournalEntry], folder: Path
     ) -> None:
         for file in files:
             require_form(file, place)

@@ -34,7 +34,7 @@ def files(tmp_path):
 
 
 def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breaking, files, capsys):
-    report = RunReport(files, None, [])
+    report = RunReport(files, None, [], files[0].parent)
     report.take(BEGAN)
     report.end(has_begun=True)
     assert capsys.readouterr().err == (
@@ -44,7 +44,7 @@ def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breakin
 
 
 def test_a_file_that_cannot_be_written_any_more_is_told_and_the_others_are_written(files, capsys):
-    report = RunReport(files, None, [])
+    report = RunReport(files, None, [], files[0].parent)
     report.take(BEGAN)
     files[0].mkdir()
     report.end(has_begun=True)
@@ -53,7 +53,7 @@ def test_a_file_that_cannot_be_written_any_more_is_told_and_the_others_are_writt
 
 
 def test_a_run_that_has_not_begun_has_no_report(files):
-    RunReport(files, None, [BEGAN]).end(has_begun=False)
+    RunReport(files, None, [BEGAN], files[0].parent).end(has_begun=False)
     assert not any(file.exists() for file in files)
 
 
