@@ -20,9 +20,6 @@ _LOOK_SEC, _LONGEST_LOOK_SEC = 2.0, 15.0
 # How long an order may take to be answered, steady seconds.
 _ANSWER_SEC = 10.0
 
-Signer = Callable[[str, str, Callable[[], None]], object]
-"""Says to a mission which order is about to be given by whom, then calls what gives it."""
-
 
 class OrderError(SarError):
     """An order that could not be given, or was not carried out."""

@@ -161,13 +161,9 @@ def _flight_data(flight: Flight) -> dict[str, object]:
         "ticks": found.ticks,
         "tree_changed": flight.changed,
         "misfit": found.misfit and _with_run(found.misfit._asdict()),
-        "properties": [_property_data(each) for each in found.properties],
+        "properties": [_with_run({**each._asdict(), "fate": each.fate.value}) for each in found.properties],
         "left_out": [{"property": each.name, "missing": list(each.missing)} for each in found.left_out],
     }
-
-
-def _property_data(each: FlownProperty) -> dict[str, object]:
-    return _with_run({**each._asdict(), "fate": each.fate.value})
 
 
 def _with_run(data: dict[str, object]) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from sar_compiler.nodes.spec import NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import NodeSpec, Parameter
 from sar_compiler.nodes.values import CONDITION, ValueType
 
 
@@ -20,12 +20,8 @@ def required_names(specs: Sequence[NodeSpec]) -> list[str]:
     return [
         name
         for name, choices in attributes_by_name(specs).items()
-        if len(choices) == len(specs) and all(_must_be_written(*each) for each in choices)
+        if len(choices) == len(specs) and all(parameter in spec.required for spec, parameter in choices)
     ]
-
-
-def _must_be_written(spec: NodeSpec, parameter: Parameter) -> bool:
-    return parameter.required and parameter.role is Role.ATTRIBUTE and parameter.name not in spec.fixed
 
 
 def value_types(tags: Mapping[str, Iterable[NodeSpec]]) -> list[ValueType]:
