@@ -3,6 +3,7 @@
 import json
 import signal
 from contextlib import closing
+from typing import Any
 
 import pytest
 
@@ -49,7 +50,7 @@ class Client:
 
     def listen(self, kind, topic):
         """Return the list that grows by what is published."""
-        heard: list = []
+        heard: list[Any] = []
         self.node.create_subscription(kind, topic, heard.append, 100)
         return heard
 
