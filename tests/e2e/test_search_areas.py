@@ -1,5 +1,8 @@
 """The tree that chooses where to look first, flown in the simulator: by the planner's ways, which walls make long."""
 
+import shutil
+from pathlib import Path
+
 import pytest
 
 pytestmark = pytest.mark.ros
@@ -37,3 +40,32 @@ def test_the_zone_behind_a_wall_comes_later_than_a_straight_line_says(start, tmp
     goals = [words for words in facts if "goal_sent" in words]
     assert len(goals) == len(WITH_WALLS) + 1
     assert all("/navigate_to_pose," in words for words in goals)
+
+
+def test_a_robot_far_from_home_charges_at_the_place_that_is_nearer_and_goes_on(start, tmp_path):
+    params, world, place = (tmp_path / name for name in ("params.yaml", "world.yaml", "m.journal"))
+    dock = (
+        "    energy: {per_m: 0.02, per_sec: 0.0001}\n    charging:\n      dock: {x: 5.2, y: -1.5, yaw: 0.0}\n"
+    )
+    given = Path("config/search_areas_params.yaml").read_text(encoding="utf-8")
+    params.write_text(f"{given}\n{dock}", encoding="utf-8")
+    # What is in the battery suffices for zone_c, near the dock, and not for the next one after it.
+    battery = (
+        "battery: {per_m: 0.02, per_sec: 0.0001, share: 0.55, swap_sec: 5.0, places: [{x: 5.2, y: -1.5}]}"
+    )
+    shipped = Path("worlds/disaster_zone.yaml").read_text(encoding="utf-8")
+    world.write_text(f"{shipped.replace('../maps/', '')}\n{battery}\n", encoding="utf-8")
+    for suffix in ("yaml", "pgm"):
+        shutil.copy(f"maps/disaster_zone.{suffix}", tmp_path)
+    run = start(
+        "sar-run", "search_areas", "--sim", world, "--speed", "20", "--params", params, "--journal", place
+    )
+    assert run.end() == 0, run.output
+    assert "Mission complete." in run.output
+    told = [line for line in run.log if "dock" in line or line.startswith("The battery is at")]
+    assert ": dock first, " in told[0], told
+    assert told[-2:] == ["Reached charging place dock.", "The battery is at 100%: on to zone_a."]
+    show = start("sar-journal", "show", place)
+    assert show.end() == 0
+    kinds = [word for line in show.output.splitlines() for word in line.split()]
+    assert kinds.index("home_first") < kinds.index("charging_reached") < kinds.index("charged")
