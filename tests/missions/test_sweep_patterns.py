@@ -32,6 +32,22 @@ def test_parallel_legs_go_along_the_long_side_half_a_spacing_from_the_edge() -> 
     assert swept("parallel") == [(1, 1), (3, 1), (5, 1), (7, 1), (7, 3), (5, 3), (3, 3), (1, 3)]
 
 
+def test_ground_that_lies_between_two_legs_behind_a_wall_is_swept_as_well() -> None:
+    blocked = np.zeros((60, 100), dtype=bool)
+    blocked[28:32, :] = True
+    wall = ObstacleMap(blocked, 0.1, (-1.0, -1.0, 0.0))
+    stops = swept("parallel", spacing=4.0, obstacles=wall, clearance=0.3)
+    assert sorted({y for _, y in stops}) == pytest.approx([0.75, 3.25], abs=0.1)
+    assert sorted({x for x, _ in stops}) == [2.0, 6.0]
+
+
+def test_a_corner_that_a_leg_does_not_touch_is_seen_from_it() -> None:
+    blocked = np.zeros((60, 100), dtype=bool)
+    blocked[38:42, :20] = blocked[42:, 18:20] = True
+    corner = ObstacleMap(blocked, 0.1, (-1.0, -1.0, 0.0))
+    assert {y for _, y in swept("parallel", spacing=4.0, obstacles=corner)} == {2.0}
+
+
 def test_a_creeping_line_goes_along_the_short_side() -> None:
     assert swept("creeping_line") == [(1, 1), (1, 3), (3, 3), (3, 1), (5, 1), (5, 3), (7, 3), (7, 1)]
 

@@ -100,15 +100,27 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
         return []
     angle = _long_side(free) + (0.0 if along_long_side else math.pi / 2)
     turned = shapely.affinity.rotate(free, -angle, origin=(0.0, 0.0), use_radians=True)
-    left, low, right, high = turned.bounds
-    legs = math.ceil((high - low) / spacing)
-    heights = [low + (leg + 0.5) * (high - low) / legs for leg in range(legs)]
-    cuts = [shapely.LineString([(left, y), (right, y)]).intersection(turned) for y in heights]
-    parts = [_stops(part, spacing) for cut in cuts for part in _lines(cut)]
+    parts = _legs(turned, spacing)
+    # Ground behind a wall can lie between two legs.
+    apart = [piece for piece in shapely.get_parts(turned) if piece.area > (spacing / 2) ** 2]
+    for piece in apart:
+        if not any(shapely.intersects_xy(piece, *stop) for part in parts for stop in part):
+            parts += _legs(piece, spacing)
     start = shapely.affinity.rotate(shapely.Point(here), -angle, origin=(0.0, 0.0), use_radians=True)
     path = shapely.MultiPoint(_nearest_first(parts, (start.x, start.y))) if parts else shapely.MultiPoint()
     back = shapely.affinity.rotate(path, angle, origin=(0.0, 0.0), use_radians=True)
     return [(point.x, point.y) for point in back.geoms]
+
+
+def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
+    """Return the stops on legs along x over ground, by pieces of legs."""
+    import shapely
+
+    left, low, right, high = ground.bounds
+    legs = math.ceil((high - low) / spacing)
+    heights = [low + (leg + 0.5) * (high - low) / legs for leg in range(legs)]
+    cuts = [shapely.LineString([(left, y), (right, y)]).intersection(ground) for y in heights]
+    return [_stops(part, spacing) for cut in cuts for part in _lines(cut)]
 
 
 def _long_side(free: "BaseGeometry") -> float:
