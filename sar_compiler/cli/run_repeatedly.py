@@ -1,5 +1,6 @@
 """A process that runs `sar-run` again and again, each time in a new ROS context: `sar-sim sweep` has some of them."""
 
+import gc
 import json
 import os
 import sys
@@ -29,6 +30,8 @@ def serve() -> int:
                 answers.write(json.dumps([status, _taken(output), words]) + "\n")
                 answers.flush()
                 shut_down(status, ros.pop_all().close)
+            # A run ends in cycles that hold its maps, which the collector does not know to be large.
+            gc.collect()
     return 0
 
 

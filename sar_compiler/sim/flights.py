@@ -74,7 +74,8 @@ class Flights:
             status, output, problem = _fly(["--format", "json", "--journal", "none", *self.command(seed)])
             if _over.is_set() or status == INTERRUPTED:
                 raise CancelledError
-            if status in (OK, FINDINGS):
+            # A process that ends before it answers may have such a status as well.
+            if status in (OK, FINDINGS) and output:
                 said = json.loads(output.splitlines()[-1])
                 reason = "" if status == OK else said["reason"] or "failed"
                 size = (len(self.faults), said["ticks"])

@@ -31,6 +31,8 @@ _PLACES_KEPT = 32
 # What of an area is smaller, and no way leads there, is the corner of a room or behind a chair.
 _LEAST_TOLD_M2 = 0.25
 _TOUCHING = np.ones((3, 3), dtype=int)
+# What scipy has in place of a node where no way leads.
+_NO_WAY = -9999
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -79,7 +81,7 @@ class Planner:
         self._graph, self._node_of = _grid_graph(self.fits, 1.0 + (_NEAR_COST - 1.0) * near)
         self._cells = np.argwhere(self.fits)
         # Who compares places asks for many ways to each.
-        self._ways_to = lru_cache(_PLACES_KEPT)(partial(dijkstra, self._graph, return_predecessors=True))
+        self._ways_to = lru_cache(_PLACES_KEPT)(partial(_ways, self._graph))
 
     def plan(self, start: Pose2D, goal: Pose2D, tolerance: float = 0.0) -> Path2D:
         """Return a path between two positions, frame `map`.
@@ -96,13 +98,13 @@ class Planner:
         goal = self._near(goal, tolerance) if tolerance else goal
         goal_node = self._goal_node(goal)
         start_node = self._start_node(start)
-        cost, previous = self._ways_to(indices=goal_node)
-        if not math.isfinite(cost[start_node]):
+        next_to_goal = self._ways_to(goal_node)
+        if start_node != goal_node and next_to_goal[start_node] == _NO_WAY:
             message = f"no way leads from ({start.x:.2f}, {start.y:.2f}) to ({goal.x:.2f}, {goal.y:.2f})"
             raise PlanningError(NavCode.NO_VALID_PATH, message)
         nodes = [start_node]
         while nodes[-1] != goal_node:
-            nodes.append(int(previous[nodes[-1]]))
+            nodes.append(int(next_to_goal[nodes[-1]]))
         cells = self._cells[nodes]
         return Path2D(self._smooth(self.occupancy.centre_of(cells[:, 0], cells[:, 1]), goal))
 
@@ -178,6 +180,13 @@ def clearance(occupancy: OccupancyMap) -> Floats:
     free = np.pad(occupancy.cells == FREE, 1)
     distance: Floats = distance_transform_edt(free)[1:-1, 1:-1] * occupancy.resolution
     return distance
+
+
+def _ways(graph: csr_array, goal: int) -> NDArray[np.int32]:
+    """Return the next node on the way to a goal from each node; `_NO_WAY` where there is none, and at the goal."""
+    # What the ways cost is not kept: it takes twice as much memory.
+    following: NDArray[np.int32] = dijkstra(graph, indices=goal, return_predecessors=True)[1]
+    return following
 
 
 def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, NDArray[np.int32]]:

@@ -75,6 +75,12 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
     assert len(flights._waiting) == 1
 
 
+def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
+    monkeypatch.setattr(flights, "_fly", lambda _: flights.Flown(1, words="it broke"))
+    with pytest.raises(flights.FlightError, match="it broke"):
+        flights.Flights(("a_tree",))([0])
+
+
 @pytest.mark.ros
 def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
     arguments = ("search_areas", "--sim", "--speed", "1000", "--params", str(AREAS))
