@@ -905,7 +905,7 @@ def test_nothing_sticks_out_of_the_window(live, browser, size):
     browser.size(width, height)
     browser.open(tree_of(run.server))
     browser.wait(
-        lambda: browser.js("return document.querySelectorAll('#orders button:enabled').length") == 7,
+        lambda: browser.js("return document.querySelectorAll('#orders button:enabled').length") == 8,
         "the buttons",
     )
     for view in ("tree", "map", "log"):
