@@ -214,7 +214,7 @@ colcon = rm -rf build/interfaces && MAKEFLAGS= COLCON_LOG_LEVEL=error \
 	  --cmake-args -DPython3_EXECUTABLE="$(abspath $(BIN))/python" -DBUILD_TESTING=OFF
 
 $(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
-	$(SAY) "the ROS interfaces btcpp_ros2_interfaces, nav2_msgs, sar_interfaces and tf2_msgs, built into $(VENV) (half a minute)"
+	$(SAY) "the ROS interfaces bond, btcpp_ros2_interfaces, nav2_msgs, sar_interfaces and tf2_msgs, built into $(VENV) (half a minute)"
 	@$(call colcon,$(VENV),--merge-install)
 	@touch $@
 

@@ -44,7 +44,7 @@ _OF_OPTIONS = {
 }
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
-INTERFACES = ("btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
+INTERFACES = ("bond", "btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
 """Packages of messages that no index has: wheels of them are made in a checkout."""
 
 

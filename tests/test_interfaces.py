@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 HASHES = {
+    "bond/msg/Status": "RIHS01_87eaccffa254ffffadc0b61600452e8251740f06c25659a2dbda4927fdb1f70a",
     "btcpp_ros2_interfaces/action/ExecuteTree": "RIHS01_41ad97f7d3ed46952d9b8bb0eb72f2cf49a9afbe7c40580e03f09d7007d5376a",
     "btcpp_ros2_interfaces/srv/GetTrees": "RIHS01_680c22e9faaa7a63539f1a87b6e80f78f1533243064e9dfdefb8943acbb2ac40",
     "nav2_msgs/action/ComputePathToPose": "RIHS01_b11d50c914791956069419b8f4ad441e3c66fcfbd9461f8e87110b77dc6febe9",
@@ -44,6 +45,7 @@ def test_the_result_of_a_goal_has_the_fields_that_leaves_read():
 def test_the_stand_ins_lie_outside_of_what_a_robot_builds():
     assert sorted(path.name for path in Path("interfaces").iterdir()) == ["sar_interfaces"]
     assert sorted(path.parent.name for path in Path("pip_interfaces").glob("*/package.xml")) == [
+        "bond",
         "btcpp_ros2_interfaces",
         "nav2_msgs",
         "tf2_msgs",

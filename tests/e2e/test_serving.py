@@ -209,8 +209,9 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
 
 
 def test_a_lifecycle_manager_hears_by_a_bond_that_the_server_is_alive(client, serve):
-    messages = pytest.importorskip("bond.msg", reason="ROS's package 'bond' is not here")
-    heard = client.listen(messages.Status, "bond")
+    from bond.msg import Status
+
+    heard = client.listen(Status, "bond")
     server = serve(LONG, options=["--managed"])
     assert change(client, "configure")
     assert heard == []
