@@ -15,7 +15,22 @@ from tests.mutants.equivalent import EQUIVALENT
 from tests.mutants.mutating import Mutant, mutants_of
 from tests.mutants.running import Bench
 
-_ROOMS = ("checks", "cli", "compiler", "journal", "monitoring", "nodes", "project", "ros", "views", "web")
+_ROOMS = (
+    "agent",
+    "checks",
+    "cli",
+    "compiler",
+    "journal",
+    "lsp",
+    "missions",
+    "monitoring",
+    "nodes",
+    "project",
+    "ros",
+    "sim",
+    "views",
+    "web",
+)
 PACKAGES = tuple(f"sar_compiler/{room}" for room in _ROOMS)
 
 
