@@ -3,9 +3,11 @@
 import json
 import subprocess
 import sys
+import time
 from argparse import Namespace
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from signal import SIGINT, SIGTERM
@@ -37,12 +39,14 @@ if TYPE_CHECKING:
 OPTION, MANAGED = "--serve", "--managed"
 # How many lines of a run's complaints its client is sent, at most.
 _LINES_SENT = 40
+# What a run that has just begun offers is found by others a little later, seconds.
+_FOUND_SEC, _LOOK_SEC = 5.0, 0.05
 # Exit statuses above are those of commands that a signal has ended.
 _SIGNALLED = 128
 
 
-Holder = Callable[[bool, Callable[[str], None]], None]
-"""What orders a mission to hold or to go on, and tells why it was not carried out."""
+Holder = Callable[[bool, Callable[[], bool], Callable[[str], None]], None]
+"""What orders a mission to hold or to go on, waits for its services as long as it is new, and tells why it was not carried out."""
 
 
 class ServedTree(NamedTuple):
@@ -187,7 +191,9 @@ class Runs:
             self._calls[full] = VerbCalls(self.node, served.verbs, sign, full)
         calls, verbs = self._calls[full], {verb.role: verb.name for verb in served.verbs}
 
-        def hold(wanted: bool, refused: Callable[[str], None]) -> None:
+        orders = ThreadPoolExecutor(1, "orders")
+
+        def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
             def take(answer: "Future[tuple[bool, str]]") -> None:
                 error = answer.exception()
                 was_done, said = (False, str(error)) if error is not None else answer.result()
@@ -198,6 +204,16 @@ class Runs:
             if verb is None:
                 refused("it knows no such order")
                 return
+            orders.submit(give, verb, is_new, take, refused)
+
+        def give(
+            verb: str,
+            is_new: Callable[[], bool],
+            take: "Callable[[Future[tuple[bool, str]]], None]",
+            refused: Callable[[str], None],
+        ) -> None:
+            while verb not in calls.available() and is_new():
+                time.sleep(_LOOK_SEC)
             try:
                 calls.give(verb, {}, self.node.get_fully_qualified_name()).add_done_callback(take)
             except VerbError as error:
@@ -239,6 +255,7 @@ class ServedProcess:
         )
         self._complaints: deque[str] = deque(maxlen=_LINES_SENT)
         self._has_spoken = False
+        self._begun: float | None = None
         self._listener = Thread(
             target=self._listen, args=(self._process.stderr,), name="run's log", daemon=True
         )
@@ -252,7 +269,12 @@ class ServedProcess:
 
     def hold(self, *, wanted: bool, refused: Callable[[str], None]) -> None:
         """Have its robot stand until that is not wanted any more; see `ServedRun.hold`."""
-        self._hold(wanted, refused)
+        self._hold(wanted, self._is_new, refused)
+
+    def _is_new(self) -> bool:
+        """Return whether it has not shown a line yet, or has only just begun to."""
+        is_young = self._begun is None or time.monotonic() - self._begun < _FOUND_SEC
+        return is_young and self._process.poll() is None
 
     def _listen(self, lines: IO[str]) -> None:
         for line in lines:
@@ -266,6 +288,7 @@ class ServedProcess:
             self._has_spoken = True
             last = line.strip()
             if not last.startswith("{"):
+                self._begun = self._begun or time.monotonic()
                 self._tell(last)
         self._listener.join()
         status = self._process.wait()
