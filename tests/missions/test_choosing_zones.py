@@ -330,6 +330,17 @@ class TestChooseZone:
         assert self.hint(stage, search, **values) == (False, said)
         assert search.zones.hints == {}
 
+    def test_the_orders_that_other_leaves_heed_stay_where_it_is_set_up_after_them(
+        self, stage: "Stage"
+    ) -> None:
+        from std_srvs.srv import Trigger
+
+        search = searching()
+        search.orders.offer(stage.node, "pause", Trigger, lambda _request, response: response)
+        self.take(stage, search, order="nearest", orders=search.orders)
+        client = stage.host().node.create_client(Trigger, f"{stage.node.get_fully_qualified_name()}/pause")
+        stage.until(client.service_is_ready, "the other leaf's order")
+
     def test_where_no_zone_has_a_probability_no_hints_are_taken(self, stage: "Stage") -> None:
         self.take(stage, searching({}), order="nearest")
         names = [name for name, _ in stage.node.get_service_names_and_types()]

@@ -76,7 +76,7 @@ class ChooseZone(RosLeaf):
 
     def setup(self, **kwargs: Any) -> None:
         """Make the clients of the planner, if it is to be asked."""
-        self.shutdown()
+        self._release()
         super().setup(**kwargs)
         if self._zones.areas:
             from sar_interfaces.srv import AddHint
@@ -110,13 +110,16 @@ class ChooseZone(RosLeaf):
             self._forget()
 
     def shutdown(self) -> None:
-        """Release the clients, and the node."""
-        self._forget()
+        """Withdraw the service, release the clients, and the node."""
+        self._release()
         self._orders.withdraw()
+        super().shutdown()
+
+    def _release(self) -> None:
+        self._forget()
         if self._ways is not None:
             self._ways.release()
         self._ways = None
-        super().shutdown()
 
     def _on_hint(self, request: Any, response: Any) -> Any:
         """Take a hint, which counts from the next choice on."""
