@@ -47,7 +47,12 @@ def test_a_zone_without_an_outline_has_no_ground_and_shows_none() -> None:
     search = begun(polygon=None, detection_range=None)
     assert search.sweeps.grounds == {}
     assert "grounds" not in search.identity()
-    assert not any(kind.name == "area" for kind in search.kinds)
+    assert not any(each.kind == "area" for each in search.display().landmarks)
+
+
+def test_an_area_has_its_kind_from_the_beginning_as_it_may_be_drawn_later() -> None:
+    search = begun(polygon=None, detection_range=None)
+    assert {"area", "gap"} <= {kind.name for kind in search.kinds}
 
 
 def test_other_ground_makes_another_mission() -> None:

@@ -46,12 +46,12 @@ KINDS = (
     ),
     LandmarkKind("base", "base", "house"),
     LandmarkKind("geofence", "geofence"),
+    LandmarkKind("area", "areas", shaded_by="probability now"),
+    LandmarkKind("gap", "gaps"),
 )
 """What a search shows on the map."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
 """What it shows as well where there are such."""
-GROUND_KINDS = (LandmarkKind("area", "areas", shaded_by="probability now"), LandmarkKind("gap", "gaps"))
-"""What it shows as well where zones have outlines."""
 # As of a log line: it comes home, and means to go on.
 _WARNING = 30
 BASE = "base station"
@@ -89,7 +89,6 @@ class Search(MissionRun):
         self.context = {type(part): part for part in parts}
         self.kinds = (
             *KINDS,
-            *(GROUND_KINDS if self.sweeps.grounds else ()),
             *([CHARGING_KIND] if zones.charging else ()),
         )
         self._identity: dict[str, object] = {
