@@ -180,7 +180,6 @@ class Runs:
 
     def _holder(self, served: ServedTree) -> "Holder":
         """Return what orders a mission to hold, or to go on."""
-        from sar_compiler.missions.mission import VerbError
         from sar_compiler.missions.order_record import RemoteSignature
         from sar_compiler.missions.verb_calls import VerbCalls
 
@@ -189,37 +188,45 @@ class Runs:
             # Their services are found by the time that they are needed.
             sign = RemoteSignature(self.node, full).sign
             self._calls[full] = VerbCalls(self.node, served.verbs, sign, full)
-        calls, verbs = self._calls[full], {verb.role: verb.name for verb in served.verbs}
+        by = self.node.get_fully_qualified_name()
+        return holder(self._calls[full], {verb.role: verb.name for verb in served.verbs}, by)
 
-        orders = ThreadPoolExecutor(1, "orders")
 
-        def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
-            def take(answer: "Future[tuple[bool, str]]") -> None:
-                error = answer.exception()
-                was_done, said = (False, str(error)) if error is not None else answer.result()
-                if not was_done:
-                    refused(said)
+def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
+    """Return what orders a mission to hold, or to go on.
 
-            verb = verbs.get("hold" if wanted else "release")
-            if verb is None:
-                refused("it knows no such order")
-                return
-            orders.submit(give, verb, is_new, take, refused)
+    Args:
+        calls: Calls the services of the mission's verbs.
+        verbs: The names of its verbs, by their roles.
+        by: Who orders.
+    """
+    from sar_compiler.missions.mission import VerbError
 
-        def give(
-            verb: str,
-            is_new: Callable[[], bool],
-            take: "Callable[[Future[tuple[bool, str]]], None]",
-            refused: Callable[[str], None],
-        ) -> None:
-            while verb not in calls.available() and is_new():
-                time.sleep(_LOOK_SEC)
-            try:
-                calls.give(verb, {}, self.node.get_fully_qualified_name()).add_done_callback(take)
-            except VerbError as error:
-                refused(str(error))
+    # One after the other, and not in the thread that calls the services.
+    orders = ThreadPoolExecutor(1, "orders")
 
-        return hold
+    def give(verb: str, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
+        def take(answer: "Future[tuple[bool, str]]") -> None:
+            error = answer.exception()
+            was_done, said = (False, str(error)) if error is not None else answer.result()
+            if not was_done:
+                refused(said)
+
+        while verb not in calls.available() and is_new():
+            time.sleep(_LOOK_SEC)
+        try:
+            calls.give(verb, {}, by).add_done_callback(take)
+        except VerbError as error:
+            refused(str(error))
+
+    def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
+        verb = verbs.get("hold" if wanted else "release")
+        if verb is None:
+            refused("it knows no such order")
+        else:
+            orders.submit(give, verb, is_new, refused)
+
+    return hold
 
 
 class ServedProcess:

@@ -1,10 +1,18 @@
 """What a client of `sar-run --serve` is told of a run, and what its payload means."""
 
+from threading import Event
+
 import pytest
 
-from sar_compiler.cli.serve import ended_run
+from sar_compiler.cli.serve import ended_run, holder
+from sar_compiler.missions.mission import Verb
+from sar_compiler.missions.verb_calls import VerbCalls
 from sar_compiler.ros.served_runs import EndedRun, PayloadError, parameters_of
+from tests.ros.conftest import make_ros, ros
 
+__all__ = ["make_ros", "ros"]
+
+STAND, GO_ON = True, False
 STOPPED = "it was stopped before its end"
 
 
@@ -51,3 +59,46 @@ def test_without_a_payload_there_are_no_parameters(payload):
 def test_a_payload_that_is_none_is_refused(payload, said):
     with pytest.raises(PayloadError, match=said):
         parameters_of(payload)
+
+
+@pytest.mark.ros
+class TestHolding:
+    @pytest.fixture
+    def hold(self, ros):
+        verbs = (Verb("pause", "Pause", "It stands.", role="hold"),)
+        return holder(VerbCalls(ros.node("server"), verbs, of="/mission"), {"hold": "pause"}, "/server")
+
+    def test_a_run_whose_orders_are_not_found_yet_is_held_once_they_are(self, ros, hold):
+        from std_srvs.srv import Trigger
+
+        given: list[str] = []
+        refused: list[str] = []
+        looked = Event()
+
+        def is_new():
+            looked.set()
+            return True
+
+        hold(STAND, is_new, refused.append)
+        ros.spin_until(looked.is_set, "the look for the order")
+        mission = ros.node("mission")
+
+        def pause(_request, response):
+            given.append("pause")
+            response.success = True
+            return response
+
+        mission.create_service(Trigger, "~/pause", pause)
+        ros.spin_until(lambda: given, "the order")
+        assert refused == []
+
+    def test_a_run_that_is_not_new_any_more_and_knows_no_order_refuses(self, ros, hold):
+        refused: list[str] = []
+        hold(STAND, lambda: False, refused.append)
+        ros.spin_until(lambda: refused, "the refusal")
+        assert refused == ["no node of this tree heeds 'pause'"]
+
+    def test_a_mission_without_such_a_verb_refuses_at_once(self, hold):
+        refused: list[str] = []
+        hold(GO_ON, lambda: True, refused.append)
+        assert refused == ["it knows no such order"]
