@@ -26,6 +26,7 @@ from sar_compiler.commands import (
     run,
 )
 from sar_compiler.errors import SarError
+from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
@@ -68,10 +69,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str]) -> int:
+    interruptible()
+    with gc_paused():  # the imports of a command leave nothing to collect
+        arguments = _parser(argv).parse_args(argv)
+    # Not before `--help` is answered: it takes a third of the time of that.
     from sar_compiler.tree.diagnostic import TreeError
 
-    interruptible()
-    arguments = _parser(argv).parse_args(argv)
     try:
         return int(arguments.run(arguments))
     except TreeError as error:

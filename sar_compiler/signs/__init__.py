@@ -6,7 +6,7 @@ The colours are those of Okabe and Ito, which colour-blind eyes tell apart. Noth
 import json
 import re
 from collections.abc import Mapping
-from importlib.resources import files
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -183,7 +183,7 @@ def style() -> str:
     return (
         f":root{{color-scheme:light dark;{light};--map:none}}\n"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{dark};--map:invert(.88)}}}}\n"
-        f"{levels}\n{files(__package__).joinpath('marks.css').read_text('utf-8')}"
+        f"{levels}\n{Path(__file__).with_name('marks.css').read_text('utf-8')}"
     )
 
 

@@ -7,7 +7,6 @@ within values and one blank line where there was any.
 
 import re
 from collections.abc import Iterator
-from html import unescape
 
 from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import Comment, Element, TreeFile
@@ -93,6 +92,8 @@ def _as_broken(element: Element, name: str, value: str) -> str | None:
     span = element.value_span(name)
     if span.line == span.end_line:
         return None
+    from html import unescape  # all entities of HTML, which few files need
+
     start, end = source.offsets(span)
     broken = re.sub(r"\r\n?", "\n", source.text[start:end]).replace('"', "&quot;").replace("\t", " ")
     # The element may have been given another value since it was read.

@@ -4,6 +4,7 @@ So a tree of the mission is checked without an import of what flies it.
 """
 
 from functools import partial
+from typing import Literal
 
 from sar_compiler.leaves import (
     Answer,
@@ -17,7 +18,12 @@ from sar_compiler.leaves import (
     leaf_spec,
     reference,
 )
-from sar_compiler.missions.search_and_rescue.search_theory import SweepPattern, VisitingOrder
+
+VisitingOrder = Literal["listed", "nearest", "expected_find"]
+"""How the next zone is chosen."""
+
+SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"]
+"""How a sweep goes: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""
 
 _condition = partial(leaf_spec, kind=Kind.CONDITION)
 _HERE = "sar_compiler.missions.search_and_rescue"

@@ -7,13 +7,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
-
-VisitingOrder = Literal["listed", "nearest", "expected_find"]
-"""How the next zone is chosen."""
-
-SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"]
-"""How a sweep goes: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""
+from typing import NamedTuple
 
 ROUNDING = 1e-9
 """How much above 1 a sum of probabilities may be."""

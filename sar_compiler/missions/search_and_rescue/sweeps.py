@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.missions.search_and_rescue.search_theory import SweepPattern
+from sar_compiler.missions.search_and_rescue.leaf_specs import SweepPattern
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from sar_compiler.missions.search_and_rescue.search_theory import Tour, VisitingOrder
+from sar_compiler.missions.search_and_rescue.leaf_specs import VisitingOrder
+from sar_compiler.missions.search_and_rescue.search_theory import Tour
 
 EXACT_UP_TO = 14
 """The most areas of which the best order is certain; beyond, it is sought with a beam."""

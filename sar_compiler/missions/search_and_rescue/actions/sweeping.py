@@ -14,13 +14,10 @@ from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurv
 from sar_compiler.missions.search_and_rescue.areas import COVERAGE, Corners
 from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
 from sar_compiler.missions.search_and_rescue.drawn_areas import DrawingError, DrawnAreas
+from sar_compiler.missions.search_and_rescue.leaf_specs import SweepPattern
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search_theory import (
-    SweepPattern,
-    pod_at_random,
-    pod_of_parallel_sweep,
-)
+from sar_compiler.missions.search_and_rescue.search_theory import pod_at_random, pod_of_parallel_sweep
 from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.sweeps import sweep
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose, ZoneManager

@@ -8,10 +8,10 @@ from py_trees.common import Status
 
 from sar_compiler.leaves import RosLeaf, Seconds, at_least
 from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
+from sar_compiler.missions.search_and_rescue.leaf_specs import VisitingOrder
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.planned_ways import PlannedWays
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search_theory import VisitingOrder
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Zone, ZoneManager, is_ratio
 
 Attempts = Annotated[int, at_least(1)]
