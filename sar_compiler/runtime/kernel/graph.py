@@ -31,27 +31,48 @@ class Breach:
 
 
 class Numbers:
-    """Numbers, of which each takes two bytes as long as none is larger."""
+    """Numbers, of which each takes two bytes as long as none is larger, then four, and then eight."""
 
     def __init__(self) -> None:
         self._short = vec[i16]()
         self._long = vec[i32]()
+        self._longest = vec[i64]()
 
-    def __getitem__(self, at: int) -> int:
-        return self._long[at] if len(self._long) else int(self._short[at])
+    def __getitem__(self, at: i64) -> i64:
+        if len(self._short):
+            return i64(self._short[at])
+        return i64(self._long[at]) if len(self._long) else self._longest[at]
 
-    def append(self, number: int) -> None:
+    def append(self, number: i64) -> None:
         """Add a number."""
-        if number > _SHORT and not len(self._long):
-            self._long = vec[i32]([int(held) for held in self._short])
+        if len(self._longest):
+            self._longest = append(self._longest, number)
+        elif number > _LONG:
+            self._longest = _longer(self._short, self._long, number)
+            self._short, self._long = vec[i16](), vec[i32]()
+        elif len(self._long):
+            self._long = append(self._long, i32(number))
+        elif number > _SHORT:
+            for held in self._short:
+                self._long = append(self._long, i32(held))
             self._short = vec[i16]()
-        if len(self._long):
             self._long = append(self._long, i32(number))
         else:
             self._short = append(self._short, i16(number))
 
 
+def _longer(short: vec[i16], long: vec[i32], number: i64) -> vec[i64]:
+    """Return numbers of which only one of these has any, and one more."""
+    longest = vec[i64]()
+    for held in short:
+        longest = append(longest, i64(held))
+    for each in long:
+        longest = append(longest, i64(each))
+    return append(longest, number)
+
+
 _SHORT: Final = (1 << 15) - 1
+_LONG: Final = (1 << 31) - 1
 
 
 class Steps:
@@ -63,30 +84,33 @@ class Steps:
     """
 
     def __init__(self) -> None:
-        self._offsets = vec[i64]([0])
+        self._ends = Numbers()
+        self._count = 0
         self.targets = vec[i32]()
         self.waits = Numbers()
 
     def __len__(self) -> int:
         """Return how many places there are of which the steps are known."""
-        return len(self._offsets) - 1
+        return self._count
 
     def of(self, place: i64) -> tuple[i64, i64]:
         """Return the number of the first step from a place, and the first one behind its last."""
-        return self._offsets[place], self._offsets[place + 1]
+        return self._ends[place - 1] if place else 0, self._ends[place]
 
     def count(self, place: i64) -> i64:
         """Return how many steps lead from a place."""
-        return self._offsets[place + 1] - self._offsets[place]
+        first, behind_last = self.of(place)
+        return behind_last - first
 
     def add(self, target: i32, waits: int) -> None:
         """Add a step from the place in hand."""
         self.targets = append(self.targets, target)
-        self.waits.append(waits)
+        self.waits.append(i64(waits))
 
     def end(self) -> None:
         """End with the place in hand."""
-        self._offsets = append(self._offsets, len(self.targets))
+        self._ends.append(len(self.targets))
+        self._count += 1
 
 
 @dataclass

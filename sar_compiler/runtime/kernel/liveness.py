@@ -39,7 +39,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from librt.vecs import vec
+from librt.vecs import append, vec
 from mypy_extensions import i32, i64, u8
 
 from sar_compiler.runtime.kernel.graph import Edge, Graph, behind
@@ -126,81 +126,116 @@ _NEW: Final = 0
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
     """Yield the strongly connected components of a graph, each after all that can be reached from it.
 
-    Tarjan's algorithm. Its recursion is as deep as the longest path, which may be a million places, so the path is
-    a list, and `_DepthFirst.following` holds where each place on it goes on.
+    Tarjan's algorithm, as Pearce has it ("A space-efficient algorithm for finding strongly connected components", Information
+    Processing Letters 116, 2016): one number a place. Its recursion is as deep as the longest path, which may be a million places,
+    so the path is a stack, and `_DepthFirst` holds where each place on it goes on.
 
     Args:
         graph: The graph.
         excluded: 1 for each state that is taken for not being there.
     """
     walk = _DepthFirst(graph, excluded)
-    stack: list[int] = []
-    number = _NEW
+    path = _Stack()
     for root in range(graph.places):
-        if (root < len(excluded) and excluded[root]) or walk.order[root]:
+        if (root < len(excluded) and excluded[root]) or walk.numbers[root] != _NEW:
             continue
-        work = [root]
-        while work:
-            place = work[-1]
-            if walk.order[place] == _NEW:
-                number += 1
-                walk.begin(place, number)
-                stack.append(place)
+        walk.begin(root)
+        path.push(root)
+        while path.height:
+            place = path.top()
             entered = walk.enter(place)
             if entered >= 0:
-                work.append(entered)
+                walk.begin(entered)
+                path.push(entered)
                 continue
-            work.pop()
-            if work:
-                walk.low[work[-1]] = min(walk.low[work[-1]], walk.low[place])
-            if walk.low[place] == walk.order[place]:
-                yield _pop_component(stack, walk.on_stack, place)
+            path.pop()
+            if walk.leads_back[place]:
+                walk.waiting.push(place)
+            else:
+                yield walk.component(place)
+
+
+class _Stack:
+    """Places upon each other. A list would take 40 bytes for each of them, and a path may be as long as there are places."""
+
+    def __init__(self) -> None:
+        self._places = vec[i32]()
+        self.height: i64 = 0
+
+    def push(self, place: int) -> None:
+        """Lay a place on top."""
+        if self.height == len(self._places):
+            self._places = append(self._places, i32(place))
+        else:
+            self._places[self.height] = i32(place)
+        self.height += 1
+
+    def top(self) -> int:
+        """Return the place on top."""
+        return int(self._places[self.height - 1])
+
+    def pop(self) -> int:
+        """Take the place on top away, and return it."""
+        self.height -= 1
+        return int(self._places[self.height])
 
 
 class _DepthFirst:
-    """What Tarjan's algorithm knows of each place: its number in order, the least that it leads back to, and its next step."""
+    """What is known of each place.
+
+    Attributes:
+        numbers: Its number in the order of the search, or that of an earlier place that it leads back to. Where its component is known, one
+            that is above all of these.
+        leads_back: 1 if it leads back to an earlier place.
+        waiting: The places that do, and whose component is not known yet.
+    """
 
     def __init__(self, graph: Graph, excluded: bytearray) -> None:
         zeros = bytes(graph.places)
-        self.order, self.low, self.following = vec[i32](zeros), vec[i32](zeros), vec[i64](zeros)
-        self.on_stack = vec[u8](zeros)
+        self.numbers, self.leads_back = vec[i32](zeros), vec[u8](zeros)
+        self.waiting = _Stack()
+        self._done = vec[i32](zeros)
         self._graph = graph
         self._excluded = vec[u8](excluded)
+        # Those that are given next: to a place, counted up, and to a component, counted down.
+        self._number, self._of_component = 1, graph.places
 
-    def begin(self, place: int, number: int) -> None:
-        """Give a place a number."""
-        self.order[place] = self.low[place] = i32(number)
-        self.following[place] = self._graph.leading_from(place)[1]
-        self.on_stack[place] = 1
+    def begin(self, place: int) -> None:
+        """Give a place its number."""
+        self.numbers[place] = i32(self._number)
+        self._number += 1
 
     def enter(self, place: int) -> int:
         """Continue through the steps of a place; return the first new place, -1 at the end."""
-        order, on_stack, excluded, graph = self.order, self.on_stack, self._excluded, self._graph
-        steps, _, stop = graph.leading_from(place)
+        numbers, excluded, graph = self.numbers, self._excluded, self._graph
+        steps, first, stop = graph.leading_from(place)
         targets = steps.targets
-        step, least = self.following[place], self.low[place]
+        step, least = first + i64(self._done[place]), numbers[place]
         found: i64 = -1
-        while step < stop and found < 0:
+        while step < stop:
             target = graph.place(i64(targets[step]))
+            if target >= len(excluded) or not excluded[target]:
+                if numbers[target] == _NEW:
+                    # Looked at again when it is done with.
+                    found = target
+                    break
+                if numbers[target] < least:
+                    least = numbers[target]
+                    self.leads_back[place] = 1
             step += 1
-            if target < len(excluded) and excluded[target]:
-                continue
-            if order[target] == _NEW:
-                found = target
-            elif on_stack[target] and order[target] < least:
-                least = order[target]
-        self.following[place], self.low[place] = step, least
+        self._done[place], numbers[place] = i32(step - first), least
         return int(found)
 
-
-def _pop_component(stack: list[int], on_stack: vec[u8], first: int) -> list[int]:
-    component = []
-    while True:
-        state = stack.pop()
-        on_stack[state] = 0
-        component.append(state)
-        if state == first:
-            return component
+    def component(self, first: int) -> list[int]:
+        """Take the component away whose earliest place this is."""
+        component = [first]
+        while self.waiting.height and self.numbers[self.waiting.top()] >= self.numbers[first]:
+            component.append(self.waiting.pop())
+        for place in component:
+            self.numbers[place] = i32(self._of_component)
+        self._number -= len(component)
+        self._of_component -= 1
+        return component
 
 
 def is_fair(graph: Graph, component: list[int]) -> bool:

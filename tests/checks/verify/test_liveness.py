@@ -151,9 +151,13 @@ def test_a_lasso_of_a_random_graph_goes_round_and_leaves_off_waiting_for_each(se
         assert (state, waiting) == (found.stem[-1], 0)
 
 
-def test_numbers_are_kept_however_large_one_of_them_is():
+@pytest.mark.parametrize(
+    "numbers",
+    [[7, 32_767, 32_768, 3], [7, 1 << 31, 32_768, 3], [7, 40_000, (1 << 31) - 1, 1 << 31, 3]],
+    ids=["four bytes", "eight bytes", "one after the other"],
+)
+def test_numbers_are_kept_however_large_one_of_them_is(numbers):
     held = Numbers()
-    numbers = [7, 32_767, 32_768, 3]
     for number in numbers:
         held.append(number)
     assert [held[at] for at in range(len(numbers))] == numbers
