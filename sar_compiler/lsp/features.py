@@ -1,12 +1,13 @@
 """What an editor can ask of the server, by the names of the Language Server Protocol."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcInvalidParams
 
 from sar_compiler.errors import SarError
-from sar_compiler.lsp.names import renamed
+from sar_compiler.lsp.names import check_renaming, renamed
 from sar_compiler.lsp.server import COMMANDS, TreeServer
 from sar_compiler.project import Additions, LoadedTree
 from sar_compiler.tree.conversion import canonical_bytes
@@ -123,20 +124,39 @@ def _add_names(server: TreeServer) -> None:
         thing = await server.name_at(params.text_document.uri, params.position)
         if thing is None:
             return None
-        try:
+        with _refusing():
             chosen = renamed(thing, params.new_name)
-        except SarError as error:
-            raise JsonRpcInvalidParams(str(error)) from error
         changes: dict[str, list[lsp.TextEdit]] = {}
         for spot, text in chosen:
             place = server.location(spot)
             changes.setdefault(place.uri, []).append(lsp.TextEdit(place.range, text))
         return lsp.WorkspaceEdit(changes)
 
+    @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
+    async def name_to_change(params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
+        uri, position = params.text_document.uri, params.position
+        thing = await server.name_at(uri, position)
+        if thing is None:
+            return None
+        with _refusing():
+            check_renaming(thing)
+        places = [place.range for place in map(server.location, thing.spots) if place.uri == uri]
+        held = (each for each in places if each.start <= position <= each.end)
+        return next((lsp.PrepareRenamePlaceholder(each, thing.name) for each in held), None)
+
     @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
     async def symbols(params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
         tree = await _tree(server, params.text_document.uri)
         return server.symbols(tree) if tree else []
+
+
+@contextmanager
+def _refusing() -> Iterator[None]:
+    """Have the editor show why something cannot be done."""
+    try:
+        yield
+    except SarError as error:
+        raise JsonRpcInvalidParams(str(error)) from error
 
 
 def _add_commands(server: TreeServer) -> None:

@@ -239,14 +239,23 @@ def _in_models(files: Iterable[TreeFile], name: str, key: str) -> Iterator[Spot]
                 yield from (Spot(port.source, port.value_span("name")) for port in ports)
 
 
+def check_renaming(thing: NamedThing) -> None:
+    """Check whether a name can be changed.
+
+    Raises:
+        RenamingError: If it cannot.
+    """
+    if thing.refusal:
+        raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
+
+
 def renamed(thing: NamedThing, name: str) -> list[tuple[Spot, str]]:
     """Return the text for each place of a name that is changed.
 
     Raises:
-        RenamingError: If it cannot be changed.
+        RenamingError: If it cannot be changed, or not to this one.
     """
-    if thing.refusal:
-        raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
+    check_renaming(thing)
     if not (_KEY if thing.is_key else _TREE).fullmatch(name):
         listed = "letters, digits and '_'" if thing.is_key else "letters, digits, '_', '.' or '-'"
         raise RenamingError(f"'{name}' is no name: write {listed}")

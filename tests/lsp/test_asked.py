@@ -180,6 +180,34 @@ def test_a_port_of_a_subtree_is_renamed_where_the_tree_is_used(editor, files):
     assert texts["main"] == main.read_text(encoding="utf-8").replace(' in="', ' way="')
 
 
+def name_to_change(editor, path, place):
+    """Return the name that the editor lets people change, and where it stands; None if there is none."""
+    question = lsp.PrepareRenameParams(whose(path), place)
+    return editor.ask(editor.client.text_document_prepare_rename_async(question))
+
+
+def test_the_name_alone_is_offered_for_renaming(editor, files):
+    main, _ = files
+    place = at(main, 'ID="Part"', 5)
+    offered = name_to_change(editor, main, place)
+    start = lsp.Position(place.line, place.character - 1)
+    assert offered.placeholder == "Part"
+    assert offered.range == lsp.Range(start, lsp.Position(place.line, start.character + len("Part")))
+
+
+def test_a_tag_has_no_name_to_change(editor, files):
+    main, _ = files
+    assert name_to_change(editor, main, at(main, "<SubTree", 2)) is None
+
+
+def test_a_key_that_others_share_is_not_offered_for_renaming(editor, tmp_path):
+    path = tmp_path / "tree.xml"
+    write(path, '<BehaviorTree ID="Main">', '<Script code="@k := 1; @k = 2"/>', "</BehaviorTree>")
+    editor.open(path)
+    with pytest.raises(JsonRpcException, match="cannot be renamed: a key of the root"):
+        name_to_change(editor, path, at(path, "@k", 1))
+
+
 def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
     path = tmp_path / "tree.xml"
     write(path, '<BehaviorTree ID="Main">', '<Script code="@k := 1; @k = 2"/>', "</BehaviorTree>")
