@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
 from sar_compiler.missions.search_and_rescue.homing import Homing
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.zone_manager import DETOUR, MapPose, ZoneManager
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
+from sar_compiler.missions.search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
 from tests.chance import rounds
 
 PRIOR = Rates(per_m=0.0015, per_sec=0.0003)
@@ -41,12 +44,19 @@ class Flight:
         world: What the robot does not know.
         wrong_by: How wrong the prior is said to be at most.
         charging: How many charging places there are.
+        pieces: Of how many pieces the sweep of a zone is at most; 0 for a look at its pose.
     """
 
     def __init__(
-        self, chance: np.random.Generator, world: World, wrong_by: float = 0.25, charging: int = 0
+        self,
+        chance: np.random.Generator,
+        world: World,
+        wrong_by: float = 0.25,
+        *,
+        charging: int = 0,
+        pieces: int = 0,
     ) -> None:
-        self._chance, self._world = chance, world
+        self._chance, self._world, self._pieces = chance, world, pieces
         base = MapPose(x=0.0, y=0.0, yaw=0.0)
         count = int(chance.integers(4, 13))
         places = [(chance.uniform(-80, 80), chance.uniform(-80, 80)) for _ in range(count)]
@@ -57,7 +67,11 @@ class Flight:
             for i in range(charging)
         }
         self.zones = ZoneManager(zones, base, areas=areas, speed_mps=SPEED_MPS, charging=docks)
-        self.homing = Homing(self.zones, EnergyModel(PRIOR, wrong_by), reserve=RESERVE, speed_mps=SPEED_MPS)
+        ground = Ground(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), 1.0, 1.0)
+        self.sweeps = Sweeps({zone["id"]: ground for zone in self.zones.remaining_zones()})
+        energy = EnergyModel(PRIOR, wrong_by)
+        self.homing = Homing(self.zones, energy, sweeps=self.sweeps, reserve=RESERVE, speed_mps=SPEED_MPS)
+        self.search = Search(self.zones, homing=self.homing, sweeps=self.sweeps)
         self.share = self.lowest = 1.0
         self.at_home: list[float] = []
         self.charged_at: list[str] = []
@@ -67,24 +81,46 @@ class Flight:
 
     def fly(self) -> "Flight":
         while self.zones.has_remaining():
-            if self.homing.shortage() and not self.homing.excess():
-                self._swap()
-            if self.homing.shortage():
-                self.zones.abandon("it is out of reach of any battery")
-                continue
             zone = self.zones.current_zone()
-            self._drive(zone)
-            self._wait(self.zones.areas[zone["id"]].look_sec)
-            self.zones.advance()
+            if self._pieces:
+                self._sweep(zone)
+                self.zones.advance()
+            elif self._is_in_reach():
+                self._drive(zone)
+                self._wait(self.zones.areas[zone["id"]].look_sec)
+                self.zones.advance()
+            else:
+                self.zones.abandon("it is out of reach of any battery")
         self._go_home()
         return self
+
+    def _sweep(self, zone: Zone) -> None:
+        count = int(self._chance.integers(1, self._pieces + 1))
+        self.sweeps.plan(zone["id"], "parallel", 5.0, [self._near(zone) for _ in range(count)])
+        while (sweep := self.sweeps.of(zone["id"])).left:
+            if self._is_in_reach():
+                self._drive(sweep.pieces[sweep.done])
+                self._wait(self.zones.areas[zone["id"]].look_sec / count)
+                self.sweeps.advance(zone["id"], None, 0.6)
+            else:
+                self.sweeps.skip(zone["id"], "it is out of reach of any battery")
+
+    def _near(self, zone: Zone) -> MapPose:
+        x, y = (zone[axis] + self._chance.uniform(-20, 20) for axis in ("x", "y"))
+        return MapPose(x=x, y=y, yaw=0.0)
+
+    def _is_in_reach(self) -> bool:
+        """Return whether the next leg is, if need be after a swap."""
+        if self.homing.shortage() and not self.homing.excess():
+            self._swap()
+        return not self.homing.shortage()
 
     def _swap(self) -> None:
         name, pose = self.homing.charging_stop()
         self.charged_at.append(name)
         if name:
             self._drive(pose)
-            self.zones.journal.note("charging_reached", place=name)
+            self.search.record.charging_reached(name)
         else:
             self._go_home()
         self.share = self._chance.uniform(0.9, 1.0)
@@ -93,6 +129,7 @@ class Flight:
 
     def _go_home(self) -> None:
         self._drive(self.zones.base_pose())
+        self.search.record.base_reached()
         self.at_home.append(self.share)
 
     def _drive(self, target: MapPose) -> None:
@@ -149,6 +186,27 @@ def test_with_charging_places_half_of_the_reserve_is_always_left_too() -> None:
     stops = [stop for flight in flights for stop in flight.charged_at]
     assert sum(map(bool, stops)) > 20
     assert not all(stops)
+
+
+@pytest.mark.parametrize("charging", [0, 2])
+def test_in_sweeps_half_of_the_reserve_is_always_left_too(charging: int) -> None:
+    flights = [
+        Flight(chance := np.random.default_rng(seed), unlike(chance), charging=charging, pieces=12).fly()
+        for seed in range(rounds(50))
+    ]
+    lowest = [flight.lowest for flight in flights]
+    assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
+    sweeps = [flight.sweeps.of(zone) for flight in flights for zone in flight.sweeps.grounds]
+    assert sum(len(flight.charged_at) for flight in flights) > 50
+    assert sum(each.skipped for each in sweeps) < 0.1 * sum(len(each.pieces) for each in sweeps)
+
+
+def test_in_the_worst_world_sweeps_do_not_cost_the_reserve_either() -> None:
+    worst = World(Rates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    lowest = [
+        Flight(np.random.default_rng(seed), worst, pieces=12).fly().lowest for seed in range(rounds(30))
+    ]
+    assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 
 
 def test_in_the_worst_world_charging_places_do_not_cost_the_reserve_either() -> None:

@@ -24,12 +24,14 @@ from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.testing import simulate
 from tests.missions.test_both_trees_verified import broken, verify
+from tests.missions.test_choosing_zones import PlanningServer
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage
 
 BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
-TREE = Path("trees/search_areas.xml")
+TREE, SWEEPS = Path("trees/search_areas.xml"), Path("trees/search_sweeps.xml")
+STRAIGHT = "'Full?': 1 of 1 ways by straight lines times 1.5: no server of compute_path_to_pose is there."
 # 10 m away: 15 m with the detour, twice; at 1 % a metre and 1 m/s.
 SHORT = "zone_a needs 30% for 30 m and 30 s, the battery is at 40%, the reserve is 15%"
 
@@ -178,7 +180,7 @@ class TestFullBatterySuffices:
         robot.tells(0.1)
         robot.homing.place = {"x": -90.0, "y": 0.0, "yaw": 0.0}
         assert robot.answer(robot.full) == "suffices"
-        assert (robot.full.status, stage.warnings) == (Status.SUCCESS, [])
+        assert (robot.full.status, stage.warnings) == (Status.SUCCESS, [STRAIGHT])
 
     def test_no_charge_helps_for_one_that_is_too_far(self, stage: "Stage", robot: Robot) -> None:
         robot.search.zones.add({"id": "zone_b", "x": 29.0, "y": 0.0, "yaw": 0.0})
@@ -186,8 +188,36 @@ class TestFullBatterySuffices:
         assert robot.answer(robot.full) == "too far"
         assert robot.full.status is Status.FAILURE
         assert stage.warnings == [
-            "zone_b needs 87% for 87 m and 87 s from home and back, and a full battery leaves 85% above the reserve."
+            STRAIGHT,
+            "zone_b needs 87% for 87 m and 87 s from home and back, and a full battery leaves 85% above the reserve.",
         ]
+
+    def test_it_asks_the_planner_for_the_ways_of_the_leg_and_for_none_twice(
+        self, stage: "Stage", robot: Robot
+    ) -> None:
+        server = PlanningServer(stage.host())
+        server.detour_m = {frozenset({0.0, 10.0}): 40.0}
+        assert stage.run(robot.full) is Status.FAILURE
+        assert stage.warnings[0].startswith("zone_a needs 100% for 100 m and 100 s from home and back")
+        assert stage.run(robot.full) is Status.FAILURE
+        assert server.asked == [(0.0, 10.0)]
+
+    def test_one_that_is_halted_asks_anew_when_it_is_its_turn_again(
+        self, stage: "Stage", robot: Robot
+    ) -> None:
+        server = PlanningServer(stage.host())
+        server.gate.clear()
+        stage.tick_until(robot.full, lambda: server.asked, "the question")
+        assert robot.full.answer_label == "asking for ways"
+        robot.full.stop(Status.INVALID)
+        server.gate.set()
+        assert stage.run(robot.full) is Status.SUCCESS
+        assert server.asked == [(0.0, 10.0)] * 2
+
+    def test_its_client_is_gone_with_it(self, stage: "Stage", robot: Robot) -> None:
+        clients = len(list(stage.node.clients))
+        robot.full.shutdown()
+        assert len(list(stage.node.clients)) == clients - 2
 
     def test_without_a_zone_there_is_nothing_to_weigh(self, robot: Robot) -> None:
         robot.search.zones.advance()
@@ -320,18 +350,70 @@ NEEDED = {
 
 
 @pytest.mark.unmeasured
+@pytest.mark.parametrize("tree", [TREE, SWEEPS], ids=lambda tree: tree.stem)
 @pytest.mark.parametrize(("old", "new", "question"), NEEDED.values(), ids=NEEDED)
-def test_the_tree_needs(tmp_path: Path, old: str, new: str, question: str) -> None:
+def test_the_tree_needs(tmp_path: Path, tree: Path, old: str, new: str, question: str) -> None:
     text = TREE.read_text(encoding="utf-8")
     assert text.count(old) == 1
-    changed = text.replace(old, new)
-    # Beside the tree that it includes.
+    # Beside the trees that include it, and that it includes.
     for shipped in TREE.parent.glob("*.xml"):
         (tmp_path / shipped.name).write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8")
-    (tmp_path / TREE.name).write_text(changed, encoding="utf-8")
-    properties = "config/search_areas_properties.yaml"
-    output = verify(tmp_path / TREE.name, "--set", "zones_left=1", "--properties", properties)[1]
+    (tmp_path / TREE.name).write_text(text.replace(old, new), encoding="utf-8")
+    properties = f"config/{tree.stem}_properties.yaml"
+    output = verify(tmp_path / tree.name, "--set", "zones_left=1", "--properties", properties)[1]
     assert question in broken(output)
+
+
+@pytest.mark.unmeasured
+def test_a_sweep_needs_the_question_before_each_piece(tmp_path: Path) -> None:
+    asked = '<SubTree ID="InReachOrCharge"/>'
+    text = SWEEPS.read_text(encoding="utf-8")
+    assert text.count(asked) == 1
+    for shipped in TREE.parent.glob("*.xml"):
+        (tmp_path / shipped.name).write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / SWEEPS.name).write_text(text.replace(asked, ""), encoding="utf-8")
+    properties = "config/search_sweeps_properties.yaml"
+    output = verify(tmp_path / SWEEPS.name, "--set", "zones_left=1", "--properties", properties)[1]
+    assert broken(output) == {UNASKED}
+
+
+ONE_PASS: Any = {
+    "scenario": {"facts": {"zones_left": 1}},
+    "DetectSurvivor": "nothing",
+    "RefineSweep": "nothing to sweep",
+}
+
+
+def test_a_sweep_goes_on_with_the_same_piece_after_a_charge() -> None:
+    run = simulate(SWEEPS, **ONE_PASS, ReturnInReach=["in reach", "out of reach", "in reach"])
+    run.until_end().expect(
+        order=[
+            "AdvanceFromNobody advanced",
+            "ReturnInReach out of reach",
+            "NavigateToCharge arrived",
+            "AwaitCharge charged",
+            "NavigateToPiece arrived",
+            "AdvanceFromNobody advanced",
+        ],
+        count={"SkipPiece skipped": 0, "NavigateToCharge starts": 1},
+    )
+
+
+def test_a_piece_for_which_no_battery_suffices_is_left_out_without_a_drive() -> None:
+    run = simulate(SWEEPS, **ONE_PASS, FullBatterySuffices=["too far", "suffices"]).until_end()
+    run.expect(
+        order=["SkipPiece skipped", "NavigateToPiece starts"],
+        count={"SkipPiece skipped": 1, "NavigateToCharge starts": 0},
+    )
+
+
+def test_where_no_battery_comes_a_sweep_ends_at_home() -> None:
+    run = simulate(SWEEPS, ReturnInReach="out of reach", AwaitCharge="not charged").until_end()
+    run.expect(
+        order=["AwaitCharge not charged", "AbandonZones abandoned", "NavigateToBase arrived"],
+        count={"NavigateToPiece starts": 0, "SkipPiece skipped": 0, "PostponeZone postponed": 0},
+        root="FAILURE",
+    )
 
 
 def test_where_no_battery_comes_the_zones_that_are_left_are_given_up_and_the_mission_ends_at_home() -> None:

@@ -5,11 +5,13 @@ from typing import Any
 import pytest
 
 from sar_compiler.missions import ParameterError, ParameterReader
+from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
 from sar_compiler.missions.search_and_rescue.homing import PRIOR, RESERVE, Homing
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
 
 BASE = MapPose(x=0.0, y=0.0, yaw=0.0)
@@ -74,6 +76,45 @@ def test_a_leg_is_the_way_out_the_look_and_the_way_home() -> None:
     assert made.home() == Trip(15.0, 30.0)
 
 
+def sweeping(**options: Any) -> tuple[Homing, Sweeps]:
+    """Return what coming home takes in a sweep of zone a: of four pieces, 5 to 8 m away."""
+    sweeps = Sweeps({"a": Ground(((5.0, 0.0), (9.0, 0.0), (9.0, 1.0)), 1.0, 1.0)})
+    made = homing(sweeps=sweeps, **options)
+    Search(made.zones, homing=made, sweeps=sweeps)
+    sweeps.plan("a", "parallel", 1.0, [pose(5.0 + piece) for piece in range(4)])
+    return made, sweeps
+
+
+def test_in_a_sweep_a_leg_goes_to_the_open_piece_and_a_look_is_a_piece_s_share_of_the_zone_s() -> None:
+    made, sweeps = sweeping()
+    assert made.leg() == Trip(15.0, 15.0 / 0.5 + 2.0)
+    sweeps.advance("a", None, 0.5)
+    assert made.leg().metres == pytest.approx(1.5 * (1.0 + 6.0))
+    assert made.home().metres == 7.5
+    for _ in range(3):
+        sweeps.skip("a", "it was not reached")
+    assert made.leg().metres == pytest.approx(1.5 * (5.0 + 10.0))
+
+
+def test_what_a_piece_lacks_is_told_with_its_number() -> None:
+    made, _ = sweeping(share=0.2)
+    assert made.shortage().startswith("piece 1/4 of a needs 15% for 15 m and 32 s, the battery is at 20%")
+    made.ends_at = 20.0
+    assert made.late(0.0).startswith("piece 1/4 of a needs 32 s out and home")
+    far, _ = sweeping(reserve=0.9)
+    assert far.excess().startswith("piece 1/4 of a needs 15% for 15 m and 32 s from home and back")
+
+
+def test_the_ways_of_a_leg_are_those_to_its_piece_and_forgotten_when_one_was_not_reached() -> None:
+    made, sweeps = sweeping()
+    ways = made.ways()
+    assert [(start["x"], end["x"]) for start, end in ways] == [(0.0, 5.0)]
+    made.zones.learn_way(*ways[0], 40.0)
+    assert made.leg().metres == 80.0
+    sweeps.skip("a", "it was not reached")
+    assert not made.zones.knows_way(*ways[0])
+
+
 def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last() -> None:
     search = Search(ZoneManager([{"id": "a", **pose(10.0)}], BASE))
     found = search.context[Homing]
@@ -87,7 +128,7 @@ def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last
 
 def test_near_where_it_has_looked_a_planner_s_ways_count() -> None:
     made = homing()
-    zones = made._zones
+    zones = made.zones
     zones.learn_way(BASE, zones.current_zone(), 40.0)
     assert made.leg().metres == 80.0
     made.place = pose(0.5)

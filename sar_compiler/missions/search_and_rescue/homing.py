@@ -5,7 +5,8 @@ import math
 from sar_compiler.missions import Figure, ParameterReader, mission_context
 from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
 from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose, PosePair, ZoneManager
 
 CHARGING = "charging"
 """The group of parameters with the poses of charging places."""
@@ -28,15 +29,19 @@ def _preview() -> "Homing":
 
 @mission_context(preview=_preview)
 class Homing:
-    """What it takes to come home, now and after the next leg. Ways are as long as the `ZoneManager` takes them to be.
+    """What it takes to come home, now and after the next leg: to the current zone, or to the open piece of its sweep.
+
+    Ways are as long as the `ZoneManager` takes them to be. A look at a piece takes its share of the zone's `look_sec`.
 
     Args:
         zones: The mission's zones and base station.
         energy: What is known of the robot's battery.
+        sweeps: The mission's sweeps.
         reserve: What is to be left in it at home, of 1 for a full one.
         speed_mps: How fast the robot drives, for estimates of time, m/s.
 
     Attributes:
+        zones: The mission's zones and base station.
         energy: What is known of the robot's battery.
         reserve: What is to be left in it.
         place: Where the robot is, as far as anybody has said it.
@@ -49,10 +54,11 @@ class Homing:
         zones: ZoneManager,
         energy: EnergyModel | None = None,
         *,
+        sweeps: Sweeps | None = None,
         reserve: float = RESERVE,
         speed_mps: float = 1.0,
     ) -> None:
-        self._zones, self._speed_mps = zones, speed_mps
+        self.zones, self._sweeps, self._speed_mps = zones, sweeps or Sweeps(), speed_mps
         self.energy, self.reserve = energy or EnergyModel(PRIOR), reserve
         self.place: MapPose | None = None
         self.is_asked = False
@@ -62,7 +68,7 @@ class Homing:
     @property
     def has_next(self) -> bool:
         """Whether there is a zone to go on to."""
-        return self._zones.has_remaining()
+        return self.zones.has_remaining()
 
     @property
     def next_zone(self) -> str:
@@ -71,7 +77,32 @@ class Homing:
         Raises:
             IndexError: If every zone is visited.
         """
-        return self._zones.current_zone()["id"]
+        return self.zones.current_zone()["id"]
+
+    @property
+    def next_leg(self) -> str:
+        """Where the next leg goes, in words.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        sweep = self._sweeps.of(self.next_zone)
+        return sweep.told(self.next_zone) if sweep.left else self.next_zone
+
+    def ways(self) -> list[PosePair]:
+        """Return the ways by which the next leg is weighed.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        return self.zones.ways([self._target()[0]], between=False)
+
+    def _target(self) -> tuple[MapPose, float]:
+        """Return where the next leg goes, and how long a look there takes, seconds."""
+        zone = self.zones.current_zone()
+        look_sec = self.zones.areas.get(zone["id"], Area(0.0, 0.0)).look_sec
+        sweep = self._sweeps.of(zone["id"])
+        return (sweep.pieces[sweep.done], look_sec / len(sweep.pieces)) if sweep.left else (zone, look_sec)
 
     def await_charge(self) -> None:
         """Begin to look whether the battery is charged or swapped."""
@@ -84,10 +115,10 @@ class Homing:
 
     def home(self) -> Trip:
         """Return the way home."""
-        return self._drive(self._way_from_here(self._zones.base_pose()))
+        return self._drive(self._way_from_here(self.zones.base_pose()))
 
     def leg(self, start: MapPose | None = None) -> Trip:
-        """Return the way to the current zone, a look there and the way home from it.
+        """Return the way to the current zone or piece, a look there and the way home from it.
 
         Args:
             start: Where the robot sets out; where it is if None.
@@ -95,19 +126,17 @@ class Homing:
         Raises:
             IndexError: If every zone is visited.
         """
-        zone = self._zones.current_zone()
-        out = self._zones.way_m(start, zone) if start is not None else self._way_from_here(zone)
-        metres = out + self._zones.way_m(zone, self._zones.base_pose())
-        look_sec = self._zones.areas.get(zone["id"], Area(0.0, 0.0)).look_sec
-        return self._drive(metres, look_sec)
+        target, look_sec = self._target()
+        out = self.zones.way_m(start, target) if start is not None else self._way_from_here(target)
+        return self._drive(out + self.zones.way_m(target, self.zones.base_pose()), look_sec)
 
     def _way_from_here(self, target: MapPose) -> float:
-        looked = self._zones.here()
-        apart = self._zones.way_m(self.place, looked) if self.place is not None else 0.0
+        looked = self.zones.here()
+        apart = self.zones.way_m(self.place, looked) if self.place is not None else 0.0
         # What a planner has said begins where the robot has looked, and is worth more than a straight line from near there.
         if self.place is None or apart <= _NEAR_M:
-            return apart + self._zones.way_m(looked, target)
-        return self._zones.way_m(self.place, target)
+            return apart + self.zones.way_m(looked, target)
+        return self.zones.way_m(self.place, target)
 
     def _drive(self, metres: float, waited_sec: float = 0.0) -> Trip:
         return Trip(metres, metres / self._speed_mps + waited_sec)
@@ -129,7 +158,7 @@ class Homing:
         needed, left = self.leg().seconds, self.ends_at - now
         if needed <= left:
             return ""
-        return f"{self.next_zone} needs {needed:.0f} s out and home, of the mission's time {max(0.0, left):.0f} s are left"
+        return f"{self.next_leg} needs {needed:.0f} s out and home, of the mission's time {max(0.0, left):.0f} s are left"
 
     def shortage(self, now: float = 0.0) -> str:
         """Return in words that battery or time do not suffice for the next leg and the way home; empty if they do.
@@ -145,7 +174,7 @@ class Homing:
         if need <= self.spare:
             return self.late(now)
         return (
-            f"{self.next_zone} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
+            f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
             f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}"
         )
 
@@ -167,8 +196,8 @@ class Homing:
 
     def _stops(self) -> dict[str, MapPose]:
         """Return home, and the charging places that are reached with the reserve; without home if it is not, and one of these is."""
-        near = {name: pose for name, pose in self._zones.charging.items() if self._is_reached(pose)}
-        base = self._zones.base_pose()
+        near = {name: pose for name, pose in self.zones.charging.items() if self._is_reached(pose)}
+        base = self.zones.base_pose()
         return {"": base, **near} if not near or self._is_reached(base) else near
 
     def _is_reached(self, pose: MapPose) -> bool:
@@ -178,20 +207,20 @@ class Homing:
         return self.energy.need(self.leg(start)) <= 1.0 - self.reserve
 
     def excess(self) -> str:
-        """Return in words that not even a full battery suffices for the current zone, from home or a charging place in reach; empty if one does.
+        """Return in words that not even a full battery suffices for the next leg, from home or a charging place in reach; empty if one does.
 
         Raises:
             IndexError: If every zone is visited.
         """
         if any(map(self._suffices_from, self._stops().values())):
             return ""
-        if self._zones.charging and self.energy.need(self.leg()) <= self.spare:
+        if self.zones.charging and self.energy.need(self.leg()) <= self.spare:
             # From home it is too far, and the robot is nearer.
             return ""
-        trip = self.leg(self._zones.base_pose())
+        trip = self.leg(self.zones.base_pose())
         need = self.energy.need(trip)
         return (
-            f"{self.next_zone} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s from home and back, "
+            f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s from home and back, "
             f"and a full battery leaves {1.0 - self.reserve:.0%} above the reserve"
         )
 
@@ -228,13 +257,17 @@ class Homing:
         ]
 
 
-def read_homing(reader: ParameterReader, zones: ZoneManager, speed_mps: float) -> Homing:
+def read_homing(reader: ParameterReader, zones: ZoneManager, sweeps: Sweeps, speed_mps: float) -> Homing:
     """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, all of which have a default."""
     reader.only(ENERGY, _NAMES)
     prior = Rates(*(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in Rates._fields))
     wrong_by = _share(reader, "wrong_by", _WRONG_BY)
     return Homing(
-        zones, EnergyModel(prior, wrong_by), reserve=_share(reader, "reserve", RESERVE), speed_mps=speed_mps
+        zones,
+        EnergyModel(prior, wrong_by),
+        sweeps=sweeps,
+        reserve=_share(reader, "reserve", RESERVE),
+        speed_mps=speed_mps,
     )
 
 

@@ -77,6 +77,19 @@ _ON_GROUND = (
 )
 _CLEARANCE = attribute("clearance", float, "How far pieces keep from obstacles, metres.", 0.3)
 _PIECES = {"zones_left": 3, "pieces_left": 0}
+# Where no zone is left, no piece is open, whatever was planned.
+_OPEN = "zones_left > 0 && pieces_left > 0"
+_PLANNER = (
+    attribute(
+        "ways_timeout_sec",
+        Seconds,
+        "How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.",
+        5.0,
+    ),
+    attribute(
+        "planner_id", str, "Which of the planner server's planners is asked; empty for its only one.", ""
+    ),
+)
 
 SPECS = [
     leaf_spec(
@@ -234,15 +247,7 @@ SPECS = [
             "How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.",
             "listed",
         ),
-        attribute(
-            "ways_timeout_sec",
-            Seconds,
-            "How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.",
-            5.0,
-        ),
-        attribute(
-            "planner_id", str, "Which of the planner server's planners is asked; empty for its only one.", ""
-        ),
+        *_PLANNER,
         handed_over(
             "orders",
             _ORDERS,
@@ -259,7 +264,7 @@ SPECS = [
     ),
     leaf_spec(
         f"{_HERE}.actions.coming_home:ReturnInReach",
-        "Is enough left for the current zone and the way home? SUCCESS if so; FAILURE if the robot is to come home first.",
+        "Is enough left for the next leg and the way home? SUCCESS if so; FAILURE if the robot is to come home first.",
         handed_over("homing", _HOMING, "What it takes to come home."),
         handed_over("clock", Clock, "The mission's clock."),
         handed_over("record", _RECORD, "Where it is noted that the robot comes home first.", required=False),
@@ -281,14 +286,16 @@ SPECS = [
         ),
         facts={"zones_left": 3},
     ),
-    _condition(
+    leaf_spec(
         f"{_HERE}.actions.coming_home:FullBatterySuffices",
-        "Would a full battery suffice for the current zone, from home and back? SUCCESS if so, else FAILURE: no charge helps.",
+        "Would a full battery suffice for the next leg, from home and back? SUCCESS if so, else FAILURE: no charge helps.",
         handed_over("homing", _HOMING, "What it takes to come home."),
+        *_PLANNER,
         answers=(
             Answer("SUCCESS", "suffices", "zones_left > 0"),
             Answer("FAILURE", "too far", "zones_left > 0"),
             Answer("FAILURE", "no zone", "zones_left == 0"),
+            Answer("RUNNING", "asking for ways", "zones_left > 0"),
         ),
         facts={"zones_left": 3},
     ),
@@ -312,7 +319,7 @@ SPECS = [
     ),
     leaf_spec(
         f"{_HERE}.actions.coming_home:AwaitCharge",
-        "Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the current zone.",
+        "Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the next leg.",
         handed_over("homing", _HOMING, "What it takes to come home."),
         handed_over("clock", Clock, "The clock of the patience."),
         handed_over(
@@ -357,11 +364,11 @@ SPECS = [
         _CLEARANCE,
         effects="plans the pieces of a sweep",
         answers=(
-            Answer("SUCCESS", "planned", "zones_left > 0 && pieces_left == 0", "pieces_left = 2"),
+            Answer("SUCCESS", "planned", "zones_left > 0", "pieces_left = 2"),
             Answer("SUCCESS", "going on", "zones_left > 0"),
-            Answer("FAILURE", "nothing to sweep", "zones_left > 0 && pieces_left == 0"),
+            Answer("FAILURE", "nothing to sweep", "zones_left > 0"),
             Answer("FAILURE", "no zone", "zones_left == 0"),
-            Answer("RUNNING", "planning", "zones_left > 0 && pieces_left == 0"),
+            Answer("RUNNING", "planning", "zones_left > 0"),
         ),
         facts=_PIECES,
     ),
@@ -392,14 +399,14 @@ SPECS = [
         effects="drives the robot to the current piece",
         uses=(Use.action("{action}"), Use.nav2()),
         answers=(
-            Answer("SUCCESS", "arrived", "pieces_left > 0", "at = 'zone'; navigation_lost = false"),
-            Answer("FAILURE", "aborted", "pieces_left > 0", "navigation_lost = false"),
-            Answer("FAILURE", "no piece", "pieces_left == 0"),
-            Answer("FAILURE", "unavailable", "pieces_left > 0", "navigation_lost = true"),
-            Answer("RUNNING", "driving", "pieces_left > 0", "at = ''; navigation_lost = false"),
-            Answer("RUNNING", "waiting for Nav2", "pieces_left > 0", "at = ''; navigation_lost = true"),
+            Answer("SUCCESS", "arrived", _OPEN, "at = 'zone'; navigation_lost = false"),
+            Answer("FAILURE", "aborted", _OPEN, "navigation_lost = false"),
+            Answer("FAILURE", "no piece", f"!({_OPEN})"),
+            Answer("FAILURE", "unavailable", _OPEN, "navigation_lost = true"),
+            Answer("RUNNING", "driving", _OPEN, "at = ''; navigation_lost = false"),
+            Answer("RUNNING", "waiting for Nav2", _OPEN, "at = ''; navigation_lost = true"),
         ),
-        facts={"pieces_left": 0, "at": "", "navigation_lost": False},
+        facts={**_PIECES, "at": "", "navigation_lost": False},
     ),
     leaf_spec(
         f"{_HERE}.actions.sweeping:AdvancePiece",
@@ -413,21 +420,21 @@ SPECS = [
         ),
         effects="marks the current piece as swept",
         answers=(
-            Answer("SUCCESS", "advanced", "pieces_left > 0", "pieces_left -= 1"),
-            Answer("SUCCESS", "no piece", "pieces_left == 0"),
+            Answer("SUCCESS", "advanced", _OPEN, "pieces_left -= 1"),
+            Answer("SUCCESS", "no piece", f"!({_OPEN})"),
         ),
-        facts={"pieces_left": 0},
+        facts=_PIECES,
     ),
     leaf_spec(
         f"{_HERE}.actions.sweeping:SkipPiece",
-        "Leave the current piece out, because it was not reached, or not searched; the next one becomes the current piece.",
+        "Leave the current piece out, as one that cannot be reached or searched; the next one becomes the current piece.",
         *_ON_GROUND,
         effects="leaves the current piece out",
         answers=(
-            Answer("SUCCESS", "skipped", "pieces_left > 0", "pieces_left -= 1"),
-            Answer("SUCCESS", "no piece", "pieces_left == 0"),
+            Answer("SUCCESS", "skipped", _OPEN, "pieces_left -= 1"),
+            Answer("SUCCESS", "no piece", f"!({_OPEN})"),
         ),
-        facts={"pieces_left": 0},
+        facts=_PIECES,
     ),
     leaf_spec(
         f"{_HERE}.actions.zones:PostponeZone",
@@ -488,10 +495,10 @@ SPECS = [
         "Is a piece of the current zone's sweep open? SUCCESS if so, else FAILURE.",
         *_ON_GROUND,
         answers=(
-            Answer("SUCCESS", "some left", "pieces_left > 0"),
-            Answer("FAILURE", "none left", "pieces_left == 0"),
+            Answer("SUCCESS", "some left", _OPEN),
+            Answer("FAILURE", "none left", f"!({_OPEN})"),
         ),
-        facts={"pieces_left": 0},
+        facts=_PIECES,
     ),
     _condition(
         f"{_HERE}.actions.sweeping:IsFindNew",

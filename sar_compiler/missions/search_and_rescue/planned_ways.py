@@ -46,6 +46,7 @@ class PlannedWays:
         self._left: list[PosePair] = []
         self._is_waiting = False
         self._reasons: set[str] = set()
+        self._told = ""
 
     def ask(self, ways: Sequence[PosePair]) -> None:
         """Ask for those of the ways that are not known yet; where there is no server, for none."""
@@ -69,11 +70,15 @@ class PlannedWays:
         unknown = sum(not self._zones.knows_way(*way) for way in self._ways)
         if not unknown:
             return ""
-        return f"{unknown} of {len(self._ways)} ways by straight lines times {DETOUR:g}: {self.reason}"
+        return f"{unknown} of {len(self._ways)} ways by straight lines times {DETOUR:g}: {self._reason}"
+
+    def news(self) -> str:
+        """Return the shortfall, once for each reason."""
+        told, self._told = self._told, self._reason
+        return self.shortfall() if self._reason != told else ""
 
     @property
-    def reason(self) -> str:
-        """Why ways are not known, in words; empty if all are."""
+    def _reason(self) -> str:
         return ", ".join(sorted(self._reasons))
 
     def give_up(self) -> None:

@@ -77,7 +77,8 @@ class SearchAndRescue(Mission):
             speed_mps=speed,
             charging=read_charging(reader, fence),
         )
-        homing, sweeps = read_homing(reader, plan, speed), Sweeps(grounds)
+        sweeps = Sweeps(grounds)
+        homing = read_homing(reader, plan, sweeps, speed)
         return Search(
             plan,
             MissionRecord(radius),

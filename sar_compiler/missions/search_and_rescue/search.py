@@ -84,7 +84,7 @@ class Search(MissionRun):
     def __post_init__(self) -> None:
         self.kept = KeptReports()
         zones = self.zones
-        self._home = self.homing or Homing(zones)
+        self._home = self.homing or Homing(zones, sweeps=self.sweeps)
         parts = (zones, self.record, self.kept, self.orders, self.fence, self._home, self.sweeps)
         self.context = {type(part): part for part in parts}
         self.kinds = (

@@ -58,6 +58,10 @@ class Sweep:
         """How many pieces are open."""
         return len(self.pieces) - self.done
 
+    def told(self, zone: str) -> str:
+        """Return the current piece of a zone in words."""
+        return f"piece {self.done + 1}/{len(self.pieces)} of {zone}"
+
 
 @mission_context
 class Sweeps:

@@ -98,6 +98,7 @@ class ZoneManager:
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
         self.swept: dict[str, float] = {}
+        self._pieces: dict[str, list[Sequence[float]]] = {}
         self.hints: dict[str, float] = {}
         self._priorities = dict(priorities or {})
         self.speed_mps = speed_mps
@@ -178,11 +179,11 @@ class ZoneManager:
             [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)],
         )
 
-    def ways(self, zones: Sequence[Zone], *, between: bool = True) -> list[PosePair]:
+    def ways(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
         """Return the ways by which some zones are put in an order, and those home and to charging places, each in one direction.
 
         Args:
-            zones: The zones.
+            zones: The zones, or pieces of a sweep.
             between: Whether those from zone to zone are among them, or only those from where the robot has looked last.
         """
         places = list(self.charging.values())
@@ -325,9 +326,16 @@ class ZoneManager:
 
     def _take_sweep_planned(self, data: Mapping[str, Any]) -> None:
         self.swept.setdefault(data["zone"], 0.0)
+        self._pieces[data["zone"]] = data["pieces"]
 
     def _take_piece_swept(self, data: Mapping[str, Any]) -> None:
         self.swept[data["zone"]] = float(data["pod"])
+        x, y, yaw = self._pieces[data["zone"]][data["piece"]]
+        self._here = MapPose(x=x, y=y, yaw=yaw)
+
+    def _take_piece_skipped(self, _: Mapping[str, Any]) -> None:
+        # It may be the way that has changed.
+        self._ways.clear()
 
     def _take_hint_given(self, data: Mapping[str, Any]) -> None:
         zone, ratio = data["zone"], float(data["ratio"])

@@ -1,4 +1,4 @@
-"""Asking before each leg whether the robot comes home again, and waiting at home for a battery that suffices."""
+"""Asking before each leg, to a zone or a piece of its sweep, whether the robot comes home again, and waiting at home for a battery that suffices."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -9,6 +9,7 @@ from py_trees.common import Status
 from sar_compiler.leaves import Clock, RosLeaf, Seconds, of_node, qos_profile, robot_estimate
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.homing import Homing
+from sar_compiler.missions.search_and_rescue.planned_ways import PlannedWays
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 
@@ -95,9 +96,9 @@ class _HomingLeaf(RosLeaf):
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class ReturnInReach(_HomingLeaf):
-    """Is enough left for the current zone and the way home? SUCCESS if so; FAILURE if the robot is to come home first.
+    """Is enough left for the next leg and the way home? SUCCESS if so; FAILURE if the robot is to come home first.
 
-    Out to the zone, the look there and the way home must leave the reserve in the battery, and end before the mission's time is up. It is
+    Out to the current zone, or to the open piece of its sweep, the look there and the way home must leave the reserve in the battery, and end before the mission's time is up. It is
     RUNNING while the battery has not been told yet, for `max_age_sec` at most; a battery that is silent for longer suffices for nothing.
 
     Args:
@@ -153,26 +154,69 @@ class ReturnInReach(_HomingLeaf):
         return self.answer(Status.SUCCESS, "in reach")
 
 
+@dataclass(eq=False, repr=False)
 class FullBatterySuffices(RosLeaf):
-    """Would a full battery suffice for the current zone, from home and back? SUCCESS if so, else FAILURE: no charge helps.
+    """Would a full battery suffice for the next leg, from home and back? SUCCESS if so, else FAILURE: no charge helps.
+
+    First, RUNNING, it asks the planner for the ways of the leg that are not known yet. Those that it does not give count as straight lines
+    times 1.5, which is told.
 
     Args:
-        name: The node's name.
         homing: What it takes to come home.
+        ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
+        planner_id: Which of the planner server's planners is asked; empty for its only one.
     """
 
-    def __init__(self, name: str, homing: Homing) -> None:
-        super().__init__(name)
-        self._homing = homing
+    name: str
+    homing: Homing
+    _: KW_ONLY
+    ways_timeout_sec: Seconds = 5.0
+    planner_id: str = ""
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self._ways: PlannedWays | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the client of the planner."""
+        self._release()
+        super().setup(**kwargs)
+        self._ways = PlannedWays(
+            self.node, self.homing.zones, self.ways_timeout_sec, self.planner_id, self._wake
+        )
+
+    def initialise(self) -> None:
+        """Ask for the ways."""
+        if self._ways is not None and self.homing.has_next:
+            self._ways.ask(self.homing.ways())
 
     def update(self) -> Status:
-        """Weigh the zone."""
-        if not self._homing.has_next:
+        """Weigh the leg, as soon as its ways are known."""
+        if not self.homing.has_next:
             return self.answer(Status.FAILURE, "no zone")
-        reason = self._homing.excess()
+        if self._ways is not None and self._ways.are_awaited():
+            return self.answer(Status.RUNNING, "asking for ways")
+        if self._ways is not None and (news := self._ways.news()):
+            self.complain(f"'{self.name}': {news}.")
+        reason = self.homing.excess()
         if reason:
             self.complain(f"{reason}.")
         return self.answer(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
+
+    def terminate(self, new_status: Status) -> None:
+        """Ask no further, if the leaf is stopped."""
+        if new_status is Status.INVALID and self._ways is not None:
+            self._ways.give_up()
+
+    def shutdown(self) -> None:
+        """Release the client, and the node."""
+        self._release()
+        super().shutdown()
+
+    def _release(self) -> None:
+        if self._ways is not None:
+            self._ways.release()
+        self._ways = None
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -213,7 +257,7 @@ class NavigateToCharge(NavigateToBase):
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class AwaitCharge(_HomingLeaf):
-    """Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the current zone.
+    """Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the next leg.
 
     RUNNING meanwhile, then SUCCESS. FAILURE if the robot is at neither, if that has not happened when the patience is over, or if no battery helps because the mission's
     time is short.
@@ -241,7 +285,7 @@ class AwaitCharge(_HomingLeaf):
             return self.answer(Status.FAILURE, "not charged")
         lacking = self.homing.shortage(now)
         if self.homing.is_charged and not lacking:
-            self.say(f"The battery is at {share:.0%}: on to {self.homing.next_zone}.")
+            self.say(f"The battery is at {share:.0%}: on to {self.homing.next_leg}.")
             self.record.charged(share)
             return self.answer(Status.SUCCESS, "charged")
         if self.homing.late(now):

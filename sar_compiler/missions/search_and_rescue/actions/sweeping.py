@@ -255,7 +255,7 @@ class NavigateToPiece(NavigateTo):
         self._zone_id, self._place = zone, None
         # A piece of another pass lies elsewhere: what has failed there says nothing of it.
         again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
-        piece = f"piece {sweep.done + 1}/{len(sweep.pieces)} of {zone}{again}"
+        piece = f"{sweep.told(zone)}{again}"
         if self.record.before.has_searched(zone):
             self.feedback_message = f"{piece} was searched by an earlier run"
             return Status.SUCCESS
@@ -313,7 +313,7 @@ class AdvancePiece(_SweepLeaf):
 
 
 class SkipPiece(_SweepLeaf):
-    """Leave the current piece out, because it was not reached, or not searched; the next one becomes the current piece."""
+    """Leave the current piece out, as one that cannot be reached or searched; the next one becomes the current piece."""
 
     def update(self) -> Status:
         """Skip it."""
@@ -321,8 +321,8 @@ class SkipPiece(_SweepLeaf):
         sweep = self.sweeps.of(zone)
         if not sweep.left:
             return self.answer(Status.SUCCESS, "no piece")
-        self.complain(f"Piece {sweep.done + 1}/{len(sweep.pieces)} of {zone} is skipped.")
-        self.sweeps.skip(zone, "it was not reached, or not searched")
+        self.complain(f"{sweep.told(zone).capitalize()} is skipped.")
+        self.sweeps.skip(zone, "it is too far for a battery, was not reached, or not searched")
         return self.answer(Status.SUCCESS, "skipped")
 
 

@@ -72,7 +72,6 @@ class ChooseZone(RosLeaf):
         self._ways: PlannedWays | None = None
         self._among: list[Zone] = []
         self._choice: Future[list[int]] | None = None
-        self._told = ""
 
     def setup(self, **kwargs: Any) -> None:
         """Make the clients of the planner, if it is to be asked."""
@@ -98,7 +97,8 @@ class ChooseZone(RosLeaf):
             self._among, self._choice = zones, None
             self._ways.ask(self._zones.ways(zones, between=self._order != "nearest"))
         if self._choice is None and not self._ways.are_awaited():
-            self._tell_shortfall(self._ways)
+            if news := self._ways.news():
+                self.complain(f"'{self.name}': {news}.")
             self._choice = self._begin(zones)
         elif self._choice is not None and self._choice.done():
             return self._choose(zones[self._choice.result()[0]]["id"])
@@ -153,12 +153,6 @@ class ChooseZone(RosLeaf):
         self._among, self._choice = [], None
         if self._ways is not None:
             self._ways.give_up()
-
-    def _tell_shortfall(self, ways: PlannedWays) -> None:
-        """Say how many ways are straight lines, once for each reason."""
-        if (shortfall := ways.shortfall()) and ways.reason != self._told:
-            self.complain(f"'{self.name}': {shortfall}.")
-        self._told = ways.reason
 
     def _begin(self, zones: list[Zone]) -> Future[list[int]]:
         # A laptop that proves trees needs no NumPy.
