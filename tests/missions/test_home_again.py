@@ -17,6 +17,7 @@ from sar_compiler.missions.search_and_rescue.actions.coming_home import (
     ReturnInReach,
 )
 from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
+from sar_compiler.missions.search_and_rescue.failsafes import BatterySuffices
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.search import BASE as BASE_NAME
 from sar_compiler.missions.search_and_rescue.search import Search
@@ -223,6 +224,13 @@ class TestFullBatterySuffices:
         robot.search.zones.advance()
         assert robot.answer(robot.full) == "no zone"
         assert robot.full.status is Status.FAILURE
+
+
+@pytest.mark.ros
+def test_a_failsafe_that_ends_the_mission_at_a_limit_lets_it_be_known(stage: "Stage", robot: Robot) -> None:
+    for limit in (0.3, 0.2):
+        stage.take(BatterySuffices("Battery?", at_least=limit, homing=robot.homing))
+    assert robot.homing.ends_below == 0.3
 
 
 @pytest.mark.ros

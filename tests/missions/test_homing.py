@@ -115,6 +115,20 @@ def test_the_ways_of_a_leg_are_those_to_its_piece_and_forgotten_when_one_was_not
     assert not made.zones.knows_way(*ways[0])
 
 
+def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
+    made = homing(share=0.64)
+    assert made.shortage() == ""
+    made.ends_below = 0.2
+    assert made.shortage().endswith("the reserve is 15% above the 20% that end the mission")
+    made.energy.read(1.0, 0.66)
+    made.energy.read(2.0, 0.66)
+    assert made.shortage() == ""
+    made.zones.choose("b")
+    assert made.excess() == ""
+    made.ends_below = 0.3
+    assert made.excess().endswith("a full battery leaves 55% above the reserve")
+
+
 def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last() -> None:
     search = Search(ZoneManager([{"id": "a", **pose(10.0)}], BASE))
     found = search.context[Homing]

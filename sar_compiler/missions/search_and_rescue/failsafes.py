@@ -7,6 +7,7 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import Clock, RobotEstimate, RosLeaf, Seconds, TopicLeaf, robot_estimate
+from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence
@@ -107,8 +108,11 @@ class NavigationAvailable(_Failsafe):
 class BatterySuffices(_Failsafe, TopicLeaf):
     """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
 
+    Where the tree asks whether the robot comes home again (`ReturnInReach`), the reserve counts above the limit.
+
     Args:
         record: Where the reason is noted.
+        homing: What it takes to come home; is told the limit.
         at_least: The limit, of 1 for a full battery.
         topic: A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` counts.
         max_age_sec: How long it may be silent, seconds of the node's clock.
@@ -117,6 +121,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
     at_least: float = 0.2
     topic: str = "battery_state"
     max_age_sec: Seconds = 30.0
+    homing: Homing | None = None
 
     topic_type = "sensor_msgs/msg/BatteryState"
 
@@ -125,6 +130,12 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         self.topic_name = self.topic
         self._silent_since: float | None = None
         self._is_limit_told = False
+
+    def setup(self, **kwargs: Any) -> None:
+        """Let it be known where the mission ends."""
+        super().setup(**kwargs)
+        if self.homing is not None:
+            self.homing.ends_below = max(self.homing.ends_below, self.at_least)
 
     def on_message(self, message: Any) -> Status:
         """Look at the percentage."""

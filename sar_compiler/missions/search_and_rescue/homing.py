@@ -44,6 +44,7 @@ class Homing:
         zones: The mission's zones and base station.
         energy: What is known of the robot's battery.
         reserve: What is to be left in it.
+        ends_below: Where a failsafe ends the mission, of 1 for a full battery: the reserve counts above that. 0 if none does.
         place: Where the robot is, as far as anybody has said it.
         is_asked: Whether the tree asks for this, so that it is to be shown.
         ends_at: When the mission's time is up, seconds of the mission's clock.
@@ -59,7 +60,7 @@ class Homing:
         speed_mps: float = 1.0,
     ) -> None:
         self.zones, self._sweeps, self._speed_mps = zones, sweeps or Sweeps(), speed_mps
-        self.energy, self.reserve = energy or EnergyModel(PRIOR), reserve
+        self.energy, self.reserve, self.ends_below = energy or EnergyModel(PRIOR), reserve, 0.0
         self.place: MapPose | None = None
         self.is_asked = False
         self.ends_at = math.inf
@@ -144,7 +145,11 @@ class Homing:
     @property
     def spare(self) -> float:
         """What is in the battery above the reserve, of 1 for a full one."""
-        return self.energy.share - self.reserve
+        return self.energy.share - self._kept
+
+    @property
+    def _kept(self) -> float:
+        return self.reserve + self.ends_below
 
     def late(self, now: float) -> str:
         """Return in words that the mission's time does not suffice for the next leg and the way home; empty if it does.
@@ -173,9 +178,10 @@ class Homing:
         need = self.energy.need(trip)
         if need <= self.spare:
             return self.late(now)
+        above = f" above the {self.ends_below:.0%} that end the mission" if self.ends_below else ""
         return (
             f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
-            f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}"
+            f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}{above}"
         )
 
     def charging_stop(self) -> tuple[str, MapPose]:
@@ -204,7 +210,7 @@ class Homing:
         return self.energy.need(self.way_to(pose)) <= self.spare
 
     def _suffices_from(self, start: MapPose) -> bool:
-        return self.energy.need(self.leg(start)) <= 1.0 - self.reserve
+        return self.energy.need(self.leg(start)) <= 1.0 - self._kept
 
     def excess(self) -> str:
         """Return in words that not even a full battery suffices for the next leg, from home or a charging place in reach; empty if one does.
@@ -221,7 +227,7 @@ class Homing:
         need = self.energy.need(trip)
         return (
             f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s from home and back, "
-            f"and a full battery leaves {1.0 - self.reserve:.0%} above the reserve"
+            f"and a full battery leaves {1.0 - self._kept:.0%} above the reserve"
         )
 
     def weighed(self) -> dict[str, float | None]:

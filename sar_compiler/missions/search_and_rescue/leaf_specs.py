@@ -570,6 +570,7 @@ SPECS = [
             "battery_state",
         ),
         attribute("max_age_sec", Seconds, "How long it may be silent, seconds of the node's clock.", 30.0),
+        handed_over("homing", _HOMING, "What it takes to come home; is told the limit.", required=False),
         uses=(Use.topic("{topic}"),),
         answers=(Answer("SUCCESS", "enough"), Answer("FAILURE", "low")),
     ),
