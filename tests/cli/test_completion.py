@@ -85,7 +85,9 @@ def test_a_shell_completes_commands_options_and_names(shell, folder):
         "search_and_rescue_guarded",
         "search_and_rescue_resilient",
         "search_areas",
+        "search_areas_guarded",
         "search_sweeps",
+        "search_sweeps_guarded",
     }
 
 
