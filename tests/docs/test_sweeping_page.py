@@ -1,9 +1,11 @@
 """The page about sweeps does what it says, and names every pattern and every factor."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from sar_compiler.cli.compile import main
 from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
 from sar_compiler.missions.search_and_rescue.search_theory import SWEEP_FACTORS
 from tests.docs.markdown import blocks, codes, tables
@@ -34,8 +36,25 @@ def test_the_page_has_the_factors_of_the_sweep_width() -> None:
 
 
 def test_the_lines_of_the_tree_are_those_of_the_shipped_one() -> None:
-    (shown,) = [block.text for block in blocks(PAGE) if block.language == "xml"]
+    shown, _ = [block.text for block in blocks(PAGE) if block.language == "xml"]
     assert shown.strip() in Path("trees/search_sweeps.xml").read_text(encoding="utf-8")
+
+
+def listening_tree(folder: Path) -> Path:
+    """Write the shipped tree with the page's beginning of a piece in place of its own; return the file."""
+    _, shown = [block.text for block in blocks(PAGE) if block.language == "xml"]
+    shipped = Path("trees/search_sweeps.xml").read_text(encoding="utf-8")
+    before, found, behind = shipped.partition('<Sequence name="Piece">')
+    end = "</RetryUntilSuccessful>"
+    behind = behind.partition(end)[2].partition(end)[2]
+    assert found
+    place = Path(shutil.copytree("trees", folder / "trees"), "listening.xml")
+    place.write_text(before + shown + behind, encoding="utf-8")
+    return place
+
+
+def test_the_tree_that_listens_on_the_way_keeps_what_the_shipped_one_keeps(tmp_path: Path) -> None:
+    assert main(["verify", str(listening_tree(tmp_path)), "--set", "zones_left=1"]) == 0
 
 
 def test_the_outline_that_the_page_shows_is_that_of_the_shipped_parameters() -> None:

@@ -73,6 +73,27 @@ class TestDetecting:
         ros.add(DetectSurvivorServer(faults, context=ros.context, cli_args=arguments if parameters else None))
         return Caller(ros)
 
+    def test_who_is_in_range_is_published_while_the_robot_drives(self, ros: Ros) -> None:
+        from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        places = (
+            "survivors.near.x:=1.0",
+            "survivors.near.y:=2.0",
+            "survivors.far.x:=9.0",
+            "survivors.far.y:=9.0",
+        )
+        ranges = ("zones.near.detection_range:=2.5", "zones.far.detection_range:=2.5")
+        caller = self.serve(ros, *places, *ranges)
+        seen: list[PointStamped] = []
+        caller.node.create_subscription(PointStamped, "survivor_detections", seen.append, 10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        here = PoseWithCovarianceStamped()
+        here.header.frame_id = "map"
+        caller.node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched).publish(here)
+        ros.spin_until(lambda: len(seen) == 2, "two detections")
+        assert {(each.header.frame_id, each.point.x, each.point.y) for each in seen} == {("map", 1.0, 2.0)}
+
     def test_finds_the_survivors_of_the_contract(self, ros: Ros, said: Said) -> None:
         caller = self.serve(ros)
         answers = [caller.detect(f"zone_{letter}") for letter in "abcd"]

@@ -43,6 +43,7 @@ _ACKNOWLEDGED = (
 _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 _BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
+_UNTOLD = "found_by_{detect_node} = false; named_by_{detect_node} = false"
 _KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
 # Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of
 # attempts at the current zone is the number of the round; a round is over when all remaining zones have been
@@ -146,6 +147,33 @@ SPECS = [
         ),
         facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
         reads=("at",),
+    ),
+    leaf_spec(
+        f"{_HERE}.actions.survivors:AwaitSurvivor",
+        "Wait until a detector publishes somebody who has no name yet, and tell the search: SUCCESS then, RUNNING before.",
+        reference("detect_node", _SEARCH, "The search that is told where the survivor is."),
+        handed_over("zone_manager", _ZONES, "The mission's zones: the find counts for the current one."),
+        handed_over("record", _RECORD, "Where the find is noted, and who was found before.", required=False),
+        attribute(
+            "topic",
+            str,
+            "The topic's name (`geometry_msgs/msg/PointStamped`, frame `map`, metres).",
+            "survivor_detections",
+        ),
+        attribute("same_within", float, "How near two finds are the same survivor, metres.", 1.0),
+        effects="takes what a detector has seen",
+        uses=(Use.topic("{topic}"),),
+        answers=(
+            Answer(
+                "SUCCESS",
+                "found",
+                "zones_left > 0",
+                "found_by_{detect_node} = true; named_by_{detect_node} = false",
+            ),
+            Answer("FAILURE", "no zone", "zones_left == 0", _UNTOLD),
+            Answer("RUNNING", "listening", "zones_left > 0", _UNTOLD),
+        ),
+        facts={"zones_left": 3, "found_by_{detect_node}": False, "named_by_{detect_node}": False},
     ),
     leaf_spec(
         f"{_HERE}.actions.survivors:BroadcastSurvivorTF",

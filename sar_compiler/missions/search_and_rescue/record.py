@@ -214,6 +214,10 @@ class DoneBefore:
         """Return whether there is a search of a zone."""
         return any(zone == zone_id for zone, _ in self._searches)
 
+    def has_found(self, zone_id: str) -> bool:
+        """Return whether the first search of a zone that there is has found a survivor."""
+        return next((place is not None for zone, place in self._searches if zone == zone_id), False)
+
     def take_search(self, zone_id: str) -> tuple[float, float] | None:
         """Return where the first search of a zone has found a survivor, None if nobody; it is then not there any more."""
         index = next(index for index, (zone, _) in enumerate(self._searches) if zone == zone_id)
@@ -369,6 +373,14 @@ class MissionRecord:
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
         """Return a survivor by the name; None if nobody has it."""
         return next((known for known in self._survivors if known.survivor_id == survivor_id), None)
+
+    def named_near(self, x: float, y: float, within: float) -> list[FoundSurvivor]:
+        """Return who has a name and was found at a position, or no more than so many metres away from it."""
+        return [
+            each
+            for each in self._survivors
+            if each.survivor_id and math.dist((each.x, each.y), (x, y)) <= within
+        ]
 
     def survivor_judged(self, survivor_id: str, standing: Standing, same_as: str | None = None) -> None:
         """Note what the operator says of a find.

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from geometry_msgs.msg import PointStamped
 from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
 
 from sar_compiler.leaves import robot_estimate
@@ -19,12 +20,14 @@ from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, read
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
 """The survivors' default positions: x and y in metres in the frame `map`, by zone."""
+_SEEN_EVERY_SEC = 0.5
 
 
 class DetectSurvivorServer(DataNode):
     """Answers from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default one.
 
-    In a zone with a `zones.<zone>.detection_range` (metres) somebody is found only from within that range of the robot.
+    In a zone with a `zones.<zone>.detection_range` (metres) somebody is found only from within that range of the robot. Who is, is published on
+    `survivor_detections` as well (`geometry_msgs/msg/PointStamped`, frame `map`), twice a second: whom one sees while one drives. Who hides is not.
 
     Args:
         faults: The faults to inject.
@@ -48,6 +51,9 @@ class DetectSurvivorServer(DataNode):
         self._ranges = {zone: reach for zone, reach in ranges.items() if isinstance(reach, int | float)}
         depends_on_place = hiding.ground is not None if hiding else bool(self._ranges)
         self._robot = robot_estimate(self) if depends_on_place else None
+        if self._ranges and not hiding:
+            self._seen = self.create_publisher(PointStamped, "survivor_detections", 10)
+            self.create_timer(_SEEN_EVERY_SEC, self._publish_seen)
         for note in lookalikes(parameters, ["survivors", "zones"]):
             self.get_logger().warning(note)
         create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
@@ -62,6 +68,14 @@ class DetectSurvivorServer(DataNode):
         response.survivor_x, response.survivor_y = x, y = survivor
         self.get_logger().info(f"Detection request for {zone}: FOUND at ({x:.2f}, {y:.2f})")
         return response
+
+    def _publish_seen(self) -> None:
+        for zone in self._ranges:
+            if place := self._look(zone):
+                message = PointStamped()
+                message.header.frame_id, message.header.stamp = MAP_FRAME, self.get_clock().now().to_msg()
+                message.point.x, message.point.y = place
+                self._seen.publish(message)
 
     def _look(self, zone: str) -> tuple[float, float] | None:
         """Return where somebody is found in a zone; None if nobody is."""

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RosLeaf, Seconds, ServiceLeaf, of_node, qos_profile, yaw_of
+from sar_compiler.leaves import RosLeaf, Seconds, ServiceLeaf, TopicLeaf, of_node, qos_profile, yaw_of
+from sar_compiler.missions import short_line
 from sar_compiler.missions.search_and_rescue.record import MissionRecord, SurvivorReport
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
 
@@ -22,6 +23,8 @@ _MAP_TOPIC = "map"
 
 # From how many percent on a cell of the map is occupied, as map_server writes them.
 _OCCUPIED = 65
+
+_SEEN_AT_ONCE = 100
 
 FARTHEST = 100_000.0
 """No robot drives so far, metres: the limit of a coordinate while nobody publishes a map."""
@@ -144,10 +147,13 @@ class DetectSurvivor(ServiceLeaf):
         """Keep the survivor's assigned name."""
         self._survivor_id = survivor_id
 
+    def take(self, survivor: tuple[float, float] | None) -> None:
+        """Keep where a survivor was found, x and y in the frame `map` (metres); None if nobody was."""
+        self._pose, self._survivor_id = survivor, None
+
     def request(self) -> Any:
         """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
-        self._pose = None
-        self._survivor_id = None
+        self.take(None)
         if not self.zone_manager.has_remaining():
             self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
@@ -173,7 +179,7 @@ class DetectSurvivor(ServiceLeaf):
         return self._answered(survivor)
 
     def _answered(self, survivor: tuple[float, float] | None) -> Status:
-        self._pose = survivor
+        self.take(survivor)
         self.feedback_message = f"{'nobody' if survivor is None else 'survivor'} in {self._zone_id}"
         return self.answer(Status.SUCCESS, "nothing" if survivor is None else "found")
 
@@ -188,6 +194,99 @@ class DetectSurvivor(ServiceLeaf):
     def _objection(self, response: Any) -> str:
         place = response.survivor_x, response.survivor_y
         return map_extent_of(self.node).objection(*place) if response.found else ""
+
+
+@dataclass(eq=False, repr=False)
+class AwaitSurvivor(TopicLeaf):
+    """Wait until a detector publishes somebody who has no name yet, and tell the search: SUCCESS then, RUNNING before.
+
+    What was published since the setup counts, so that nobody is lost who was seen while another find was dealt with. A detector repeats what it
+    sees: of several in one tick the last one counts, and whoever has a name already, even if the operator has rejected it, is no news. A
+    detection in another frame than `map`, or where nobody can be, is told once and passed over.
+
+    Args:
+        detect_node: The search that is told where the survivor is.
+        zone_manager: The mission's zones: the find counts for the current one.
+        record: Where the find is noted, and who was found before.
+        topic: The topic's name (`geometry_msgs/msg/PointStamped`, frame `map`, metres).
+        same_within: How near two finds are the same survivor, metres.
+    """
+
+    name: str
+    detect_node: DetectSurvivor
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    topic: str = "survivor_detections"
+    same_within: float = 1.0
+
+    topic_type = "geometry_msgs/msg/PointStamped"
+    waits = True
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.topic_name = self.topic
+        self._told = ""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Subscribe to the topic, and to the map."""
+        # A detector publishes all whom it sees at once.
+        self.qos = qos_profile(type(self).__name__, self.qos)
+        self.qos.depth = _SEEN_AT_ONCE
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+
+    def initialise(self) -> None:
+        """Have the search forget whom it has found before."""
+        super().initialise()
+        self.detect_node.take(None)
+
+    def update(self) -> Status:
+        """Look whether somebody was published; a find that an earlier run could not deal with comes first."""
+        if not self.zone_manager.has_remaining():
+            return self.answer(Status.FAILURE, "no zone")
+        zone = self.zone_manager.current_zone()["id"]
+        if self.record.before.has_found(zone):
+            return self._found(zone, self.record.before.take_search(zone))
+        return super().update()
+
+    def on_message(self, message: Any) -> Status:
+        """Tell the search of somebody new."""
+        place = message.point.x, message.point.y
+        if not self._is_new(place):  # any more
+            return self.on_silence()
+        zone = self.zone_manager.current_zone()["id"]
+        self.record.zone_searched(zone, place)
+        return self._found(zone, place)
+
+    def on_silence(self) -> Status:
+        """Return RUNNING: nobody new was published."""
+        self.feedback_message = f"nobody new on '{self.topic_name}'"
+        return self.answer(Status.RUNNING, "listening")
+
+    def _found(self, zone: str, place: tuple[float, float] | None) -> Status:
+        self.detect_node.take(place)
+        self.feedback_message = f"survivor in {zone}"
+        self.say(f"Survivor seen on the way, in {zone}!")
+        return self.answer(Status.SUCCESS, "found")
+
+    def _take(self, message: Any) -> None:
+        objection = self._objection(message)
+        if objection:
+            if objection != self._told:
+                self.complain(f"A survivor on {self.topic_name} is passed over: {objection}.")
+            self._told = objection
+        elif self._is_new((message.point.x, message.point.y)):
+            super()._take(message)
+
+    def _objection(self, message: Any) -> str:
+        frame = message.header.frame_id
+        if frame != MAP_FRAME:
+            return f"it is in frame '{short_line(frame)}', and must be in '{MAP_FRAME}'"
+        return map_extent_of(self.node).objection(message.point.x, message.point.y)
+
+    def _is_new(self, place: tuple[float, float]) -> bool:
+        return not self.record.named_near(*place, self.same_within)
 
 
 class StaticTransforms:

@@ -352,8 +352,8 @@ class IsFindNew(RosLeaf):
         place = self.detect_node.survivor_pose()
         if place is None:
             return self.answer(Status.FAILURE, "nobody")
-        known = [each for each in self.record.survivors if each.survivor_id and each.counts]
-        near = next((each for each in known if math.dist((each.x, each.y), place) <= self.same_within), None)
+        known = self.record.named_near(*place, self.same_within)
+        near = next((each for each in known if each.counts), None)
         if near is None or self.record.before.has_open_name(*place):
             return self.answer(Status.SUCCESS, "new")
         self.feedback_message = f"{near.survivor_id} was found before"

@@ -1,0 +1,24 @@
+"""The tree of docs/sweeping.md that listens to a detector, flown in the simulator."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.docs.test_sweeping_page import listening_tree
+
+pytestmark = pytest.mark.ros
+
+
+def test_who_is_seen_on_the_way_is_reported_once_before_the_piece_is_reached(start, tmp_path):
+    run = start(
+        "sar-run",
+        listening_tree(tmp_path),
+        *("--sim", "offices", "--params", Path("config/search_sweeps_params.yaml").resolve()),
+        *("--speed", "40", "--journal", "none"),
+    )
+    assert run.end() == 0, run.output
+    assert run.log.count("Survivor seen on the way, in office_2!") == 1
+    frames = [line for line in run.log if line.startswith("Broadcasting TF frame: ")]
+    assert frames == ["Broadcasting TF frame: survivor_1 at (-8.50, 22.50) in map frame."]
+    assert run.log.count("Base acknowledged survivor_1.") == 1
+    assert "Mission complete." in run.output
