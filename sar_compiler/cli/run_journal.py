@@ -98,7 +98,7 @@ class RunJournal(Companion):
             self._node.get_logger().info(f"The mission in {self.journal.place} goes on after {facts} facts.")
             self._tell_lost()
         if self._mission is not None:
-            self._run_about["facts"] = as_data(run.facts())
+            self._run_about["facts"] = as_data({**run.facts(), **run.limits()})
 
     def _tell_lost(self) -> None:
         if count := sum(

@@ -160,7 +160,7 @@ class RunWatch(Companion):
         self._watch = self._run.loaded.watch(
             tree,
             None if given is True else given,
-            facts=self._run.mission.facts(),
+            facts={**self._run.mission.facts(), **self._run.mission.limits()},
             parameters=self._run.values,
             tree_id=options.tree_id,
             clock=self._now,

@@ -157,6 +157,13 @@ class MissionRun:
         """
         return {}
 
+    def limits(self) -> Mapping[str, int]:
+        """Return what counts in a flight in place of facts that proofs need as limits, and that nobody knows before: `{"more_pieces": 10_000}`.
+
+        A limit says how often something happens at most: answers only lower it.
+        """
+        return {}
+
     def identity(self) -> Mapping[str, object]:
         """Return the parameters that make it this mission, as JSON values: another one cannot go on with its journal."""
         return {}

@@ -10,11 +10,12 @@ pytestmark = pytest.mark.ros
 
 
 def test_who_is_seen_on_the_way_is_reported_once_before_the_piece_is_reached(start, tmp_path):
+    tree, place = listening_tree(tmp_path), tmp_path / "m.journal"
     run = start(
         "sar-run",
-        listening_tree(tmp_path),
+        tree,
         *("--sim", "offices", "--params", Path("config/search_sweeps_params.yaml").resolve()),
-        *("--speed", "40", "--journal", "none"),
+        *("--speed", "40", "--journal", place, "--properties"),
     )
     assert run.end() == 0, run.output
     assert run.log.count("Survivor seen on the way, in office_2!") == 1
@@ -22,3 +23,8 @@ def test_who_is_seen_on_the_way_is_reported_once_before_the_piece_is_reached(sta
     assert frames == ["Broadcasting TF frame: survivor_1 at (-8.50, 22.50) in map frame."]
     assert run.log.count("Base acknowledged survivor_1.") == 1
     assert "Mission complete." in run.output
+    # However many pieces there are: proofs assume few.
+    assert "Assumption failed" not in run.output
+    conforming = start("sar-compile", "conform", tree, place)
+    assert conforming.end() == 0, conforming.output
+    assert "conforms: it is one of the possible runs of the tree" in conforming.output

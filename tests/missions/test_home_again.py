@@ -401,7 +401,7 @@ def test_a_sweep_goes_on_with_the_same_piece_after_a_charge() -> None:
             "NavigateToCharge arrived",
             "AwaitCharge charged",
             "NavigateToPiece arrived",
-            "AdvanceFromNobody advanced",
+            "AdvanceFromNobody all done",
         ],
         count={"SkipPiece skipped": 0, "NavigateToCharge starts": 1},
     )

@@ -363,17 +363,40 @@ class TestLeaves:
         assert stage.run(self.take(stage, search, "NavigateToPiece", record=search.record)) is Status.FAILURE
         assert stage.warnings == ["'NavigateToPiece' has nowhere to drive to: no piece is open."]
 
-    def test_pieces_are_swept_or_skipped_until_none_remains(self, stage: "Stage") -> None:
+    @pytest.mark.parametrize(
+        ("name", "labels"),
+        [
+            ("AdvancePiece", ["advanced", "all done", "no piece"]),
+            ("SkipPiece", ["skipped", "skipped the last", "no piece"]),
+        ],
+    )
+    def test_who_ends_with_a_piece_says_whether_it_was_the_last(
+        self, name: str, labels: list[str], stage: "Stage"
+    ) -> None:
         search = planned(searching(), count=2)
-        remaining = self.take(stage, search, "PiecesRemaining")
-        assert stage.run(remaining) is Status.SUCCESS
-        assert stage.run(self.take(stage, search, "SkipPiece")) is Status.SUCCESS
-        assert stage.run(self.take(stage, search, "AdvancePiece")) is Status.SUCCESS
-        assert stage.run(remaining) is Status.FAILURE
-        assert stage.run(self.take(stage, search, "SkipPiece")) is Status.SUCCESS
-        assert stage.run(self.take(stage, search, "AdvancePiece")) is Status.SUCCESS
+        remaining, leaf = self.take(stage, search, "PiecesRemaining"), self.take(stage, search, name)
+        for label in labels:
+            is_open = stage.run(remaining) is Status.SUCCESS
+            assert is_open is (label != "no piece")
+            assert stage.run(leaf) is Status.SUCCESS
+            assert leaf.answer_label == label
+
+    def test_a_piece_that_is_skipped_and_a_pass_that_ends_are_told(self, stage: "Stage") -> None:
+        search = planned(searching(), count=2)
+        stage.run(self.take(stage, search, "SkipPiece"))
+        stage.run(self.take(stage, search, "AdvancePiece"))
         assert stage.warnings == ["Piece 1/2 of a is skipped."]
         assert stage.lines == ["a: 0% seen, POD 0%, 1 gaps."]
+
+    def test_a_sweep_all_of_whose_pieces_are_done_is_not_planned_again(self, stage: "Stage") -> None:
+        search = planned(searching(), count=1)
+        leaf = self.take(stage, search, "PlanSweep")
+        assert stage.run(leaf) is Status.SUCCESS
+        assert leaf.answer_label == "going on"
+        search.sweeps.skip("a", "it was not reached, or not searched")
+        assert stage.run(leaf) is Status.SUCCESS
+        assert leaf.answer_label == "swept before"
+        assert search.sweeps.of("a").passes == 1
 
     def test_what_was_missed_is_swept_once_more_until_all_passes_are_made(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)

@@ -77,9 +77,11 @@ _ON_GROUND = (
     handed_over("sweeps", _SWEEPS, "The mission's sweeps."),
 )
 _CLEARANCE = attribute("clearance", float, "How far pieces keep from obstacles, metres.", 0.3)
-_PIECES = {"zones_left": 3, "pieces_left": 0}
+# How many pieces there are nobody knows before the flight: what a leaf answers says whether one is open. In proofs a run has so many more than
+# one a pass.
+_PIECES = {"zones_left": 3, "piece_open": False, "more_pieces": 1}
 # Where no zone is left, no piece is open, whatever was planned.
-_OPEN = "zones_left > 0 && pieces_left > 0"
+_OPEN = "zones_left > 0 && piece_open"
 _PLANNER = (
     attribute(
         "ways_timeout_sec",
@@ -392,8 +394,9 @@ SPECS = [
         _CLEARANCE,
         effects="plans the pieces of a sweep",
         answers=(
-            Answer("SUCCESS", "planned", "zones_left > 0", "pieces_left = 2"),
-            Answer("SUCCESS", "going on", "zones_left > 0"),
+            Answer("SUCCESS", "planned", "zones_left > 0", "piece_open = true"),
+            Answer("SUCCESS", "going on", "zones_left > 0", "piece_open = true"),
+            Answer("SUCCESS", "swept before", "zones_left > 0", "piece_open = false"),
             Answer("FAILURE", "nothing to sweep", "zones_left > 0"),
             Answer("FAILURE", "no zone", "zones_left == 0"),
             Answer("RUNNING", "planning", "zones_left > 0"),
@@ -409,11 +412,11 @@ SPECS = [
         _CLEARANCE,
         effects="plans the pieces of a further pass",
         answers=(
-            Answer("SUCCESS", "planned", "zones_left > 0 && pieces_left == 0", "pieces_left = 2"),
-            Answer("SUCCESS", "going on", "zones_left > 0 && pieces_left > 0"),
-            Answer("FAILURE", "nothing to sweep", "zones_left > 0 && pieces_left == 0"),
+            Answer("SUCCESS", "planned", "zones_left > 0 && !piece_open", "piece_open = true"),
+            Answer("SUCCESS", "going on", _OPEN),
+            Answer("FAILURE", "nothing to sweep", "zones_left > 0 && !piece_open"),
             Answer("FAILURE", "no zone", "zones_left == 0"),
-            Answer("RUNNING", "planning", "zones_left > 0 && pieces_left == 0"),
+            Answer("RUNNING", "planning", "zones_left > 0 && !piece_open"),
         ),
         facts=_PIECES,
     ),
@@ -448,7 +451,8 @@ SPECS = [
         ),
         effects="marks the current piece as swept",
         answers=(
-            Answer("SUCCESS", "advanced", _OPEN, "pieces_left -= 1"),
+            Answer("SUCCESS", "advanced", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
+            Answer("SUCCESS", "all done", _OPEN, "piece_open = false"),
             Answer("SUCCESS", "no piece", f"!({_OPEN})"),
         ),
         facts=_PIECES,
@@ -459,7 +463,8 @@ SPECS = [
         *_ON_GROUND,
         effects="leaves the current piece out",
         answers=(
-            Answer("SUCCESS", "skipped", _OPEN, "pieces_left -= 1"),
+            Answer("SUCCESS", "skipped", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
+            Answer("SUCCESS", "skipped the last", _OPEN, "piece_open = false"),
             Answer("SUCCESS", "no piece", f"!({_OPEN})"),
         ),
         facts=_PIECES,

@@ -279,6 +279,10 @@ class Search(MissionRun):
         """Return the number of zones."""
         return {"zones_left": self.zones.total_zones()}
 
+    def limits(self) -> dict[str, int]:
+        """Return that a sweep may have any number of pieces."""
+        return {"more_pieces": _ANY_NUMBER}
+
     def verbs(self) -> Sequence[Verb]:
         """Return the orders that guarded trees heed."""
         return VERBS
@@ -411,6 +415,9 @@ def _home_first(reason: str, to: str) -> str:
 
 # As people read them on the buttons.
 _ORDERS = {"hold": "pause", "release": "resume", "recall": "go home"}
+# More pieces than any sweep has.
+_ANY_NUMBER = 1_000_000_000
+
 _SENTENCES: Mapping[str, Callable[..., str]] = {
     "zone_added": lambda id, x, y, yaw: f"the operator: {id} was added at {_at(x, y)}",  # noqa: A006, ARG005
     "area_drawn": lambda zone, polygon, **_more: (

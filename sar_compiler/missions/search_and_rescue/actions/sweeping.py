@@ -192,7 +192,7 @@ class PlanSweep(_PlanLeaf):
             legs = "legs must be some way apart: write more than 0, such as 0.9"
             return self._refused(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
         if self.sweeps.of(zone).passes:
-            return self.answer(Status.SUCCESS, "going on")
+            return self.answer(Status.SUCCESS, "swept before")
         ground = [self.sweeps.grounds[zone].polygon]
         return self._plan(zone, self.pattern, ground, self.pattern, self.coverage)
 
@@ -309,7 +309,7 @@ class AdvancePiece(_SweepLeaf):
         if not sweep.left:
             self.say(f"{zone}: {sweep.seen:.0%} seen, POD {sweep.pod:.0%}, {len(sweep.gaps)} gaps.")
         self._wake()
-        return self.answer(Status.SUCCESS, "advanced")
+        return self.answer(Status.SUCCESS, "advanced" if sweep.left else "all done")
 
 
 class SkipPiece(_SweepLeaf):
@@ -323,7 +323,7 @@ class SkipPiece(_SweepLeaf):
             return self.answer(Status.SUCCESS, "no piece")
         self.complain(f"{sweep.told(zone).capitalize()} is skipped.")
         self.sweeps.skip(zone, "it is too far for a battery, was not reached, or not searched")
-        return self.answer(Status.SUCCESS, "skipped")
+        return self.answer(Status.SUCCESS, "skipped" if self.sweeps.of(zone).left else "skipped the last")
 
 
 @dataclass(eq=False, repr=False)
