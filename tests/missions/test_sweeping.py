@@ -385,7 +385,7 @@ class TestLeaves:
         search = planned(searching(), count=2)
         stage.run(self.take(stage, search, "SkipPiece"))
         stage.run(self.take(stage, search, "AdvancePiece"))
-        assert stage.warnings == ["Piece 1/2 of a is skipped."]
+        assert stage.warnings == ["Skipping piece 1/2 of a."]
         assert stage.lines == ["a: 0% seen, POD 0%, 1 gaps."]
 
     def test_a_sweep_all_of_whose_pieces_are_done_is_not_planned_again(self, stage: "Stage") -> None:

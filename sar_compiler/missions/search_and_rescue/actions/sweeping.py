@@ -321,7 +321,7 @@ class SkipPiece(_SweepLeaf):
         sweep = self.sweeps.of(zone)
         if not sweep.left:
             return self.answer(Status.SUCCESS, "no piece")
-        self.complain(f"{sweep.told(zone).capitalize()} is skipped.")
+        self.complain(f"Skipping {sweep.told(zone)}.")
         self.sweeps.skip(zone, "it is too far for a battery, was not reached, or not searched")
         return self.answer(Status.SUCCESS, "skipped" if self.sweeps.of(zone).left else "skipped the last")
 
