@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,23 +78,29 @@ class Bench:
         self._folder.cleanup()
 
     def killer_of(self, mutant: Mutant) -> str:
-        """Return which test fails with a mutant, and not without it; empty if none does."""
-        while killer := self._failing_with(mutant):
-            if killer not in self._seconds or not self._failing([killer]):
+        """Return which test fails with a mutant, each time, and not without it; empty if none does."""
+        while killer := self._with(mutant, lambda: self._failing_of(self._rounds(mutant))):
+            if killer not in self._seconds or (
+                not self._failing([killer]) and self._with(mutant, lambda: self._failing([killer]))
+            ):
                 self._killers[killer] += 1
                 return killer
             # It fails now and then, or here.
             del self._seconds[killer]
         return ""
 
-    def _failing_with(self, mutant: Mutant) -> str:
+    def _with(self, mutant: Mutant, run: Callable[[], str]) -> str:
+        """Return what a run returns while a mutant is there."""
         path = self._copy / mutant.path
         source = path.read_bytes()
         path.write_bytes(mutant.applied(source))
         try:
-            return next(filter(None, map(self._failing, self._rounds(mutant))), "")
+            return run()
         finally:
             path.write_bytes(source)
+
+    def _failing_of(self, rounds: list[list[str]]) -> str:
+        return next(filter(None, map(self._failing, rounds)), "")
 
     def _collect(self, packages: Sequence[str]) -> dict[str, float | None]:
         """Return how many seconds each test takes, None if it fails; run those whose file is new, and note what they reach."""

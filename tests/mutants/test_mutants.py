@@ -96,6 +96,22 @@ def test_a_mutant_that_never_ends_is_killed(tmp_path, monkeypatch):
         assert bench.killer_of(endless)
 
 
+def test_a_test_that_fails_now_and_then_kills_no_mutant(tmp_path):
+    times = tmp_path / "times"
+    times.write_text("", encoding="utf-8")
+    # Measured once without a mutant; the second time is the first one with it.
+    fails_once = (
+        "from pathlib import Path\nfrom toy import seven\ndef test_now_and_then():\n    seven()\n"
+        f"    times = Path({str(times)!r})\n    times.write_text(times.read_text() + '.')\n"
+        "    assert times.read_text() != '..'\n"
+    )
+    checkout = checkout_of(tmp_path / "checkout", "def seven():\n    return 7\n", fails_once)
+    (mutant,) = all_mutants(checkout, ["toy"])
+    with closing(Bench(checkout, ["toy"], tmp_path / "cache")) as bench:
+        assert bench.killer_of(mutant) == ""
+    assert len(times.read_text()) > len("..")
+
+
 def test_every_mutant_that_is_drawn_is_python_and_another_text(tmp_path):
     checkout = checkout_of(tmp_path, f"IS_SLOW = not(False)\n{MODULE}", TEST)
     source = (checkout / "toy" / "__init__.py").read_bytes()
