@@ -51,8 +51,8 @@ class DetectSurvivorServer(DataNode):
         self._ranges = {zone: reach for zone, reach in ranges.items() if isinstance(reach, int | float)}
         depends_on_place = hiding.ground is not None if hiding else bool(self._ranges)
         self._robot = robot_estimate(self) if depends_on_place else None
+        self._seen = self.create_publisher(PointStamped, "survivor_detections", 10)
         if self._ranges and not hiding:
-            self._seen = self.create_publisher(PointStamped, "survivor_detections", 10)
             self.create_timer(_SEEN_EVERY_SEC, self._publish_seen)
         for note in lookalikes(parameters, ["survivors", "zones"]):
             self.get_logger().warning(note)
