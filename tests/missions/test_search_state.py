@@ -8,8 +8,9 @@ import pytest
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import Level
-from sar_compiler.missions.search_and_rescue.record import Standing, SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing, SurvivorReport
 from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager
 
 
@@ -21,6 +22,19 @@ def search() -> Search:
 
 def shown(search: Search, kind: str) -> list[tuple[Any, ...]]:
     return [(each.name, each.state, each.level) for each in search.display().landmarks if each.kind == kind]
+
+
+def test_every_fact_of_a_search_reads_as_a_sentence() -> None:
+    from sar_compiler.missions.search_and_rescue.search import _SENTENCES
+
+    taken = {
+        name.removeprefix("_take_")
+        for part in (MissionRecord, Sweeps, ZoneManager)
+        for name in dir(part)
+        if name.startswith("_take_")
+    }
+    # These are told by who keeps the journal.
+    assert taken - {"run_began", "run_ended", "facts_lost"} == set(_SENTENCES) - {"operator_ordered"}
 
 
 def test_zones_have_their_states(search: Search) -> None:

@@ -85,6 +85,10 @@ def test_a_declared_node_takes_what_its_constructor_takes(spec):
             assert (typing.get_origin(hints[name]) or hints[name]) is PORTS[parameter.direction]
         if parameter.role in (Role.CONTEXT, Role.REFERENCE):
             assert parameter.target is hints[name]
+        elif spec.kind.is_leaf and not (
+            parameter.direction or parameter.required or name == "name" or is_stock(spec)
+        ):
+            assert parameter.default == taken[name].default, name
 
 
 def sample_of(parameter, stage):

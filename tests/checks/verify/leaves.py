@@ -1,6 +1,6 @@
 """Leaves that stand for something outside the tree.
 
-A, B and C act, P answers at once; X, Y and Z share a fact, about which W does not agree with them; M writes a number.
+A, B, C and U act, P answers at once; X, Y and Z share a fact, about which W does not agree with them; M writes a number.
 """
 
 from py_trees.behaviour import Behaviour
@@ -33,6 +33,11 @@ class B(A):
 @register("C", kind=Kind.ACTION, outcomes=_ACTS)
 class C(A):
     """Acts."""
+
+
+@register("U", kind=Kind.ACTION)
+class U(A):
+    """Acts, and does not say how it can end."""
 
 
 @register("P", kind=Kind.CONDITION, outcomes=_SAYS)

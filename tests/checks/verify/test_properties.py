@@ -63,6 +63,12 @@ def test_a_condition_says_while_what_an_event_counts():
     assert answer(ANY, '{never: B starts, while: "!ready"}', facts).outcome is BROKEN
 
 
+@pytest.mark.parametrize("status", ["SUCCESS", "FAILURE", "RUNNING"])
+def test_a_leaf_that_does_not_say_how_it_can_end_may_be_assumed_to_end_in_any_way(status):
+    always = verified("<U/>", f"answers: {{U: [{status}]}}\nproperties: {{p: {{never: U {status}}}}}")
+    assert outcome(always, "p") is BROKEN
+
+
 def test_a_condition_is_looked_at_before_the_answer_changes_anything():
     facts = "facts: {ready: false}\nanswers: {A: [{status: SUCCESS, then: ready = true}]}"
     once = '<A oneshot="ON_COMPLETION"/>'
