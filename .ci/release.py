@@ -7,7 +7,15 @@ import sys
 from pathlib import Path
 
 CHANGELOG, CITATION = Path("CHANGELOG.md"), Path("CITATION.cff")
+# Where the version stands.
+VERSIONED = {
+    "pyproject.toml": r'^version = "(.+)"$',
+    "package.xml": r"^  <version>(.+)</version>$",
+    str(CITATION): r"^version: (.+)$",
+    "QUALITY_DECLARATION.md": r"`(\d\S*)` in \[package\.xml\]",
+}
 UNRELEASED = "## [Unreleased]\n"
+KIND = re.compile(r"^### .*", re.DOTALL | re.MULTILINE)
 
 
 class NotReadyError(Exception):
@@ -34,11 +42,7 @@ def version() -> str:
     """
     said = {
         name: re.findall(pattern, Path(name).read_text(encoding="utf-8"), re.MULTILINE)
-        for name, pattern in {
-            "pyproject.toml": r'^version = "(.+)"$',
-            "package.xml": r"^  <version>(.+)</version>$",
-            str(CITATION): r"^version: (.+)$",
-        }.items()
+        for name, pattern in VERSIONED.items()
     }
     if len({*map(tuple, said.values())}) != 1:
         raise NotReadyError(
@@ -46,6 +50,13 @@ def version() -> str:
         )
     [found] = said["pyproject.toml"]
     return found
+
+
+def unreleased(changelog: str) -> "tuple[str, str, str]":
+    """Return the text of a changelog in three: up to the heading of what is not released, that, and what follows."""
+    head, _, rest = changelog.partition(UNRELEASED)
+    section, following = re.fullmatch(r"(.*?)(^## .*|\Z)", rest, re.DOTALL | re.MULTILINE).groups()  # type: ignore[union-attr]
+    return head, section, following
 
 
 def with_section(changelog: str, name: str, day: str) -> str:
@@ -59,9 +70,8 @@ def with_section(changelog: str, name: str, day: str) -> str:
     Raises:
         NotReadyError: There is nothing to release.
     """
-    head, _, rest = changelog.partition(UNRELEASED)
-    section, following = re.fullmatch(r"(.*?)(^## .*|\Z)", rest, re.DOTALL | re.MULTILINE).groups()  # type: ignore[union-attr]
-    kinds = re.search(r"^### .*", section, re.DOTALL | re.MULTILINE)
+    head, section, following = unreleased(changelog)
+    kinds = KIND.search(section)
     if kinds is None:
         raise NotReadyError(f"{CHANGELOG} has nothing under 'Unreleased'")
     return f"{head}{UNRELEASED}\n## [{name}] - {day}\n\n{kinds[0].rstrip()}\n" + (
@@ -73,23 +83,29 @@ def prepare() -> None:
     """Give the changelog the version's section, and commit it; where that is done already, nothing.
 
     Raises:
-        NotReadyError: The checkout is not clean, versions differ, or this one is released.
+        NotReadyError: The checkout is not clean, git does not know who commits, versions differ, this one is released, or the
+            changelog is not ready for it.
     """
     if changed := git("status", "--porcelain"):
         raise NotReadyError(f"commit or remove first:\n{changed.rstrip()}")
+    git(
+        "var", "GIT_COMMITTER_IDENT"
+    )  # who has none cannot commit, and would learn that with files half written
     name = version()
     if git("tag", "--list", f"v{name}"):
-        raise NotReadyError(
-            f"v{name} is released: write the next version into pyproject.toml, package.xml and {CITATION}"
-        )
-    text = CHANGELOG.read_text(encoding="utf-8")
-    if f"\n## [{name}] - " not in text:
-        day = dt.datetime.now(dt.timezone.utc).date().isoformat()
-        CHANGELOG.write_text(with_section(text, name, day), encoding="utf-8")
-        cited = re.sub(r"^date-released: .*\n", "", CITATION.read_text(encoding="utf-8"), flags=re.MULTILINE)
-        cited = re.sub(r"^(version: .*\n)", rf"\1date-released: {day}\n", cited, flags=re.MULTILINE)
-        CITATION.write_text(cited, encoding="utf-8")
-        git("commit", "--quiet", "--message", f"Release {name}", "--", str(CHANGELOG), str(CITATION))
+        raise NotReadyError(f"v{name} is released: write the next version into {', '.join(VERSIONED)}")
+    text, day = CHANGELOG.read_text(encoding="utf-8"), dt.datetime.now(dt.timezone.utc).date().isoformat()
+    if f"\n## [{name}] - " in text:
+        if KIND.search(unreleased(text)[1]):
+            raise NotReadyError(
+                f"{CHANGELOG} has a section of {name}: move there what stands under 'Unreleased'"
+            )
+        return
+    CHANGELOG.write_text(with_section(text, name, day), encoding="utf-8")
+    cited = re.sub(r"^date-released: .*\n", "", CITATION.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    cited = re.sub(r"^(version: .*\n)", rf"\1date-released: {day}\n", cited, flags=re.MULTILINE)
+    CITATION.write_text(cited, encoding="utf-8")
+    git("commit", "--quiet", "--message", f"Release {name}", "--", str(CHANGELOG), str(CITATION))
 
 
 def tag(folder: Path, pythons: "list[str]") -> None:

@@ -4,6 +4,7 @@ import os
 import re
 import runpy
 import subprocess
+import sys
 import tarfile
 from pathlib import Path
 
@@ -21,7 +22,8 @@ TEXT = "# Changelog\n\n## [Unreleased]\n\nSoon.\n\n### Added\n\n- **A**\n\n### F
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
     """A new repository with the files that a release changes or reads, in which the test stands."""
-    for name in ("CHANGELOG.md", "CITATION.cff", "package.xml", "pyproject.toml"):
+    (tmp_path / ".ci").mkdir()
+    for name in (*RELEASE["VERSIONED"], "CHANGELOG.md", "Makefile", ".ci/release.py"):
         (tmp_path / name).write_bytes(Path(name).read_bytes())
     (tmp_path / "CHANGELOG.md").write_text(TEXT, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -37,6 +39,20 @@ def checkout(tmp_path, monkeypatch):
 def git(*arguments):
     run = subprocess.run(("git", *arguments), check=True, capture_output=True, text=True)  # noqa: S607
     return run.stdout
+
+
+def refused(*released):
+    """Ask make for a release for some Pythons, which must be refused before anything is made or committed; return what it says."""
+    there = {*Path().iterdir()}
+    run = subprocess.run(
+        ("make", "release", f"PYTHON={sys.executable}", f"RELEASED={' '.join(released)}"),  # noqa: S607
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 2, run.stdout + run.stderr
+    assert ({*Path().iterdir()}, git("log", "--format=%s")) == (there, "Begin\n")
+    return run.stdout + run.stderr
 
 
 def made(folder, *pythons):
@@ -81,6 +97,39 @@ def test_a_checkout_with_changes_is_not_released(checkout):
     with pytest.raises(NotReadyError, match=r"notes\.txt"):
         RELEASE["prepare"]()
     assert f"[{VERSION}]" not in Path("CHANGELOG.md").read_text()
+
+
+def test_each_python_that_is_missing_is_named_before_anything_is_made(checkout):
+    said = refused("3.98", "3.99")
+    for missing in ("python3.98", "python3.99"):
+        assert f"make: {missing} does not run; install it (Debian, Ubuntu: apt install {missing})" in said
+    assert "make release RELEASED='" in said
+
+
+def test_a_checkout_with_changes_is_not_released_and_no_environment_is_made_first(checkout):
+    (checkout / "notes.txt").touch()
+    assert "make: commit or remove first:\n?? notes.txt" in refused()
+
+
+def test_who_has_not_told_git_who_he_is_learns_it_before_a_file_is_changed(checkout, monkeypatch):
+    for key in ("GIT_COMMITTER_NAME", "GIT_COMMITTER_EMAIL", "EMAIL"):
+        monkeypatch.delenv(key, raising=False)
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", os.devnull)
+    git("config", "user.useConfigOnly", "true")
+    with pytest.raises(NotReadyError, match="tell me who you are"):
+        RELEASE["prepare"]()
+    assert git("status", "--porcelain") == ""
+
+
+def test_what_was_mended_after_a_release_had_failed_belongs_into_its_section(checkout):
+    RELEASE["prepare"]()
+    text = Path("CHANGELOG.md").read_text()
+    Path("CHANGELOG.md").write_text(
+        text.replace("## [Unreleased]\n", "## [Unreleased]\n\n### Fixed\n\n- c\n")
+    )
+    git("commit", "--quiet", "--all", "--message", "Mend")
+    with pytest.raises(NotReadyError, match=f"has a section of {re.escape(VERSION)}: move there"):
+        RELEASE["prepare"]()
 
 
 def test_files_that_disagree_about_the_version_are_named(checkout):
