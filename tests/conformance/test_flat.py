@@ -65,7 +65,7 @@ def by_py_trees(compiled: Compiled, clock: ManualClock) -> Compiled:
 
 def in_flat_form(compiled: Compiled, clock: ManualClock) -> Compiled:
     flat = flatten(compiled.root)
-    root: Any = FlatNode(flat, flat.ticker(ClockTimes(clock)))
+    root: Any = FlatNode(flat, flat.ticker(ClockTimes(lambda _: clock)))
     return dataclasses.replace(compiled, root=root)
 
 

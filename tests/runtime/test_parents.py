@@ -180,7 +180,7 @@ def test_children_that_come_later_are_ticked_as_well():
 def test_a_node_ticked_by_itself_and_in_a_flat_tree_remembers_each_for_itself():
     stage = Stage()
     root = SequenceWithMemory("s", children=stage.leaves(a="S", b="R"))
-    flat, times = flatten(root), ClockTimes(ManualClock())
+    flat, times = flatten(root), ClockTimes(lambda _: ManualClock())
     ticker = flat.ticker(times)
     assert stage.ticks(root, 2) == ["R: a=S", "R: b=R"]
     before = cells_of(ticker)

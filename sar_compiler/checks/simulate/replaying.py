@@ -57,7 +57,7 @@ class ReusedTree:
         clock = self.simulated.clock
         clock.advance(-clock.now())
         self._entries.restore(self._start)
-        ticker = self._flat.ticker(ClockTimes(clock))
+        ticker = self._flat.ticker(ClockTimes(lambda _: clock))
         ticker.tells = False
         tick_tree = partial(ticker.run, self._flat.nodes[0])
         player = Player(self.simulated, scenario, self._variables, tick_tree)

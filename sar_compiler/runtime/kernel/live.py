@@ -34,7 +34,7 @@ from typing import Any
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, SKIPPED, STATUSES, number_of
 from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode
 from sar_compiler.runtime.kernel.table import NotFlatError, node_class_of
-from sar_compiler.runtime.kernel.times import ClockTimes, Times
+from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
 from sar_compiler.runtime.parents import Built, Children
@@ -48,10 +48,11 @@ class LiveTicker(Ticker):
     """
 
     def __init__(self, flat: FlatTree) -> None:
-        first = flat.ticker(_NodeClocks(flat.nodes))
+        nodes = flat.nodes
+        first = flat.ticker(ClockTimes(lambda index: nodes[index].behaviour.clock))
         super().__init__(first.cells, first.values, first.times)
         self.is_live = True
-        self._nodes = flat.nodes
+        self._nodes = nodes
         self._number = self._depth = 0
         self._reached: list[TreeNode] = []
 
@@ -234,34 +235,6 @@ def _node_of(part: Part) -> TreeNode:
 def _below(behaviour: Any) -> list[Any]:
     """Return the children that are ticked by nodes, too."""
     return [] if node_class_of(behaviour) is None else children_of(behaviour)
-
-
-class _NodeClocks(Times):
-    """Timers, each on the clock of its node."""
-
-    def __init__(self, nodes: list[TreeNode]) -> None:
-        self._nodes = nodes
-        self._of: dict[int, ClockTimes] = {}
-        self._by_clock: dict[int, ClockTimes] = {}
-
-    def start(self, index: int, seconds: float) -> Any:
-        """Start a node's timer."""
-        return self._times(index).start(index, seconds)
-
-    def is_up(self, index: int, token: Any) -> bool:
-        """Return whether the time of a node's timer is over."""
-        return self._times(index).is_up(index, token)
-
-    def remaining(self, index: int, token: Any) -> float:
-        """Return how many seconds are left, 0 at the end."""
-        return self._times(index).remaining(index, token)
-
-    def _times(self, index: int) -> ClockTimes:
-        known = self._of.get(index)
-        if known is None:
-            clock = self._nodes[index].behaviour.clock
-            known = self._of[index] = self._by_clock.setdefault(id(clock), ClockTimes(clock))
-        return known
 
 
 def show_visits(visits: list[Visit]) -> Iterator[Any]:

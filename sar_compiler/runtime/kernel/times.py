@@ -1,5 +1,6 @@
 """How a tree measures time."""
 
+from collections.abc import Callable
 from typing import Any
 
 
@@ -31,37 +32,53 @@ class Times:
         raise NotImplementedError
 
 
-class ClockTimes(Times):
-    """Timers on a clock that may stand still, and may go back.
-
-    A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
-    waited for twice. A clock that leaps forward is believed. A token is the end of a timer, in seconds of the clock as
-    it would be if it had never gone back.
-
-    Args:
-        clock: The clock.
-    """
+class _SteadyClock:
+    """A clock that stands still while the one that it follows goes back."""
 
     def __init__(self, clock: Any) -> None:
         self._clock = clock
         self._looked: float = clock.now()
         self._gone_back = 0.0
 
-    def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - whose timer it is does not matter
-        """Start a timer, in seconds."""
-        return self._now() + seconds
-
-    def is_up(self, index: int, token: Any) -> bool:  # noqa: ARG002
-        """Return whether a timer's time is over."""
-        return bool(self._now() >= token)
-
-    def remaining(self, index: int, token: Any) -> float:  # noqa: ARG002
-        """Return how many seconds are left, 0 at the end."""
-        return max(float(token) - self._now(), 0.0)
-
-    def _now(self) -> float:
+    def now(self) -> float:
         now: float = self._clock.now()
         if now < self._looked:
             self._gone_back += self._looked - now
         self._looked = now
         return now + self._gone_back
+
+
+class ClockTimes(Times):
+    """Timers on clocks that may stand still, and may go back.
+
+    A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
+    waited for twice. A clock that leaps forward is believed. A token is the end of a timer, in seconds of the clock as
+    it would be if it had never gone back.
+
+    Args:
+        clock_of: Returns the clock of a node, by its index.
+    """
+
+    def __init__(self, clock_of: Callable[[int], Any]) -> None:
+        self._clock_of = clock_of
+        self._of: dict[int, _SteadyClock] = {}
+        self._by_clock: dict[int, _SteadyClock] = {}
+
+    def start(self, index: int, seconds: float) -> Any:
+        """Start a node's timer, in seconds."""
+        return self._now(index) + seconds
+
+    def is_up(self, index: int, token: Any) -> bool:
+        """Return whether the time of a node's timer is over."""
+        return bool(self._now(index) >= token)
+
+    def remaining(self, index: int, token: Any) -> float:
+        """Return how many seconds are left, 0 at the end."""
+        return max(float(token) - self._now(index), 0.0)
+
+    def _now(self, index: int) -> float:
+        steady = self._of.get(index)
+        if steady is None:
+            clock = self._clock_of(index)
+            steady = self._of[index] = self._by_clock.setdefault(id(clock), _SteadyClock(clock))
+        return steady.now()

@@ -237,7 +237,7 @@ class FlatStage(Stage):
     def __init__(self, binding: Binding, seed: int, *, raises: bool = False) -> None:
         super().__init__(binding, seed, raises=raises)
         self.flat = flatten(self.tree.root)
-        self.times = ClockTimes(self.clock)
+        self.times = ClockTimes(lambda _: self.clock)
         self.ticker = self.flat.ticker(self.times)
         self.entries: EntryCells | None = None
 
@@ -264,7 +264,7 @@ class FlatStage(Stage):
         self.ticker.cells = vec[i32](cells)
         self.entries.restore(saved.entries)
         self.clock.advance(saved.time - self.clock.now())
-        self.ticker.times = ClockTimes(self.clock)
+        self.ticker.times = ClockTimes(lambda _: self.clock)
 
     def seen(self, outcome: str) -> Seen:
         for node in self.flat.nodes:

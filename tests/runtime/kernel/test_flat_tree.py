@@ -23,7 +23,12 @@ from tests.runtime.stage import Stage
 
 Delay, OwnTimeout = own("Delay"), own("Timeout")
 
-TIMES = ClockTimes(ManualClock())
+
+def timed_by(clock: ManualClock) -> Times:
+    return ClockTimes(lambda _: clock)
+
+
+TIMES = timed_by(ManualClock())
 
 
 class TestShape:
@@ -268,7 +273,7 @@ class TestViews:
                 "root", memory=False, children=[Failure("x"), OwnTimeout("t", child, Input(4000), clock)]
             )
             flat = flatten(root)
-            ticker = flat.ticker(ClockTimes(clock))
+            ticker = flat.ticker(timed_by(clock))
             for _ in range(3):
                 if form == "flat":
                     tick(flat, ticker)
@@ -335,7 +340,7 @@ class TestTimers:
 
     def test_a_clock_that_goes_back_counts_as_one_that_stands_still(self):
         clock = ManualClock(100.0)
-        times = ClockTimes(clock)
+        times = timed_by(clock)
         token = times.start(0, 2.0)
         clock.advance(1.0)
         assert times.remaining(0, token) == 1.0
