@@ -238,14 +238,6 @@ class CountedTimes(Times):
         ticks: int = token.ticks
         return ticks == 0
 
-    def remaining(self, index: int, token: Any) -> float:  # noqa: ARG002
-        """Return how many seconds are left, 0 at the end."""
-        if self.followed is not None:
-            due: float = token.sec
-            return max(due - self.followed.now, 0.0)
-        ticks: int = token.ticks
-        return self.seconds(ticks)
-
     def after(self, due: Due, now: float) -> TicksLeft:
         """Return what is left of a timer of a real run after a tick at that time; the next one is a tick later."""
         return self.left(max(self.ticks(due.sec - now) - 1, 0))

@@ -30,16 +30,6 @@ class Choices:
         """How many choices there were so far in this tick."""
         return self._asked
 
-    @property
-    def is_new(self) -> bool:
-        """Whether the next choice was not made before on this path."""
-        return self._asked >= len(self._path)
-
-    @property
-    def turn(self) -> int:
-        """The index of the choice in which a combination that is about to be played differs from the one before."""
-        return len(self._path) - 1
-
     def begin(self, path: tuple[int, ...] = ()) -> None:
         """Begin with the first combination; with *path* the first one that begins with these options."""
         self._path = list(path)

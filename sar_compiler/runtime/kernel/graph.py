@@ -1,7 +1,6 @@
 """The states of a tree and the ticks between them, in arrays: a million of them has to fit."""
 
 import bisect
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -217,10 +216,6 @@ class Graph:
         while way[-1]:
             way.append(self.origins[way[-1]])
         return way[::-1]
-
-    def successors(self, state: int) -> Iterator[int]:
-        """Yield the states that the ticks of a state lead to."""
-        return (target for target, _ in self.ticks(state))
 
 
 def behind(going_on: int, changed: int, waits: Waits) -> tuple[int, int]:

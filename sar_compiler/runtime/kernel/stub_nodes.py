@@ -266,7 +266,3 @@ class ChosenTimes(Times):
             return True
         self._trail.go_on(self._trail.bit(index))
         return False
-
-    def remaining(self, index: int, token: int) -> float:  # noqa: ARG002 - as the protocol has it
-        """Return 0: the time left is not known."""
-        return 0.0

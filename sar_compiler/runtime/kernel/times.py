@@ -28,7 +28,7 @@ class Times:
         raise NotImplementedError
 
     def remaining(self, index: int, token: Any) -> float:
-        """Return how many seconds are left, 0 at the end; for what a node tells of itself, and nothing else."""
+        """Return how many seconds are left, 0 at the end; asked only where somebody reads what nodes tell of themselves."""
         raise NotImplementedError
 
 

@@ -22,7 +22,7 @@ def test_the_way_to_a_state_is_a_shortest_one():
 
 def test_ticks_that_come_to_the_same_and_wait_for_the_same_are_one():
     graph = explored({0: [(1, 1), (1, 1), (1, 2)]})
-    assert list(graph.successors(0)) == [1, 1]
+    assert graph.ticks(0) == [(1, 1), (1, 2)]
 
 
 def test_of_many_ticks_each_is_kept_once():
@@ -55,7 +55,7 @@ def test_the_bound_ends_the_exploration_and_says_so():
 
 def test_what_was_not_gone_through_has_no_ticks():
     graph = explored({0: [1, 2], 1: [3, 4]}, max_states=3)
-    assert (graph.expanded, list(graph.successors(1))) == (1, [])
+    assert (graph.expanded, graph.ticks(1)) == (1, [])
 
 
 def test_a_bound_that_is_just_enough_is_no_bound():
