@@ -17,7 +17,7 @@ from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.counting import ParallelNode
 from sar_compiler.runtime.kernel.stub_nodes import LeafNodes
 from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, DecoratorNode, Part, Ticker, TreeNode
 
 BranchResult = tuple[int, int]
 """An outcome of a tick, INVALID where the branch was halted, and the state that it is in then."""
@@ -53,7 +53,7 @@ class BranchDeed(NamedTuple):
     result: BranchResult
 
 
-class BranchNode(TreeNode):
+class BranchNode(ChoosingNode):
     """A branch that stands for itself.
 
     Args:
@@ -72,10 +72,6 @@ class BranchNode(TreeNode):
         self._bit = leaves.trail.bit(part.index)
         self._trail, self._choices, self._told = leaves.trail, leaves.choices, told
         self._ticks, self._halts = automaton.ticks, automaton.halts
-
-    def tick(self, ticker: Ticker) -> int:
-        """Tick the branch, unless that can have several results."""
-        return super().tick(ticker) if self.ways(ticker) > 1 else self.begin(ticker)
 
     def ways(self, ticker: Ticker) -> int:
         """Return how many results a tick can have now."""

@@ -301,11 +301,6 @@ class ConstantNode(ChildlessNode):
         ticker.cells[self.at] = self.outcome
         return self.outcome
 
-    def stop(self, ticker: Ticker) -> None:
-        """Rest; the behaviour is told when the tick is over, if it still rests."""
-        ticker.reach(self)
-        ticker.cells[self.at] = INVALID
-
     def show(self, cells: vec[i32]) -> None:
         """Give the behaviour the status that the cells say, and its message."""
         super().show(cells)
@@ -336,11 +331,6 @@ class UpdateCheckNode(ChildlessNode):
         now = SUCCESS if is_news(self.entry, self.seen, ticker) else FAILURE
         ticker.cells[self.at] = now
         return now
-
-    def stop(self, ticker: Ticker) -> None:
-        """Forget how the last look ended."""
-        ticker.reach(self)
-        ticker.cells[self.at] = INVALID
 
 
 def is_own(behaviour: Any, name: str) -> bool:

@@ -12,7 +12,7 @@ from sar_compiler.runtime.kernel.entry_cells import Memo, OutcomeMemo
 from sar_compiler.runtime.kernel.table import known_node
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.trail import Trail
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, Part, Ticker, TreeNode
 from sar_compiler.runtime.language_nodes import ScriptCondition
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
@@ -85,7 +85,7 @@ class LeafNodes:
         return StubNode(part, self)
 
 
-class NotedNode(TreeNode):
+class NotedNode(ChoosingNode):
     """A leaf of the language whose turns are noted.
 
     Args:
@@ -99,10 +99,6 @@ class NotedNode(TreeNode):
         self._node = node
         self._ran = ran
         self.heeds_end = node.heeds_end
-
-    def tick(self, ticker: Ticker) -> int:
-        """Tick the leaf, unless it may go on in several ways."""
-        return super().tick(ticker) if self._node.ways(ticker) > 1 else self.begin(ticker)
 
     def ways(self, ticker: Ticker) -> int:
         """Return in how many ways it may go on."""
@@ -150,7 +146,7 @@ class ConditionLeafNode(NotedNode):
         return self._node.tick(self._ticker)
 
 
-class StubNode(TreeNode):
+class StubNode(ChoosingNode):
     """A leaf that does what `StubLeaf` does in `initialise`, `update` and `terminate`.
 
     Args:
@@ -182,10 +178,6 @@ class StubNode(TreeNode):
         self._asked: Memo | None = leaves.board.memo(leaf.entries(conditions)) if conditions else None
         # Made once: each look would make it anew.
         self._work: Callable[[], list[Reply]] = self._work_out
-
-    def tick(self, ticker: Ticker) -> int:
-        """Tick the leaf, unless it may answer several things."""
-        return super().tick(ticker) if self.ways(ticker) > 1 else self.begin(ticker)
 
     def ways(self, ticker: Ticker) -> int:  # noqa: ARG002
         """Return how many answers there are now; if that cannot be said, its tick will say why."""

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from sar_compiler.errors import NodeError
-from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SUCCESS
+from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, Part, Ticker, reset
 
 OFF: Final = 0
@@ -182,10 +182,8 @@ class SleepNode(ChildlessNode):
 
     def stop(self, ticker: Ticker) -> None:
         """Stop waiting."""
-        ticker.reach(self)
-        self.forget(ticker)
-        self.behaviour.feedback_message = ""
-        ticker.cells[self.at] = INVALID
+        super().stop(ticker)
+        self.silence()
 
     def seconds(self) -> float:
         """Return how long to wait, in seconds."""
@@ -195,6 +193,10 @@ class SleepNode(ChildlessNode):
         """Set the feedback message to the time that is left; empty at the end."""
         if ticker.tells:
             self.behaviour.feedback_message = left
+
+    def silence(self) -> None:
+        """Tell nothing any more, because the node is stopped."""
+        self.behaviour.feedback_message = ""
 
 
 class TimerNode(SleepNode):
@@ -211,8 +213,5 @@ class TimerNode(SleepNode):
         behaviour = self.behaviour
         behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 
-    def stop(self, ticker: Ticker) -> None:
-        """Stop waiting."""
-        ticker.reach(self)
-        self.forget(ticker)
-        ticker.cells[self.at] = INVALID
+    def silence(self) -> None:
+        """Go on telling it."""

@@ -200,6 +200,20 @@ class ChildlessNode(TreeNode):
         ticker.reach(self)
         return self.begin(ticker)
 
+    def stop(self, ticker: "Ticker") -> None:
+        """Bring the node to rest, whatever its status is."""
+        ticker.reach(self)
+        self.forget(ticker)
+        ticker.cells[self.at] = INVALID
+
+
+class ChoosingNode(TreeNode):
+    """A node without children that may go on in several ways; it is ticked in passing where there is one."""
+
+    def tick(self, ticker: "Ticker") -> int:
+        """Tick the node, unless it may go on in several ways."""
+        return super().tick(ticker) if self.ways(ticker) > 1 else self.begin(ticker)
+
 
 class Visit:
     """A node that was ticked, as it was at the end of its tick.
