@@ -1,6 +1,7 @@
 """The ticks of a simulated tree, from any state that it can be in, held to what the user's specs claim."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from itertools import pairwise
 
 from librt.vecs import vec
@@ -18,7 +19,7 @@ from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import ANSWERED, Event, TickRecord, changes_in, value_changes, with_end
 from sar_compiler.runtime.kernel.branch_nodes import BranchNode
 from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.chances import ChanceLeafNodes, Chances, WeighedSteps
+from sar_compiler.runtime.kernel.chances import ChanceNode, Chances, WeighedSteps
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.forking import ForkingTicker
 from sar_compiler.runtime.kernel.searching import Judgement
@@ -104,8 +105,8 @@ class TreeStepper:
         entries.restore(vec[i32](prepared.start))
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
         simulated = prepared.simulated
-        given = simulated.facts.board, prepared.alphabet.numbers, choices, trail
-        leaves = ChanceLeafNodes(*given, chances) if chances else LeafNodes(*given)
+        stub = partial(ChanceNode, chances=chances) if chances else None
+        leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, stub)
         self.flat = flattened(leaves) if flattened else flatten(simulated.root, leaves.node_of)
         self.ran = leaves.ran
         first = self.flat.ticker(chances.times if chances else ChosenTimes(choices, trail))

@@ -164,17 +164,14 @@ class FlatComposition:
     ) -> None:
         self._root, self._around, self._told = root, around, told
         self._automata, self._joined = automata, joined
-        self._leaves: LeafNodes | None = None
 
     def flat(self, leaves: LeafNodes) -> FlatTree:
         """Bring it into flat form, given what builds the other nodes."""
-        self._leaves = leaves
         root = self._root if self._around is None else self._around
-        return flat_tree(root, self._node_of, self._below)
+        return flat_tree(root, lambda part: self._node_of(part, leaves), self._below)
 
-    def _node_of(self, part: Part) -> TreeNode:
-        leaves, behaviour = self._leaves, part.behaviour
-        assert leaves is not None  # noqa: S101 - it was given
+    def _node_of(self, part: Part, leaves: LeafNodes) -> TreeNode:
+        behaviour = part.behaviour
         if behaviour is self._around:
             return AloneNode(part, leaves.choices)
         if behaviour in self._automata:

@@ -11,7 +11,6 @@ since when, not what was chosen. From what it may have chosen then, its time up 
 """
 
 import math
-from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from librt.vecs import vec
@@ -27,9 +26,8 @@ from sar_compiler.runtime.kernel.searching import NOTHING
 from sar_compiler.runtime.kernel.stub_nodes import LeafNodes, Reply, StubNode
 from sar_compiler.runtime.kernel.tick_steps import Judge, TickSteps
 from sar_compiler.runtime.kernel.times import Times
-from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree import FlatTree
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker
 
 TOLERANCE_SEC: Final = 1e-6
 """Ticks come at multiples of the period, which floats hit only nearly."""
@@ -381,33 +379,6 @@ class HiddenLeaf(NamedTuple):
     answers: list[HiddenAnswer]
 
 
-class ChanceLeafNodes(LeafNodes):
-    """Builds the nodes of leaves whose chances are known.
-
-    Args:
-        board: The tree's blackboard, numbered.
-        numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
-        choices: Decide what is answered.
-        trail: Is told what happens.
-        chances: Is told of each choice.
-    """
-
-    def __init__(
-        self,
-        board: Any,
-        numbers: Mapping[tuple[int, str, int], int],
-        choices: Choices,
-        trail: Trail,
-        chances: Chances,
-    ) -> None:
-        super().__init__(board, numbers, choices, trail)
-        self._chances = chances
-
-    def stub(self, part: Part) -> TreeNode:
-        """Build the node of a stub leaf."""
-        return ChanceNode(part, self, self._chances)
-
-
 class ChanceNode(StubNode):
     """A leaf that chooses when it begins what it will answer, and after how many ticks; until then it answers RUNNING.
 
@@ -455,12 +426,6 @@ class ChanceNode(StubNode):
         if outcome != SKIPPED:
             cells[self.at] = outcome
         return outcome
-
-    def _taken(self, reply: Reply) -> Reply:
-        self._trail.take(reply.event)
-        if reply.change is not None:
-            reply.effect.call(reply.change)
-        return reply
 
     def _chosen_reply(self, ticker: Ticker, replies: list[Reply]) -> Reply:
         """Return what it has chosen, or RUNNING until its time has come."""

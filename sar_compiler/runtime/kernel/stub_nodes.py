@@ -46,19 +46,26 @@ class LeafNodes:
         numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
         choices: Decide what is answered.
         trail: Is told what happens.
+        stub: Builds the node of a stub leaf; by default one that may answer anything in any tick.
 
     Attributes:
         ran: The indexes of the leaves that were ticked.
     """
 
     def __init__(
-        self, board: Any, numbers: Mapping[tuple[int, str, int], int], choices: Choices, trail: Trail
+        self,
+        board: Any,
+        numbers: Mapping[tuple[int, str, int], int],
+        choices: Choices,
+        trail: Trail,
+        stub: "Callable[[Part, LeafNodes], TreeNode] | None" = None,
     ) -> None:
         self.ran: set[int] = set()
         self.board = board
         self.numbers = numbers
         self.choices = choices
         self.trail = trail
+        self._stub = stub or StubNode
 
     def node_of(self, part: Part) -> TreeNode:
         """Build the node of a behaviour, whether it is a leaf or not.
@@ -68,7 +75,7 @@ class LeafNodes:
         """
         behaviour = part.behaviour
         if isinstance(behaviour, StubLeaf):
-            return self.stub(part)
+            return self._stub(part, self)
         node: TreeNode = known_node(part)
         if part.children:
             return node
@@ -79,10 +86,6 @@ class LeafNodes:
                 memo = OutcomeMemo(self.board.cells, self.board.cells.place_of(script.entry.name))
                 return ConditionLeafNode(part, node, self.ran, memo)
         return NotedNode(part, node, self.ran)
-
-    def stub(self, part: Part) -> TreeNode:
-        """Build the node of a stub leaf."""
-        return StubNode(part, self)
 
 
 class NotedNode(ChoosingNode):
@@ -194,10 +197,7 @@ class StubNode(ChoosingNode):
             trail.start(self._bit)
             trail.take(self._started)
         replies = self._possible()
-        reply = replies[self._choices.pick(len(replies))]
-        trail.take(reply.event)
-        if reply.change is not None:
-            reply.effect.call(reply.change)
+        reply = self._taken(replies[self._choices.pick(len(replies))])
         outcome = reply.outcome
         if outcome == RUNNING:
             trail.go_on(self._bit)
@@ -213,6 +213,13 @@ class StubNode(ChoosingNode):
             self._trail.end(self._bit)
             self._trail.take(self._halted)
         ticker.cells[self.at] = INVALID
+
+    def _taken(self, reply: Reply) -> Reply:
+        """Give an answer, and return it."""
+        self._trail.take(reply.event)
+        if reply.change is not None:
+            reply.effect.call(reply.change)
+        return reply
 
     def _possible(self) -> list[Reply]:
         """Return what the leaf can answer now."""
