@@ -12,13 +12,7 @@ from operator import and_, or_
 from typing import NamedTuple
 
 from sar_compiler.checks.property_watch import PropertyWatch, WatchAlarm, only_when, overridden, undeclared
-from sar_compiler.checks.verify.properties import (
-    LeftOut,
-    Properties,
-    PropertyFile,
-    properties_of,
-    without_properties,
-)
+from sar_compiler.checks.verify.properties import LeftOut, Properties, PropertyFile, properties_of
 from sar_compiler.checks.verify.recorded_runs import FoundTick, LostTick, TreeRuns, Way, ticks_of
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.compiler.simulated_tree import SimulatedTree
@@ -136,7 +130,7 @@ def conform(
         OtherTreeError: If the tree has nodes other than those that ran.
     """
     prepared = Prepared.of(simulated)
-    properties = without_properties() if file is None else properties_of(file, prepared, tags)
+    properties = properties_of(file, prepared, tags)
     flight = _ReplayedFlight(TreeRuns(simulated, names, properties.rules, prepared), [*record], simulated)
     moments, lost = flight.runs.found_again(flight.record)
     if lost is not None and not is_over and flight.is_unfinished(lost):

@@ -11,13 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from sar_compiler.checks.verify.limits import spending_conditions
-from sar_compiler.checks.verify.properties import (
-    ConditionError,
-    Properties,
-    PropertyFile,
-    properties_of,
-    without_properties,
-)
+from sar_compiler.checks.verify.properties import ConditionError, Properties, PropertyFile, properties_of
 from sar_compiler.checks.verify.recorded_runs import OtherTreeError
 from sar_compiler.checks.verify.state import Alphabet, Prepared
 from sar_compiler.compiler import CompiledTree
@@ -160,9 +154,7 @@ class PropertyWatch:
     ) -> None:
         prepared = Prepared(simulated, Alphabet(simulated))
         keys = None if watched is None else watched.instance.scope
-        self.properties: Properties = (
-            without_properties() if file is None else properties_of(file, prepared, tags, keys)
-        )
+        self.properties: Properties = properties_of(file, prepared, tags, keys)
         if watched is not None:
             _read_keys_of(watched, simulated)
         self.file = file

@@ -17,7 +17,6 @@ from sar_compiler.checks.verify.properties import (
     PropertyFile,
     Rules,
     properties_of,
-    without_properties,
 )
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
@@ -115,7 +114,7 @@ def predict(
         UndecidableError: If the tree's runs cannot be gone through.
     """
     prepared = Prepared.of(simulated)
-    properties = without_properties() if file is None else properties_of(file, prepared, tags)
+    properties = properties_of(file, prepared, tags)
     chances = Chances(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _remembering(properties.rules), chances=chances)
     graph = explore(stepper.steps, max_states, on_progress)

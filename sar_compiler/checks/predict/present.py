@@ -12,13 +12,7 @@ import numpy as np
 
 from sar_compiler.checks.predict.weighed_graph import Between, WeighedGraph
 from sar_compiler.checks.verify.limits import limits_of, spending_conditions
-from sar_compiler.checks.verify.properties import (
-    Monitors,
-    PropertyFile,
-    Rules,
-    properties_of,
-    without_properties,
-)
+from sar_compiler.checks.verify.properties import Monitors, PropertyFile, Rules, properties_of
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
@@ -87,7 +81,7 @@ class PresentChance:
         known: Collection[str] = (),
     ) -> None:
         prepared = Prepared.of(simulated)
-        properties = without_properties() if file is None else properties_of(file, prepared, tags)
+        properties = properties_of(file, prepared, tags)
         # What properties remember decides nothing about success.
         rules = Rules(Monitors(()), {}, properties.rules.ends, (), properties.rules.entries)
         self._chances = Chances(CountedTimes(period_sec))

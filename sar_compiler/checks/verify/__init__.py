@@ -8,7 +8,7 @@ from collections.abc import Collection
 
 from sar_compiler.checks.verify.branches import has_parallels
 from sar_compiler.checks.verify.composing import proved_apart
-from sar_compiler.checks.verify.properties import Properties, PropertyFile, properties_of, without_properties
+from sar_compiler.checks.verify.properties import Properties, PropertyFile, properties_of
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
@@ -47,7 +47,7 @@ def verify(
         UndecidableError: If the tree has a node whose rules are not known, or keeps values that cannot be compared; or if a condition cannot be evaluated.
     """
     prepared = Prepared.of(simulated)
-    properties = without_properties() if file is None else properties_of(file, prepared, tags)
+    properties = properties_of(file, prepared, tags)
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
     if keep_states or not forgets or max_states <= plainly or not has_parallels(stepper.flat):
         return _verified(stepper, prepared, properties, max_states, on_progress, keep_states=keep_states)

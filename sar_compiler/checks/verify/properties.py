@@ -478,12 +478,12 @@ def without_properties() -> Properties:
 
 
 def properties_of(
-    file: PropertyFile, prepared: Prepared, tags: Collection[str], keys: Scope | None = None
+    file: PropertyFile | None, prepared: Prepared, tags: Collection[str], keys: Scope | None = None
 ) -> Properties:
     """Return the properties that a file demands of a tree.
 
     Args:
-        file: The file.
+        file: The file; None for `without_properties`.
         prepared: The tree.
         tags: The tags of leaves that a tree can have.
         keys: The keys of the main tree, where another one is watched.
@@ -491,6 +491,8 @@ def properties_of(
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
     """
+    if file is None:
+        return without_properties()
     reading = _Reading(file.document, prepared, tags, keys)
     for written in file.events:
         reading.take(written)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from sar_compiler.checks.verify.properties import parse_property_file, properties_of, without_properties
+from sar_compiler.checks.verify.properties import parse_property_file, properties_of
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
@@ -53,7 +53,7 @@ def graph_of(binding, properties=None, *, meets):
     file = None if properties is None else parse_property_file(properties, "props.yaml")
     simulated = simulated_tree(binding, file)
     prepared = Prepared.of(simulated)
-    wanted = without_properties() if file is None else properties_of(file, prepared, TAGS)
+    wanted = properties_of(file, prepared, TAGS)
     stepper = TreeStepper(prepared, wanted.rules, meets=meets)
     graph = explore(stepper.steps, 3000)
     ticks = [set(graph.ticks(state)) for state in range(graph.expanded)]
