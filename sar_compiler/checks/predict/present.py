@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from sar_compiler.checks.predict.weighed_graph import Between, WeighedGraph
+from sar_compiler.checks.predict.weighed_graph import Between, WeighedGraph, best_chances
 from sar_compiler.checks.verify.limits import limits_of, spending_conditions
 from sar_compiler.checks.verify.properties import Monitors, PropertyFile, Rules, properties_of
 from sar_compiler.checks.verify.state import Prepared
@@ -202,21 +202,10 @@ def _valued(present: _Present, values: Sequence[float], sign: int) -> float:
     # Of a quotient of two sums: the chances are best for the value that they lead to themselves (Dinkelbach).
     for _ in range(_MOST_ROUNDS):
         gains = [sign * (whole - value * weight) for whole, weight in zip(wholes, weights, strict=True)]
-        likely = _best(bounds, gains)
+        likely = best_chances(bounds, gains)
         weight = sum(p * each for p, each in zip(likely, weights, strict=True))
         better = sum(p * each for p, each in zip(likely, wholes, strict=True)) / weight if weight else value
         if abs(better - value) <= _NOTHING:
             break
         value = better
     return value
-
-
-def _best(bounds: Sequence[tuple[float, float]], gains: Sequence[float]) -> list[float]:
-    """Return the chances between some bounds, adding up to 1, with which most is gained."""
-    likely = [low for low, _ in bounds]
-    left = 1.0 - sum(likely)
-    for place in sorted(range(len(gains)), key=lambda each: -gains[each]):
-        more = min(left, bounds[place][1] - bounds[place][0])
-        likely[place] += more
-        left -= more
-    return likely

@@ -190,21 +190,11 @@ class WeighedGraph:
             for step in range(first[place], first[place + 1]):
                 worth[answer[step]] += share[step] * known[target[step]]
             if varies[place]:
-                chances[place] = self._best(place, worth, sign)
+                choice = self._choice_at[place]
+                bounds = [*zip(self._low[choice].tolist(), self._high[choice].tolist(), strict=True)]
+                chances[place] = best_chances(bounds, [sign * each for each in worth])
             known[place] = float(chances[place] @ worth)
         return chances
-
-    def _best(self, place: int, worth: Sequence[float], sign: int) -> list[float]:
-        """Return the chances at a place with which it is worth most, or least with a *sign* below 0."""
-        choice = self._choice_at[place]
-        high = self._high[choice].tolist()
-        likely: list[float] = self._low[choice].tolist()
-        left = 1.0 - sum(likely)
-        for answer in sorted(range(len(worth)), key=lambda each: -sign * worth[each]):
-            more = min(left, high[answer] - likely[answer])
-            likely[answer] += more
-            left -= more
-        return likely
 
     def _improved(self, values: Reals, chances: Reals, sign: int) -> Reals | None:
         """Return chances that are better where places have a choice; None if there are none."""
@@ -432,6 +422,17 @@ def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Rea
         low[place], high[place] = zip(*answers, strict=True)
         between[place] = middle(answers)
     return low, high, between
+
+
+def best_chances(bounds: Sequence[tuple[float, float]], gains: Sequence[float]) -> list[float]:
+    """Return the chances between some bounds, adding up to 1, with which most is gained."""
+    likely = [low for low, _ in bounds]
+    left = 1.0 - sum(likely)
+    for place in sorted(range(len(gains)), key=lambda each: -gains[each]):
+        more = min(left, bounds[place][1] - bounds[place][0])
+        likely[place] += more
+        left -= more
+    return likely
 
 
 def _gathered(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
