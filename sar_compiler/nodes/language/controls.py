@@ -1,16 +1,18 @@
 """Controls: nodes with several children."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 from sar_compiler.nodes import outcome_sets
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.declaring import ENUMS, attribute, input_port, node_spec
-from sar_compiler.nodes.language.attribute_readers import after_the_first, one_after_the_other
 from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
 from sar_compiler.nodes.language.node_rules import report_interruptions, report_out_of_reach, report_policy
 from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
-from sar_compiler.nodes.semantics import Counterpart, Semantics
+from sar_compiler.nodes.outcome_sets import F, K, S
+from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
 
 _SEQUENCE = "Ticks its children in order until one does not succeed; succeeds when all have."
@@ -20,6 +22,18 @@ _PAUSES = "Lets the rest of the robot have a turn after every child."
 _MEMORY = "Whether to go on with the child that was running (true), or to look at every child again (false)."
 
 _own = partial(own, Kind.CONTROL, skipping=FROM_CHILD)
+
+
+def _after_the_first(_bound: BoundNode) -> Mapping[int, Gate]:
+    """Return the gates of the branches: the second child is ticked if the first succeeds, the third if it fails."""
+    return {1: Gate((0,), S), 2: Gate((0,), F)}
+
+
+def _one_after_the_other(bound: BoundNode) -> Mapping[int, Gate]:
+    """Return the gates of a try-catch: its children in order, and last the one that handles a failure."""
+    *tried, last = range(len(bound.children))
+    catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
+    return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
 
 
 def _in_order(
@@ -78,7 +92,7 @@ def _switch(cases: int) -> NodeSpec:
 
 
 def _branching(tag: str, doc: str) -> NodeSpec:
-    means = Semantics(outcome_sets.branches, gates=after_the_first)
+    means = Semantics(outcome_sets.branches, gates=_after_the_first)
     return _own(tag, f"kernel.branching:{tag}Node", doc, semantics=means, child_count=(2, 3))
 
 
@@ -198,7 +212,7 @@ SPECS = [
             default=False,
         ),
         semantics=Semantics(
-            outcome_sets.attempt, gates=one_after_the_other, counterpart=Counterpart(since="4.9")
+            outcome_sets.attempt, gates=_one_after_the_other, counterpart=Counterpart(since="4.9")
         ),
         child_count=(2, None),
     ),

@@ -1,11 +1,13 @@
 """Decorators: nodes with one child."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.declaring import (
     CLOCK,
@@ -17,10 +19,9 @@ from sar_compiler.nodes.declaring import (
     node_spec,
     output_port,
 )
-from sar_compiler.nodes.language.attribute_readers import failures, successes, within
 from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
 from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
-from sar_compiler.nodes.outcome_sets import BITS, F, K, R, S
+from sar_compiler.nodes.outcome_sets import BITS, F, K, R, S, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
@@ -30,8 +31,29 @@ from sar_compiler.tree.model import SUBTREE_TAG
 _NOUNS = {S: "success", F: "failure", R: "running"}
 _WORDS = {bit: word for word, bit in BITS.items()}
 
+_MILLISECONDS = 1000.0
+
 _own = partial(own, Kind.DECORATOR, skipping=FROM_CHILD)
 _stock = partial(stock, Kind.DECORATOR)
+
+
+def _successes(bound: BoundNode) -> float | None:
+    """Return the rounds of py_trees' Repeat."""
+    count = number(bound, "num_success")
+    # py_trees compares the number of successes with it: no success is the last one below 1.
+    return math.inf if count is not None and count < 1 else count
+
+
+def _failures(bound: BoundNode) -> float | None:
+    """Return the rounds of py_trees' Retry."""
+    count = number(bound, "num_failures")
+    return None if count is None else max(count, 1)
+
+
+def _within(bound: BoundNode) -> float | None:
+    """Return the limit of a Timeout in seconds; BehaviorTree.CPP's 0 is no limit."""
+    milliseconds = number(bound, "msec")
+    return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
 
 
 def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
@@ -181,7 +203,7 @@ BEHAVIORTREE_CPP = [
             "msec", MILLISECONDS, "How long the child may run, in milliseconds; 0: as long as it likes."
         ),
         CLOCK,
-        semantics=_with_rewrite(Semantics.limiting(within), rewrites.timeout),
+        semantics=_with_rewrite(Semantics.limiting(_within), rewrites.timeout),
     ),
     _own(
         "Precondition",
@@ -239,14 +261,14 @@ PY_TREES = [
         "Retry",
         "Ticks its child again after a failure, until it has failed too often.",
         attribute("num_failures", int, "With how many failures to fail; 1 or less: with the first one."),
-        semantics=_with_rewrite(Semantics.repeating(F, failures), rewrites.retry, built_in=False),
+        semantics=_with_rewrite(Semantics.repeating(F, _failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
     ),
     _stock(
         "Repeat",
         "Ticks its child again after a success, until it has succeeded often enough.",
         attribute("num_success", int, "With how many successes to succeed; 0 or less: never."),
-        semantics=_with_rewrite(Semantics.repeating(S, successes), rewrites.repeat),
+        semantics=_with_rewrite(Semantics.repeating(S, _successes), rewrites.repeat),
         instead='num_cycles="..."',
         variant=True,
     ),
