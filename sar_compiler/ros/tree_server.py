@@ -7,17 +7,21 @@ by another program, it has a bond as Nav2's nodes have.
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from uuid import uuid4
 
 from btcpp_ros2_interfaces.action import ExecuteTree
 from btcpp_ros2_interfaces.msg import NodeStatus
 from btcpp_ros2_interfaces.srv import GetTrees
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.task import Future
+from rclpy.timer import Timer
 
 from sar_compiler.errors import SarError
 from sar_compiler.ros.arguments import init_arguments
@@ -27,11 +31,10 @@ from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.showing import in_one_line
 
-if TYPE_CHECKING:
-    from sar_compiler.ros.bond import Bond
-
 NODE_NAME = "sar_tree_server"
-ACTION, TREES_SERVICE = "bt_execution", "get_loaded_trees"
+ACTION, TREES_SERVICE, BOND = "bt_execution", "get_loaded_trees", "bond"
+# Those of Nav2's own nodes; the clock of a simulation may stand still.
+_BOND_PERIOD_SEC, _BOND_TIMEOUT_SEC, _BOND_DEPTH = 0.1, 4.0, 5
 # A signal is noticed between two turns of the executor.
 _TURN_SEC, _LAST_TURNS = 0.1, 5
 
@@ -71,6 +74,57 @@ def _spin(executor: Executor, node: "TreeExecutionServer", signals: StopSignals)
     # How it has ended is on its way to who has asked for it.
     for _ in range(_LAST_TURNS):
         executor.spin_once(_TURN_SEC)
+
+
+class Bond:
+    """A node's end of its bond, by which a lifecycle manager, such as Nav2's, sees that the process is alive.
+
+    Both ends of a bond say on the topic `bond`, of ROS's package of that name, that they are there; the last thing that one says is
+    that it goes. Nav2's manager takes a node for dead whose bond it has not heard for `bond_timeout`, and does not bring up one
+    that has none.
+
+    Args:
+        node: The node, whose name the bond bears; its executor keeps the bond alive.
+
+    Raises:
+        ModuleNotFoundError: If the package is not here, which comes with Nav2.
+    """
+
+    def __init__(self, node: Node) -> None:
+        from bond.msg import Status
+
+        self._node, self._clock, self._message = node, Clock(clock_type=ClockType.STEADY_TIME), Status
+        self._publisher = node.create_publisher(Status, BOND, _BOND_DEPTH)
+        self._timer: Timer | None = None
+        self._end = ""
+
+    def begin(self) -> None:
+        """Be there, until `end`."""
+        self.end()
+        # To its manager, a node that was activated again is another one.
+        self._end = str(uuid4())
+        self._timer = self._node.create_timer(
+            _BOND_PERIOD_SEC, lambda: self._say(is_there=True), clock=self._clock
+        )
+
+    def end(self) -> None:
+        """Take leave."""
+        if self._timer is None:
+            return
+        self._node.destroy_timer(self._timer)
+        self._timer = None
+        self._say(is_there=False)
+
+    def _say(self, *, is_there: bool) -> None:
+        status = self._message(
+            id=self._node.get_name(),
+            instance_id=self._end,
+            active=is_there,
+            heartbeat_timeout=_BOND_TIMEOUT_SEC,
+            heartbeat_period=_BOND_PERIOD_SEC,
+        )
+        status.header.stamp = self._clock.now().to_msg()
+        self._publisher.publish(status)
 
 
 class TreeExecutionServer(LifecycleNode):
@@ -243,13 +297,11 @@ class TreeExecutionServer(LifecycleNode):
             self._due.popleft()()
 
 
-def _new_bond(node: TreeExecutionServer) -> "Bond | None":
+def _new_bond(node: TreeExecutionServer) -> Bond | None:
     try:
-        # Its messages come with Nav2.
-        from sar_compiler.ros.bond import Bond
+        return Bond(node)
     except ModuleNotFoundError as error:
         node.get_logger().warning(
             f"No bond, since ROS's package 'bond' is not here ({error}): the lifecycle manager needs bond_timeout: 0.0."
         )
         return None
-    return Bond(node)
