@@ -21,7 +21,7 @@ from sar_compiler.tree.model import (
     SUBTREE_TAG,
     TREE_TAG,
 )
-from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME
+from sar_compiler.tree.xml_recovery import NAME, attributes_end
 from sar_compiler.views.nodes import nodes_as_text
 
 _WORD = re.compile(r"[\w:.-]*\Z")
@@ -84,9 +84,7 @@ def _in_xml(before: str) -> WrittenPlace | None:
     name = NAME.match(before, tag)
     if name is None or before.startswith(("<!", "<?", "</"), tag):
         return None
-    offset = name.end()
-    while match := ATTRIBUTE.match(before, offset):
-        offset = match.end()
+    offset = attributes_end(before, name.end())
     written = name[0].removeprefix("<")
     if value := _IN_VALUE.match(before, offset):
         return WrittenPlace(written, value[1], value[2] if value[2] is not None else value[3])

@@ -10,7 +10,7 @@ from sar_compiler.tree.diagnostic import Form, Source
 from sar_compiler.tree.gathering import parse_tree
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import Element, Retyped, TreeFile, last_before
-from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, TAG_END
+from sar_compiler.tree.xml_recovery import NAME, TAG_END, attributes_end
 
 
 class TextReader:
@@ -163,10 +163,7 @@ def _start_tag(text: str, start: int) -> _StartTag | None:
     name = NAME.match(text, start)
     if name is None:
         return None
-    offset = name.end()
-    while attribute := ATTRIBUTE.match(text, offset):
-        offset = attribute.end()
-    closing = TAG_END.match(text, offset)
+    closing = TAG_END.match(text, attributes_end(text, name.end()))
     return _StartTag(name.end(), closing.end(), closing[0].strip()) if closing is not None else None
 
 

@@ -67,6 +67,13 @@ class Recovered(NamedTuple):
         return text.translate(self.originals)
 
 
+def attributes_end(text: str, offset: int, limit: int = sys.maxsize) -> int:
+    """Return where the attributes of a tag end that begin at an offset, behind its name; those before a limit count."""
+    while match := ATTRIBUTE.match(text, offset, limit):
+        offset = match.end()
+    return offset
+
+
 def recover(source: Source) -> Recovered | None:
     """Return a text with stand-ins up to the first place that is beyond recovery; None if there is nothing to recover."""
     stand_ins = _stand_ins(source.text)
@@ -359,9 +366,7 @@ def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
     if name is None:
         message = "a tag's name follows its < directly, and a < in a text is written &lt;"
         return XmlMistake(message, tag, place + 1) if text.startswith("<", tag) else None
-    end = name.end()
-    while match := ATTRIBUTE.match(text, end, place):
-        end = match.end()
+    end = attributes_end(text, name.end(), place)
     valueless = _VALUELESS.fullmatch(text, end, place)
     if valueless is not None:
         message, written = f"the attribute '{valueless[1]}' has no value", valueless[1]
@@ -391,10 +396,7 @@ def _unclosed(text: str, place: int) -> XmlMistake | None:
     name = NAME.match(text, place)
     if name is None:
         return None
-    end = name.end()
-    while match := ATTRIBUTE.match(text, end):
-        end = match.end()
-    quote = _OPENED.match(text, end)
+    quote = _OPENED.match(text, attributes_end(text, name.end()))
     if quote is not None:
         return XmlMistake("the value that begins here has no closing quotation mark", *quote.span(1))
     return XmlMistake("the tag that begins here has no >", place, name.end())
