@@ -82,10 +82,6 @@ class _Phase(Enum):
     DONE = auto()
 
 
-# Slower than this counts as standing: m/s and rad/s.
-_STILL = 0.02
-
-
 class Follower:
     """Drives one path to its end.
 
@@ -158,7 +154,7 @@ class Follower:
         error = 0.0 if self._yaw is None else normalise_angle(self._yaw - state.pose.yaw)
         if abs(error) > self._settings.yaw_tolerance:
             return Twist2D(0.0, self._turning(error))
-        if abs(state.velocity.v) < _STILL and abs(state.velocity.w) < _STILL:
+        if state.velocity.is_still:
             self._phase = _Phase.DONE
         return STAND
 

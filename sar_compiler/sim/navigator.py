@@ -115,8 +115,6 @@ def _number(parameters: dict[str, object], name: str, default: float) -> float:
 
 # Without this much movement in this much simulated time the robot counts as stuck.
 _MOVE, _TURN, _PATIENCE_SEC = 0.2, 0.4, 10.0
-# Slower than this counts as standing: m/s and rad/s.
-_STILL = 0.02
 # The speed that time estimates assume while the robot has none, m/s.
 _CRUISE = 0.4
 
@@ -209,8 +207,7 @@ class Drive:
 
     def _outcome(self, state: RobotState, now: float) -> DriveOutcome | None:
         if self._braking:
-            still = abs(state.velocity.v) < _STILL and abs(state.velocity.w) < _STILL
-            return DriveOutcome(DriveEnd.CANCELED) if still else None
+            return DriveOutcome(DriveEnd.CANCELED) if state.velocity.is_still else None
         if self._follower.done:
             return DriveOutcome(DriveEnd.SUCCEEDED)
         turned = abs(normalise_angle(state.pose.yaw - self._mark.yaw))

@@ -11,6 +11,8 @@ from sar_compiler.sim.world import Solid, World
 
 # Standard deviation of each step's odometry, as a fraction of the distance driven.
 _ODOMETRY_NOISE = 0.01
+# Slower than this counts as standing: m/s and rad/s.
+_STILL = 0.02
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,11 @@ class Twist2D:
 
     v: float = 0.0
     w: float = 0.0
+
+    @property
+    def is_still(self) -> bool:
+        """Whether it is so slow that it counts as standing."""
+        return abs(self.v) < _STILL and abs(self.w) < _STILL
 
 
 STAND = Twist2D()
