@@ -10,6 +10,22 @@ from sar_compiler.nodes.semantics import Gate
 _ENDS = S | F | K
 
 
+def _one_by_one(children: Sequence[int], told: int, goes_on: int) -> tuple[int, bool]:
+    """Return which of its children's results a node passes on that ticks them one by one, and whether it can come to the end.
+
+    Args:
+        children: The results of its children.
+        told: Which of a child's results are the node's as well.
+        goes_on: After which of them it comes to the next child.
+    """
+    found = 0
+    for child in children:
+        found |= child & told
+        if not child & goes_on:
+            return found, False
+    return found, True
+
+
 def recovery(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     """Return the set of a node that ticks its first child again after a success of the second one."""
     main, recovering = children
@@ -29,11 +45,9 @@ def pipeline(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
         leaves = [child.spec.kind.is_leaf for child in bound.children]
         known = leaves.index(False) + 1 if False in leaves else len(children)
         children = [*children[:known], *[0] * (len(children) - known)]
-    found = 0
-    for child in children:
-        found |= child & (F | R)
-        if not child & (S | K):
-            return found
+    found, comes_through = _one_by_one(children, F | R, S | K)
+    if not comes_through:
+        return found
     # One that runs while a later one has been the furthest counts as one that was not skipped.
     runs = sum(1 for child in children if child & R) > 1
     succeeds = union(children) & S or (runs and not sure)
@@ -59,22 +73,18 @@ def _round_robin(wraps: bool | None, bound: BoundNode, children: Sequence[int], 
 
 
 def _wrapping(children: Sequence[int]) -> int:
-    found = 0
-    for child in children:
-        found |= child & (S | R)
-        if not child & _ENDS:
-            return found
+    found, comes_through = _one_by_one(children, S | R, _ENDS)
+    if not comes_through:
+        return found
     fails = all(child & (F | K) for child in children) and union(children) & F
     return found | (F if fails else 0) | (K if all(child & K for child in children) else 0)
 
 
 def _not_wrapping(children: Sequence[int]) -> int:
     *others, last = children
-    found = 0
-    for child in others:
-        found |= child & (S | R)
-        if not child & _ENDS:
-            return found
+    found, comes_through = _one_by_one(others, S | R, _ENDS)
+    if not comes_through:
+        return found
     found |= last & R
     began_later = union(others) & (S | F) or union(children[1:]) & R
     if last & (S | F) or (last & K and began_later):
@@ -84,11 +94,9 @@ def _not_wrapping(children: Sequence[int]) -> int:
 
 def nonblocking(_bound: BoundNode, children: Sequence[int], _sure: bool) -> int:
     """Return the set of a node that ticks all its children in every tick."""
-    found = 0
-    for child in children:
-        found |= child & F
-        if not child & (S | R):
-            return found
+    found, comes_through = _one_by_one(children, F, S | R)
+    if not comes_through:
+        return found
     runs = union(children) & R
     return found | runs | (S if all(child & S for child in children) else 0)
 
@@ -97,12 +105,8 @@ def persistent(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     """Return the set of a sequence whose place is on the blackboard."""
     if not sure:
         return union(children) & (F | R) | S
-    found = 0
-    for child in children:
-        found |= child & (F | R)
-        if not child & (S | K):
-            return found
-    return found | S
+    found, comes_through = _one_by_one(children, F | R, S | K)
+    return found | (S if comes_through else 0)
 
 
 def paused(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
