@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any, NamedTuple
 
-from sar_compiler.checks.rules.entry_accesses import entry_table_of, key_accesses_of
+from sar_compiler.checks.rules.entry_accesses import entry_table_of
 from sar_compiler.compiler.simulated_tree import SimulatedTree, match_rank
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
@@ -100,8 +100,7 @@ class Slip(NamedTuple):
 def names_of(simulated: SimulatedTree) -> Names:
     """Return the names that a tree's facts have, and the keys of its main tree."""
     top = simulated.compiled.instance
-    trees = dict.fromkeys(instance.tree for instance in top.iterate())
-    table = entry_table_of(top, {tree: key_accesses_of(tree) for tree in trees})
+    table = entry_table_of(top)
     keys = [entry.key for entry in table.entries if entry.scope is top.scope]
     for bound in top.tree.uses:
         keys += bound.remapping.keys.values()

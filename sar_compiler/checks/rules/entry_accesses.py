@@ -462,8 +462,11 @@ class EntryTable:
         }
 
 
-def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses]) -> EntryTable:
-    """Collect the accesses to each entry."""
+def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
+    """Collect the accesses to each entry; those of each tree by itself may be known already."""
+    if accesses is None:
+        trees = dict.fromkeys(instance.tree for instance in top.iterate())
+        accesses = {tree: key_accesses_of(tree) for tree in trees}
     entries: dict[tuple[Scope, str], EntryAccesses] = {}
     places, is_open, is_foreign = PlaceFinder(top), False, False
     for instance in top.iterate():

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Running
 
-from sar_compiler.checks.rules.entry_accesses import PlaceFinder, entry_table_of, key_accesses_of
+from sar_compiler.checks.rules.entry_accesses import PlaceFinder, entry_table_of
 from sar_compiler.checks.verify.properties import Rules, without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import IsWanted
@@ -61,13 +61,12 @@ class Sharing:
         self._changed: set[str] = set()
         top = simulated.compiled.instance
         self._places = PlaceFinder(top)
-        trees = dict.fromkeys(instance.tree for instance in top.iterate())
-        table = entry_table_of(top, {tree: key_accesses_of(tree) for tree in trees})
+        table = entry_table_of(top)
         self.is_open = table.is_open or any(
             # What is only removed is no access.
             any(role.kind is AccessKind.NONE for role in bound.spec.semantics.keys.values())
             or (bound.references and not is_answered(bound.spec))
-            for tree in trees
+            for tree in table.accesses
             for bound in tree.nodes
         )
         for use in (use for entry in table.entries for use in entry.uses):
