@@ -477,6 +477,11 @@ class NodeSpec:
         """The parameters whose value the tag implies."""
         return self.signature.fixed
 
+    def texts_of_fixed(self, parameter: Parameter) -> list[str]:
+        """Return the texts that a parameter may have in a file whose value the tag implies."""
+        kind, value = parameter.value_type, self.fixed[parameter.name]
+        return [text for text in kind.choices if kind.convert(text) == value]
+
     @functools.cached_property
     def references(self) -> list[Parameter]:
         """The parameters that refer to other nodes."""

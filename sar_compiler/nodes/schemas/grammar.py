@@ -121,8 +121,7 @@ def _value(spec: NodeSpec, parameter: Parameter, types: Mapping[ValueType, str])
     if parameter.role is not Role.ATTRIBUTE:
         return "TEXT"
     if parameter.name in spec.fixed:
-        fixed = spec.fixed[parameter.name]
-        return _one_of(each for each in value_type.choices if value_type.convert(each) == fixed)
+        return _one_of(spec.texts_of_fixed(parameter))
     if value_type.choices:
         return f"({_one_of(value_type.choices)} | KEY)"
     return f"({types[value_type]} | KEY)" if value_type in types else "TEXT"

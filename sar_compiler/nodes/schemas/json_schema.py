@@ -142,16 +142,14 @@ def _tag(specs: list[NodeSpec]) -> Schema:
 
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
-    value_type = parameter.value_type
     if parameter.role is Role.NAME:
         schema: Schema = dict(_SCALAR)
     elif parameter.role is not Role.ATTRIBUTE:
         schema = dict(_NAME)
     elif parameter.name in spec.fixed:
-        fixed = spec.fixed[parameter.name]
-        schema = {"enum": _both_ways(t for t in value_type.choices if value_type.convert(t) == fixed)}
+        schema = {"enum": _both_ways(spec.texts_of_fixed(parameter))}
     else:
-        schema = _ref(f"value.{value_type.name}")
+        schema = _ref(f"value.{parameter.value_type.name}")
     if parameter.help:
         schema["description"] = parameter.help
     return schema

@@ -112,8 +112,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
     head = f'    <xs:attribute name="{parameter.name}"'
     value_type = parameter.value_type
     if parameter.name in spec.fixed:
-        fixed = spec.fixed[parameter.name]
-        allowed = _enumeration(text for text in value_type.choices if value_type.convert(text) == fixed)
+        allowed = _enumeration(spec.texts_of_fixed(parameter))
         return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
     if parameter.role is Role.NAME:
         head += ' type="xs:string"'
