@@ -58,6 +58,11 @@ def union(sets: Iterable[int]) -> int:
     return reduce(or_, sets, 0)
 
 
+def intersection(sets: Iterable[int]) -> int:
+    """Return the intersection of sets: the results that all children can have."""
+    return reduce(and_, sets, ALL)
+
+
 def swap(outcomes: int) -> int:
     """Return a set with success and failure swapped."""
     return outcomes & (R | K) | (F if outcomes & S else 0) | (S if outcomes & F else 0)
@@ -113,7 +118,7 @@ def _sequence(children: Sequence[int], sure: bool, pauses: bool, keeps_place: bo
     # Who begins in the middle has not been skipped as a whole, even if all that is left is.
     goes_back = keeps_place and union(children[1:]) & (F if sure else F | R)
     succeeds = goes_back or union(children) & S
-    return found | (S if succeeds else 0) | (K if all(child & K for child in children) else 0)
+    return found | (S if succeeds else 0) | intersection(children) & K
 
 
 def branches(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
@@ -205,7 +210,7 @@ def _threshold(wanted: int, count: int) -> int:
 
 def _estimate(children: Sequence[int], sure: bool) -> int:
     """Return an estimate of the results of counting, for too many combinations to enumerate."""
-    return reduce(and_, children, ALL) & R if sure else ALL
+    return intersection(children) & R if sure else ALL
 
 
 def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
@@ -220,9 +225,9 @@ def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     on_one = policy == "SuccessOnOne"
     # The selection of children is ignored.
     selects = policy == "SuccessOnSelected"
-    succeeds = union(going) & S if on_one or (selects and not sure) else all(child & S for child in going)
-    runs = all(child & R for child in going) if on_one or (selects and sure) else union(going) & R
-    return found | (S if succeeds else 0) | (R if runs else 0)
+    succeeds = union(going) & S if on_one or (selects and not sure) else intersection(going) & S
+    runs = intersection(going) & R if on_one or (selects and sure) else union(going) & R
+    return found | succeeds | runs
 
 
 def passing(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:

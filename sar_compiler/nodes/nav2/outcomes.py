@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.outcome_sets import F, K, Possible, R, S, union
+from sar_compiler.nodes.outcome_sets import F, K, Possible, R, S, intersection, union
 from sar_compiler.nodes.semantics import Gate
 
 _ENDS = S | F | K
@@ -51,7 +51,7 @@ def pipeline(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     # One that runs while a later one has been the furthest counts as one that was not skipped.
     runs = sum(1 for child in children if child & R) > 1
     succeeds = union(children) & S or (runs and not sure)
-    return found | (S if succeeds else 0) | (K if all(child & K for child in children) else 0)
+    return found | (S if succeeds else 0) | intersection(children) & K
 
 
 def round_robin(*, wraps: bool | None) -> Possible:
@@ -77,7 +77,7 @@ def _wrapping(children: Sequence[int]) -> int:
     if not comes_through:
         return found
     fails = all(child & (F | K) for child in children) and union(children) & F
-    return found | (F if fails else 0) | (K if all(child & K for child in children) else 0)
+    return found | (F if fails else 0) | intersection(children) & K
 
 
 def _not_wrapping(children: Sequence[int]) -> int:
@@ -89,7 +89,7 @@ def _not_wrapping(children: Sequence[int]) -> int:
     began_later = union(others) & (S | F) or union(children[1:]) & R
     if last & (S | F) or (last & K and began_later):
         found |= F
-    return found | (K if all(child & K for child in children) else 0)
+    return found | intersection(children) & K
 
 
 def nonblocking(_bound: BoundNode, children: Sequence[int], _sure: bool) -> int:
@@ -98,7 +98,7 @@ def nonblocking(_bound: BoundNode, children: Sequence[int], _sure: bool) -> int:
     if not comes_through:
         return found
     runs = union(children) & R
-    return found | runs | (S if all(child & S for child in children) else 0)
+    return found | runs | intersection(children) & S
 
 
 def persistent(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
