@@ -285,10 +285,10 @@ _FREE: Mapping[str, _FreeNode] = {
     ),
     "RoundRobin": _FreeNode(
         _TURNS,
-        Semantics(outcomes.round_robin(wraps=True), resumes=True),
+        Semantics(partial(outcomes.round_robin, wraps=True), resumes=True),
         fixed={"wrap_around": Input(source=True)},
     ),
-    "RoundRobin main": _FreeNode(_TURNS, Semantics(outcomes.round_robin(wraps=None), resumes=True)),
+    "RoundRobin main": _FreeNode(_TURNS, Semantics(partial(outcomes.round_robin, wraps=None), resumes=True)),
     "NonblockingSequence": _FreeNode(
         "nav2_controls:NonblockingNode", Semantics(outcomes.nonblocking, Order.TOGETHER), Skips.NEVER
     ),

@@ -1,10 +1,9 @@
 """What a tick of Nav2's controls and decorators can come to, by what their children's can."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.outcome_sets import F, K, Possible, R, S, intersection, union
+from sar_compiler.nodes.outcome_sets import F, K, R, S, intersection, union
 from sar_compiler.nodes.semantics import Gate
 
 _ENDS = S | F | K
@@ -54,16 +53,15 @@ def pipeline(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     return found | (S if succeeds else 0) | intersection(children) & K
 
 
-def round_robin(*, wraps: bool | None) -> Possible:
-    """Return the function of a node that ticks its children in turn.
+def round_robin(bound: BoundNode, children: Sequence[int], sure: bool, *, wraps: bool | None) -> int:
+    """Return the set of a node that ticks its children in turn.
 
     Args:
+        bound: The node.
+        children: The results of its children.
+        sure: Whether only those count that certainly occur.
         wraps: Whether the first one follows the last one; None if the attribute `wrap_around` says so.
     """
-    return partial(_round_robin, wraps)
-
-
-def _round_robin(wraps: bool | None, bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     if wraps is None:
         wraps = bound.value("wrap_around")  # type: ignore[assignment]
     if wraps is None:
