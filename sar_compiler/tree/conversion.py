@@ -12,13 +12,12 @@ from typing import NamedTuple
 
 from sar_compiler.tree.content import bytes_of
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, TreeError
-from sar_compiler.tree.model import Comment, Element, TreeFile
+from sar_compiler.tree.model import EDITOR_ATTRIBUTES, Comment, Element, TreeFile
 from sar_compiler.tree.xml_recovery import readable
 from sar_compiler.tree.xml_writer import DECLARATION, comment_in_xml, write_xml
 from sar_compiler.tree.yaml_writer import comment_in_yaml, write_yaml
 
 _WRITERS = {Form.XML: write_xml, Form.YAML: write_yaml}
-_EDITOR_ATTRIBUTES = ("xmlns", "xsi:")
 _EDITOR_COMMENT = "yaml-language-server:"
 
 
@@ -109,7 +108,7 @@ def _comments(tree_file: TreeFile) -> Iterator[tuple[Element, Comment]]:
 
 
 def _editor_attributes(root: Element) -> list[str]:
-    return [name for name in root.attributes if name.startswith(_EDITOR_ATTRIBUTES)]
+    return [name for name in root.attributes if name.startswith(EDITOR_ATTRIBUTES)]
 
 
 def _without_editor_hints(tree_file: TreeFile) -> TreeFile:

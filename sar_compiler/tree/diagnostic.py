@@ -15,8 +15,8 @@ from sar_compiler.tree.showing import in_one_line, shortened, visible
 if TYPE_CHECKING:
     from sar_compiler.tree.model import Element, FileBeginning
 
-# What XML and YAML both take for the end of a line; str.splitlines() knows more kinds.
-_LINE_END = re.compile(r"\r\n|\r|\n")
+LINE_END = re.compile(r"\r\n|\r|\n")
+"""What XML and YAML both take for the end of a line; str.splitlines() knows more kinds."""
 
 
 class Span(NamedTuple):
@@ -100,12 +100,12 @@ class Source:
         """The offset of each line's first character."""
         if "\r" not in self.text:  # nearly always, and much faster
             return [*itertools.accumulate([len(line) + 1 for line in self.text.split("\n")[:-1]], initial=0)]
-        return [0, *(end.end() for end in _LINE_END.finditer(self.text))]
+        return [0, *(end.end() for end in LINE_END.finditer(self.text))]
 
     @property
     def line_end(self) -> str:
         """What ends the first line, as it does the others of nearly every file."""
-        end = _LINE_END.search(self.text)
+        end = LINE_END.search(self.text)
         return end[0] if end else "\n"
 
     @functools.cached_property
@@ -155,7 +155,7 @@ class Source:
         start = offset
         while start and self.text[start - 1] in passing:
             start -= 1
-        return len(_LINE_END.findall(self.text, start, offset)) > 1
+        return len(LINE_END.findall(self.text, start, offset)) > 1
 
 
 WIDTH = 128

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import NamedTuple
 
-from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, Element, TreeFile
+from sar_compiler.tree.model import EDITOR_ATTRIBUTES, MODEL_TAG, ROOT_TAG, Element, TreeFile
 
 _EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
-_EDITOR_ATTRIBUTES = ("xmlns", "xsi:")
 _NAMES = ("name", "ID", "path")
 
 
@@ -109,7 +108,7 @@ def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, 
     if kind in _EXPLICIT_TAGS and "ID" in attributes and ordered:
         kind = attributes.pop("ID")
     if parent is None:
-        attributes = {k: v for k, v in attributes.items() if not k.startswith(_EDITOR_ATTRIBUTES)}
+        attributes = {k: v for k, v in attributes.items() if not k.startswith(EDITOR_ATTRIBUTES)}
     # Trees and descriptions are found by their names, wherever they stand.
     inside = ordered and element.tag != MODEL_TAG
     node = Node(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)

@@ -24,7 +24,8 @@ SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 
 PROJECT_ATTRIBUTE = "project_name"
 """The attribute of the root element that only a Groot2 project (`.btproj`) has."""
-
+EDITOR_ATTRIBUTES = ("xmlns", "xsi:")
+"""How the names of its attributes begin that tell an editor about XML, and nothing of the tree."""
 
 CHILDREN_KEY = "children"
 TEXT_KEY = "$text"

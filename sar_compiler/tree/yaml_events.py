@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from sar_compiler.tree.content import MAX_DEPTH
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, Source, TreeError
+from sar_compiler.tree.diagnostic import LINE_END, Advice, Diagnostic, Source, TreeError
 from sar_compiler.tree.model import text_of_yaml
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ _UNREADABLE = re.compile(
 # An element takes three levels: its list, its tag's mapping, its own. Deeper brackets only cost the parser time.
 _MAX_NESTING = 3 * (MAX_DEPTH + 2)
 _COMMENT = re.compile(r"#([^\r\n]*)")
-_LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 @dataclass
@@ -191,7 +190,7 @@ class Events:
             if (
                 follows
                 and self.trailing is None
-                and not _LINE_END.search(self._source.text, start, match.start())
+                and not LINE_END.search(self._source.text, start, match.start())
             ):
                 self.trailing = text_of_yaml([match.group(1)])
             else:
@@ -204,7 +203,7 @@ class Events:
         last = self._waiting[-1] if self._waiting else None
         if last is not None:
             between = self._source.text[last.end : match.start()]
-            if last.column == column and not between.strip() and len(_LINE_END.findall(between)) == 1:
+            if last.column == column and not between.strip() and len(LINE_END.findall(between)) == 1:
                 last.lines.append(match.group(1))
                 last.end = match.end()
                 return

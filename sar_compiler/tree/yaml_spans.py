@@ -5,7 +5,7 @@ import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 
-from sar_compiler.tree.diagnostic import AttributePlaces, Form, Spans
+from sar_compiler.tree.diagnostic import LINE_END, AttributePlaces, Form, Spans
 from sar_compiler.tree.model import Element
 
 _HEADER = re.compile(r"[|>][^\r\n]*(?:\r\n|\r|\n|$)")
@@ -16,7 +16,6 @@ _SINGLE = re.compile(rf"{_FOLD}|''|.", re.DOTALL)
 _DOUBLE = re.compile(
     rf"{_FOLD}|(?P<joint>\\(?:\r\n|\r|\n)[ \t\r\n]*)|\\x..|\\u.{{4}}|\\U.{{8}}|\\.|.", re.DOTALL
 )
-_LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 class YamlSpans(Spans):
@@ -105,7 +104,7 @@ def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
     offsets: list[int] = []
     for unit in units.finditer(text, first, last):
         groups = unit.groupdict()
-        breaks = len(_LINE_END.findall(unit.group()))
+        breaks = len(LINE_END.findall(unit.group()))
         if groups["fold"] is not None:
             characters = max(1, breaks - 1)
         elif groups.get("joint") is not None:
@@ -120,7 +119,7 @@ def _offsets_in_literal(text: str, start: int, last: int, value: str) -> list[in
     """Compare line by line: what a line of the block has more than that of the value is indentation."""
     offsets: list[int] = []
     for line in value.split("\n"):
-        ending = _LINE_END.search(text, start, last)
+        ending = LINE_END.search(text, start, last)
         end = ending.start() if ending else last
         offsets += range(max(start, end - len(line)), end + 1)
         start = ending.end() if ending else last
