@@ -84,12 +84,12 @@ class _YamlReader:
         events.take()  # the stream begins
         self._document()
         root = None
-        before = [Comment(one.text, after_blank_line=one.after_blank_line) for one in events.comments()]
+        before = [_comment(one, 0) for one in events.comments()]
         if isinstance(events.next, yaml.CollectionStartEvent | yaml.ScalarEvent | yaml.AliasEvent):
             root = self._node()
-        after = [Comment(one.text, 1, after_blank_line=one.after_blank_line) for one in events.comments()]
+        after = [_comment(one, 1) for one in events.comments()]
         events.take()  # the document ends
-        after += [Comment(one.text, 1, after_blank_line=one.after_blank_line) for one in events.comments()]
+        after += [_comment(one, 1) for one in events.comments()]
         if isinstance(events.next, yaml.DocumentStartEvent):
             start, end = _place(events.next)
             message = "a second document begins here; a tree file is one"
@@ -179,9 +179,7 @@ class _YamlReader:
             self._depth += 1
             self._models += tag.value == MODEL_TAG
             if self._depth > MAX_DEPTH:
-                message = f"elements are nested more than {MAX_DEPTH} deep"
-                self._report("too-deep", message, *_place(tag))
-                raise TreeError(events.findings)
+                self._refuse("too-deep", tag, f"elements are nested more than {MAX_DEPTH} deep")
             events.take()
             self._content(parts)
             self._depth -= 1
@@ -205,8 +203,8 @@ class _YamlReader:
             self._unfinished.append(OpenTag(*self._source.place(tag.start_mark.index), tag.value))
         return self._element(tag, parts, number)
 
-    def _too_many(self, tag: Any, message: str) -> NoReturn:
-        self._report("too-many-nodes", message, *_place(tag))
+    def _refuse(self, code: str, tag: Any, message: str) -> NoReturn:
+        self._report(code, message, *_place(tag))
         raise TreeError(self._events.findings)
 
     def _element(self, tag: Any, parts: _Parts, number: int) -> Element | None:
@@ -215,9 +213,9 @@ class _YamlReader:
             return None
         self._count += 1
         if self._count > MAX_ELEMENTS:
-            self._too_many(tag, f"the file has more than {MAX_ELEMENTS:,} elements")
+            self._refuse("too-many-nodes", tag, f"the file has more than {MAX_ELEMENTS:,} elements")
         if len(parts.attributes) > MAX_ATTRIBUTES:
-            self._too_many(tag, f"'{tag.value}' has more than {MAX_ATTRIBUTES:,} attributes")
+            self._refuse("too-many-nodes", tag, f"'{tag.value}' has more than {MAX_ATTRIBUTES:,} attributes")
         self._spans.finish(number, parts.places)
         place = self._source.place(tag.start_mark.index)
         children, comments = tuple(parts.children), tuple(parts.comments)
