@@ -79,7 +79,8 @@ class Registry:
             RegistryError: If it is not marked, or its tag already means another class.
         """
         if not is_marked(cls):
-            raise RegistryError(f"{_name_of(cls)} is not registered: write @register above the class")
+            name = f"{cls.__module__}.{cls.__qualname__}"
+            raise RegistryError(f"{name} is not registered: write @register above the class")
         self.add(vars(cls)[MARK])
 
     @property
@@ -261,7 +262,3 @@ def _is_same(first: NodeSpec, second: NodeSpec) -> bool:
     if first.is_by_path or second.is_by_path:
         return first.maker_path == second.maker_path
     return first.class_or_path is second.class_or_path
-
-
-def _name_of(cls: type) -> str:
-    return f"{cls.__module__}.{cls.__qualname__}"
