@@ -72,7 +72,14 @@ def tick():
         goal = NavigateToPose.Goal()
         goal.pose.header.frame_id, goal.pose.pose.position.x = "map", {_LENGTH_M - 10.0}
         sent.append(client.send_goal_async(goal, lambda message: None))
-        sent[0].add_done_callback(lambda answer: answer.result().accepted and print("Navigating to it", flush=True))
+        sent[0].add_done_callback(judge)
+
+def judge(answer):
+    if answer.result().accepted:
+        print("Navigating to it", flush=True)
+    else:
+        # Who drives is not active yet.
+        sent.clear()
 
 node.create_timer(1.0 / rate, tick)
 if by_events:
