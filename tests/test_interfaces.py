@@ -11,6 +11,7 @@ HASHES = {
     "btcpp_ros2_interfaces/action/ExecuteTree": "RIHS01_41ad97f7d3ed46952d9b8bb0eb72f2cf49a9afbe7c40580e03f09d7007d5376a",
     "btcpp_ros2_interfaces/srv/GetTrees": "RIHS01_680c22e9faaa7a63539f1a87b6e80f78f1533243064e9dfdefb8943acbb2ac40",
     "nav2_msgs/action/ComputePathToPose": "RIHS01_b11d50c914791956069419b8f4ad441e3c66fcfbd9461f8e87110b77dc6febe9",
+    "nav2_msgs/action/NavigateThroughPoses": "RIHS01_4e680a34fd27772095da6ffdb32ae348adbc3d948248d38cf8d5ca3fc7a3a6c4",
     "nav2_msgs/action/NavigateToPose": "RIHS01_a56dba8a3234a1215e610180dc703ae25bbf406dded8b54887891c9732857eab",
     "nav2_msgs/msg/BehaviorTreeLog": "RIHS01_9335ecb688a4f61b7eb82a7c10f23eea5f4e8bbdb7edfa048e3539aa928f51b7",
     "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",

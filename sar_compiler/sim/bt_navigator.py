@@ -1,9 +1,11 @@
-"""The stand-in for Nav2's navigator: the action `navigate_to_pose`, as served by Jazzy's bt_navigator."""
+"""The stand-in for Nav2's navigator: `navigate_to_pose` and `navigate_through_poses`, as served by Jazzy's bt_navigator."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,7 @@ from sar_compiler.sim.planner_server import PlannerServer
 from sar_compiler.sim.robot import STAND
 from sar_compiler.sim.robot_interface import RemoteRobot, RobotInterface
 
-NAVIGATE, FOLLOW = "navigate_to_pose", "follow_path"
+NAVIGATE, THROUGH, FOLLOW = "navigate_to_pose", "navigate_through_poses", "follow_path"
 """The actions of Nav2's navigator and of its controller."""
 
 _MAP = "map"
@@ -35,6 +37,10 @@ _MAP = "map"
 _FEEDBACK_EVERY = 2
 # Simulated seconds between the first transform to `map` and the navigator's becoming active.
 ACTIVATION_SEC = 1.0
+# Nearer than this a pose on the way counts as passed, metres: `RemovePassedGoals` of Nav2's tree.
+_PASSED_M = 0.7
+# Nav2 numbers what a planner says of several poses so much later.
+_THROUGH_CODES = 100
 # A goal nearer than this to a place is a goal for that place, metres.
 _PLACE_REACH = 0.5
 # A server that is to die does so after this long on the way, simulated seconds.
@@ -82,16 +88,27 @@ class NavigationServer(ABC):
             node.create_service(
                 GetState, f"{name}/get_state", lambda _, response: tell_state(response, active=self.active)
             )
-        return ActionServer(
-            node,
-            NavigateToPose,
-            self.action,
-            execute_callback=lambda _: NavigateToPose.Result(),
-            goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-            result_timeout=_RESULT_TIMEOUT_SEC,
-        )
+        return serve_goals(node, NavigateToPose, self.action, self._on_goal, self._on_accepted)
+
+
+def serve_goals(
+    node: Node,
+    action_type: Any,
+    action: str,
+    on_goal: Callable[[Any], Any],
+    on_accepted: Callable[[ServerGoalHandle], None],
+) -> ActionServer:
+    """Return a server of an action whose goals end as an `AcceptedGoal` does."""
+    return ActionServer(
+        node,
+        action_type,
+        action,
+        execute_callback=lambda _: action_type.Result(),
+        goal_callback=on_goal,
+        handle_accepted_callback=on_accepted,
+        cancel_callback=lambda _: CancelResponse.ACCEPT,
+        result_timeout=_RESULT_TIMEOUT_SEC,
+    )
 
 
 class AcceptedGoal:
@@ -100,10 +117,11 @@ class AcceptedGoal:
     Args:
         handle: It.
         began: When it was accepted, simulated seconds.
+        action_type: Of which action it is.
     """
 
-    def __init__(self, handle: ServerGoalHandle, began: float) -> None:
-        self.handle, self.began = handle, began
+    def __init__(self, handle: ServerGoalHandle, began: float, action_type: Any = NavigateToPose) -> None:
+        self.handle, self.began, self.action_type = handle, began, action_type
         self._outcome = Future()
 
     def end(self, outcome: DriveOutcome) -> None:
@@ -119,14 +137,25 @@ class AcceptedGoal:
             handle.canceled()
         else:
             handle.abort()
-        return NavigateToPose.Result(error_code=int(outcome.code), error_msg=outcome.text)
+        return self.action_type.Result(error_code=self._told(outcome.code), error_msg=outcome.text)
+
+    def _told(self, code: int) -> int:
+        return int(code)
 
 
 class _Goal(AcceptedGoal):
-    """A goal that is driven to."""
+    """A goal that is driven to.
 
-    def __init__(self, handle: ServerGoalHandle, fault: Fault | None, began: float, manner: Manner) -> None:
-        super().__init__(handle, began)
+    Attributes:
+        poses: The poses that are left, the next one first; one, unless the goal leads through several.
+    """
+
+    def __init__(
+        self, handle: ServerGoalHandle, fault: Fault | None, began: float, manner: Manner, action_type: Any
+    ) -> None:
+        super().__init__(handle, began, action_type)
+        self.leads_through = action_type is not NavigateToPose
+        self.poses = poses_of(handle.request)
         self.fault = fault
         self.drive: Drive | None = None
         self.progress: DriveProgress | None = None
@@ -134,6 +163,22 @@ class _Goal(AcceptedGoal):
         self.left = list(manner.recoveries)
         self.recoveries_begun = 0
         self.localised_at = began
+
+    def has_passed(self, here: Pose2D, outcome: DriveOutcome | None) -> bool:
+        """Whether the next pose is behind the robot, and another one follows."""
+        if not self.poses[1:] or self.handle.is_cancel_requested or self.drive is None:
+            return False
+        ended = outcome is not None and outcome.ending is DriveEnd.SUCCEEDED
+        return ended or here.distance_to(self.drive.goal) < _PASSED_M
+
+    def _told(self, code: int) -> int:
+        of_planner = self.leads_through and NavCode.TF_ERROR <= code <= NavCode.NO_VALID_PATH
+        return int(code) + (_THROUGH_CODES if of_planner else 0)
+
+
+def poses_of(request: Any) -> list[Any]:
+    """Return the poses of a goal, of either action."""
+    return list(request.poses) if hasattr(request, "poses") else [request.pose]
 
 
 @dataclass(frozen=True)
@@ -154,10 +199,12 @@ class NavigationSetup:
 
 
 class BtNavigator(NavigationServer):
-    """Node `bt_navigator`: `navigate_to_pose`, `bt_navigator/get_state`, and `compute_path_to_pose` and the topic `plan` of Nav2's planner.
+    """Node `bt_navigator`: `navigate_to_pose`, `navigate_through_poses`, `bt_navigator/get_state`.
+
+    So are `compute_path_to_pose` and the topic `plan` of Nav2's planner.
 
     A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
-    behaviour tree than the current one is aborted instead.
+    behaviour tree than the current one is aborted instead, and one of the other action is rejected.
 
     Args:
         host: Creates the node.
@@ -190,6 +237,7 @@ class BtNavigator(NavigationServer):
         self._loose: tuple[Drive, float] | None = None
         self._late: list[tuple[float, Future]] = []
         self._server: ActionServer | None = None
+        self._through: ActionServer | None = None
         self._planner_server: PlannerServer | None = None
         self._open()
 
@@ -222,7 +270,7 @@ class BtNavigator(NavigationServer):
         self._goal = None
         if self._server is not None:
             # A server that lives on keeps its node in the graph.
-            for server in filter(None, (self._server, self._planner_server)):
+            for server in filter(None, (self._server, self._through, self._planner_server)):
                 server.destroy()
             self._server = None
             self._host.destroy(self._node)
@@ -235,8 +283,10 @@ class BtNavigator(NavigationServer):
             self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
         self._server = self._serve(self._node)
-        # An environment that was made earlier flies without.
+        # An environment that was made earlier flies without these.
         with suppress(ImportError):
+            if self.action != FOLLOW:
+                self._serve_through()
             self._planner_server = PlannerServer(
                 self._node,
                 self._planner,
@@ -244,6 +294,17 @@ class BtNavigator(NavigationServer):
                 lambda: self.active,
                 tolerance=self._manner.tolerance,
             )
+
+    def _serve_through(self) -> None:
+        from nav2_msgs.action import NavigateThroughPoses
+
+        self._through = serve_goals(
+            self._node,
+            NavigateThroughPoses,
+            THROUGH,
+            partial(self._on_goal, action_type=NavigateThroughPoses),
+            partial(self._on_accepted, action_type=NavigateThroughPoses),
+        )
 
     def _die(self, back_sec: float | None) -> None:
         """Disappear without notice, like a killed process."""
@@ -265,7 +326,7 @@ class BtNavigator(NavigationServer):
         for _, answer in due:
             answer.set_result(None)
 
-    async def _on_goal(self, _: Any) -> GoalResponse:
+    async def _on_goal(self, request: Any, action_type: Any = NavigateToPose) -> GoalResponse:
         if self._faults.late_sec:
             self._node.get_logger().warning("Fault: a goal is answered late.")
             answer = Future()
@@ -277,14 +338,18 @@ class BtNavigator(NavigationServer):
         if self._faults.rejects_next():
             self._node.get_logger().warning("Fault: a goal is rejected.")
             return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
+        if self._goal is not None and self._goal.action_type is not action_type:
+            self._node.get_logger().error("Goal rejected: another navigator is processing.")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT if poses_of(request) else GoalResponse.REJECT
 
-    def _on_accepted(self, handle: ServerGoalHandle) -> None:
-        target = from_pose(handle.request.pose.pose)
+    def _on_accepted(self, handle: ServerGoalHandle, action_type: Any = NavigateToPose) -> None:
+        target = from_pose(poses_of(handle.request)[0].pose)
         if target is not None:
             place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
             self._node.get_logger().debug(f"Goal accepted: {place}.")
-        goal = _Goal(handle, self._faults.accepted(self._place_of(target)), self._now, self._manner)
+        fault = self._faults.accepted(self._place_of(target))
+        goal = _Goal(handle, fault, self._now, self._manner, action_type)
         handle.execute(goal.run)
         under_way = self._goal
         if under_way is not None and handle.request.behavior_tree != under_way.handle.request.behavior_tree:
@@ -299,7 +364,9 @@ class BtNavigator(NavigationServer):
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
         is_first = goal.drive is None and goal.recovery is None
         if is_first and not self._manner.knows_distance_at_once:
-            goal.handle.publish_feedback(NavigateToPose.Feedback(number_of_recoveries=goal.recoveries_begun))
+            goal.handle.publish_feedback(
+                goal.action_type.Feedback(number_of_recoveries=goal.recoveries_begun)
+            )
         outcome = self._end_by_fault(goal) or (
             self._go(goal) if goal.recovery is None else self._recover(goal)
         )
@@ -347,6 +414,9 @@ class BtNavigator(NavigationServer):
             goal.drive.brake()
         goal.progress = self._step(goal.drive, here)
         outcome = goal.progress.outcome
+        if goal.has_passed(here, outcome):
+            goal.poses.pop(0)
+            outcome = self._set_out(goal)
         return None if outcome is None else self._or_recover(goal, outcome)
 
     def _step(self, drive: Drive, here: Pose2D) -> DriveProgress:
@@ -385,24 +455,28 @@ class BtNavigator(NavigationServer):
         self._rosbot.drive(STAND)
 
     def _set_out(self, goal: _Goal) -> DriveOutcome | None:
-        """Plan the path to a new goal, or return why there is none."""
+        """Plan the path to the next pose, and see that there is one to those behind it; or return why there is none."""
         if goal.handle.is_cancel_requested:
             return DriveOutcome(DriveEnd.CANCELED)
-        request = goal.handle.request.pose
-        target, here = from_pose(request.pose), self._localise()
+        targets, here = [from_pose(each.pose) for each in goal.poses], self._localise()
         tree = goal.handle.request.behavior_tree
         if tree and not Path(tree).is_file():
             return DriveOutcome(DriveEnd.ABORTED, text=f"there is no behaviour tree '{tree}'")
-        frame = request.header.frame_id
-        if frame != _MAP or target is None or here is None:
+        strange = next((each.header.frame_id for each in goal.poses if each.header.frame_id != _MAP), None)
+        known = [each for each in targets if each is not None]
+        if strange is not None or here is None or len(known) < len(targets):
             reason = (
-                f"the goal's frame is '{frame}', not '{_MAP}'" if frame != _MAP else "a pose is not known"
+                "a pose is not known" if strange is None else f"the goal's frame is '{strange}', not '{_MAP}'"
             )
             return DriveOutcome(DriveEnd.ABORTED, text=reason)
+        behind = pairwise(known) if goal.drive is None else ()
         limits = self._rosbot.limits
         try:
-            goal.drive = Drive(self._planner, limits, target, here, self._now, self._manner)
+            goal.drive = Drive(self._planner, limits, known[0], here, self._now, self._manner)
+            for start, end in behind:
+                self._planner.plan(start, end, self._manner.tolerance)
         except PlanningError as error:
+            goal.drive = None
             return DriveOutcome(DriveEnd.ABORTED, error.code, str(error))
         self._plan.publish(to_path(goal.drive.path, to_stamp(round(self._now * 1e9))))
         return None
@@ -418,7 +492,7 @@ class BtNavigator(NavigationServer):
         self._goal = None
 
     def _feedback(self, goal: _Goal, progress: DriveProgress) -> Any:
-        message = NavigateToPose.Feedback(
+        message = goal.action_type.Feedback(
             navigation_time=to_duration(self._now - goal.began),
             estimated_time_remaining=to_duration(progress.time_remaining_sec),
             number_of_recoveries=goal.recoveries_begun,
@@ -427,6 +501,8 @@ class BtNavigator(NavigationServer):
         message.current_pose.header.frame_id = _MAP
         message.current_pose.header.stamp = to_stamp(round(self._now * 1e9))
         message.current_pose.pose = to_pose(self._localise() or ORIGIN)
+        if goal.leads_through:
+            message.number_of_poses_remaining = len(goal.poses)
         return message
 
     def _place_of(self, goal: Pose2D | None) -> str | None:

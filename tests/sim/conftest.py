@@ -106,7 +106,7 @@ class Client:
 
 
 class Navigation:
-    """An action client of `navigate_to_pose`."""
+    """An action client of `navigate_to_pose`, and of `navigate_through_poses`."""
 
     def __init__(self, client: Client) -> None:
         from nav2_msgs.action import NavigateToPose
@@ -114,6 +114,7 @@ class Navigation:
 
         self._client = client
         self._action = ActionClient(client.node, NavigateToPose, "navigate_to_pose")
+        self._through: Any = None
         self.feedback: list[Any] = []
         client.wait(self._action.server_is_ready, "the server of navigate_to_pose")
 
@@ -134,11 +135,31 @@ class Navigation:
             self._action.send_goal_async(goal, feedback_callback=note), "a goal's answer"
         )
 
+    def send_through(self, *places: tuple[float, float]) -> Any:
+        """Send a goal through places and return its handle once it is answered."""
+        from geometry_msgs.msg import PoseStamped
+        from nav2_msgs.action import NavigateThroughPoses
+        from rclpy.action import ActionClient
+
+        from sar_compiler.sim.messages import to_pose
+
+        if self._through is None:
+            self._through = ActionClient(self._client.node, NavigateThroughPoses, "navigate_through_poses")
+        self._client.wait(self._through.server_is_ready, "the server of navigate_through_poses")
+        goal = NavigateThroughPoses.Goal(poses=[PoseStamped(pose=to_pose(Pose2D(*each))) for each in places])
+        for pose in goal.poses:
+            pose.header.frame_id = "map"
+        note = self._on_feedback
+        return self._client.result(
+            self._through.send_goal_async(goal, feedback_callback=note), "a goal's answer"
+        )
+
     def result(self, handle: Any) -> Any:
         return self._client.result(handle.get_result_async(), "a goal's result")
 
     def close(self) -> None:
-        self._action.destroy()
+        for action in filter(None, (self._action, self._through)):
+            action.destroy()
 
     def _on_feedback(self, message: Any) -> None:
         self.feedback.append(message.feedback)

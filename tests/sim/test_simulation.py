@@ -328,6 +328,58 @@ def test_a_second_goal_pre_empts_the_first(simulate: Simulate, client: Client) -
     navigation.close()
 
 
+# Places on the way from home to zone_a.
+ON_THE_WAY = ((-0.8, 1.0), (-1.9, 1.9), (-3.0, 3.0))
+
+
+def test_poses_are_driven_through_without_a_stop_and_counted_down(simulate: Simulate, client: Client) -> None:
+    simulation = simulate()
+    client.make_ready()
+    navigation = Navigation(client)
+    handle = navigation.send_through(*ON_THE_WAY)
+    odometry = client.listen(type_of_odometry(), "odometry/filtered")
+    assert navigation.result(handle).status == SUCCEEDED
+    assert simulation.robot_pose().distance_to(Pose2D(*ON_THE_WAY[-1])) < 0.1
+    left = [each.number_of_poses_remaining for each in navigation.feedback]
+    assert [number for number, _ in itertools.groupby(left)] == [3, 2, 1]
+    speeds = [each.twist.twist.linear.x for each in odometry]
+    moving = [speed > 0.05 for speed in speeds]
+    assert [is_moving for is_moving, _ in itertools.groupby(moving)].count(True) == 1
+    navigation.close()
+
+
+def type_of_odometry() -> Any:
+    from nav_msgs.msg import Odometry
+
+    return Odometry
+
+
+def test_poses_of_which_one_cannot_be_reached_are_aborted_with_the_code_of_nav2(
+    navigation: Navigation,
+) -> None:
+    ended = navigation.result(navigation.send_through(ON_THE_WAY[0], (3.0, -3.0)))
+    assert (ended.status, ended.result.error_code) == (ABORTED, 306)
+
+
+def test_a_drive_through_poses_is_cancelled_on_the_way(navigation: Navigation, client: Client) -> None:
+    handle = navigation.send_through(*ON_THE_WAY)
+    client.wait(
+        lambda: any(each.number_of_poses_remaining == 2 for each in navigation.feedback), "the second pose"
+    )
+    client.result(handle.cancel_goal_async(), "the answer to the cancel request")
+    assert navigation.result(handle).status == CANCELED
+
+
+def test_a_goal_of_one_action_is_refused_while_one_of_the_other_is_driven_to(navigation: Navigation) -> None:
+    first = navigation.send_through(*ON_THE_WAY)
+    assert not navigation.send(0.5, 0.0).accepted
+    assert navigation.result(first).status == SUCCEEDED
+
+
+def test_no_pose_is_no_goal(navigation: Navigation) -> None:
+    assert not navigation.send_through().accepted
+
+
 def test_a_goal_with_a_tree_that_is_not_there_is_aborted(navigation: Navigation) -> None:
     ended = navigation.result(navigation.send(0.5, 0.0, tree="/no/such/tree.xml"))
     assert (ended.status, ended.result.error_code) == (ABORTED, 0)
