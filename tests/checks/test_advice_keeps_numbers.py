@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.checks import check
 from sar_compiler.checks.fixing import SAFE, apply_fixes, fixes
+from sar_compiler.nodes.numbers import number_in
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.nodes.values import NO_VALUE, ConversionError
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -101,6 +102,11 @@ def split(text):
 def test_what_is_suggested_for_an_attribute_has_a_known_value_beside_every_unit(place):
     for spelt in SPELT:
         hold_to(NUMBERS[place], Decimal(90), spelt, f"90{spelt}")
+
+
+def test_a_number_of_more_digits_than_anybody_means_is_rounded():
+    assert number_in("1.0000000000000000000000001 km", "m") == "1000"
+    assert number_in("1.0000000000000001 km", "m") == "1000.0000000000001"
 
 
 @given(st.sampled_from(sorted(NUMBERS)), quantities())

@@ -27,6 +27,8 @@ def ids(tree_id):
     return MAIN.format(f'<SubTree ID="{tree_id}"/>') + PART.format(tree_id, "<Success/>")
 
 
+# The releases of BehaviorTree.CPP in which something came to be refused.
+RELEASES = {"4.8.4", "4.9.0", "4.9.1"}
 SWITCH = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Success/><Success/><Success/></Switch2>'
 # Each: a file, the versions that it is not for, and line and column of what is said then.
 CASES = {
@@ -143,6 +145,8 @@ def test_what_a_version_refuses_is_a_warning_for_it_and_nothing_for_others(name,
     assert [(f.code, f.severity, f.span.line, f.span.column) for f in findings] == (
         [("btcpp-version", Severity.WARNING, *place)] if version in refusing else []
     )
+    releases = [re.search(r"refuses that since (.*)", f.message) for f in findings]
+    assert all(each[1] in RELEASES for each in releases if each)
 
 
 @pytest.mark.parametrize("name", CASES)

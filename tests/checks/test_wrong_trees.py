@@ -280,6 +280,11 @@ def test_what_waits_from_its_beginning_never_lets_what_comes_after_it_end(leaf):
     assert found(document(body)) == [("endless-restart", 4, 1)]
 
 
+@pytest.mark.parametrize("loop", ["KeepRunningUntilFailure", 'Repeat num_cycles="-1"'])
+def test_what_begins_again_after_each_success_may_go_on_for_ever_at_the_very_top(loop):
+    assert found(document(f"<{loop}>\n<Beep/>\n</{loop.partition(' ')[0]}>")) == []
+
+
 def test_a_sequence_that_keeps_its_place_loses_no_steps():
     steps = "<Look/><Drive/>"
     body = '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n<{0}>{1}</{0}>\n</Selector>'

@@ -1,10 +1,12 @@
 """While something is half typed, what was found elsewhere stays, and goes where its text goes."""
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.lsp.open_text import Placed
+from sar_compiler.lsp.open_text import OpenText, Placed
 from sar_compiler.tree.diagnostic import Diagnostic, Source, Span
 from sar_compiler.tree.model import NO_SPANS
 from sar_compiler.tree.retyped import Edit, edit_between
@@ -128,3 +130,16 @@ def test_a_finding_goes_where_its_text_goes_and_is_touched_by_what_is_typed_into
     assert 0 <= moved.start <= moved.end <= len(after)
     if not moved.is_touched:
         assert after[moved.start : moved.end] == text[start:end]
+
+
+def test_what_ticks_have_raised_stays_over_a_check_until_its_own_text_is_edited():
+    path, text = Path("tree.xml"), "<A/>\n<B/>\n"
+    opened = OpenText(path, text, 1)
+    raised = [
+        Diagnostic(code, "", Source(str(path), text, NO_SPANS), Span(line, 1, line, 5))
+        for line, code in enumerate(("wrong-value", "unknown-node"), 1)
+    ]
+    opened.take_raised(raised)
+    opened.change(text.replace("B", "BB"), 2)
+    opened.take(None, [])
+    assert [each.finding.code for each in opened.shown] == ["wrong-value"]

@@ -10,6 +10,8 @@ from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
 from sar_compiler.missions.search_and_rescue.failsafes import NavigationAvailable
+from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
+from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
 
@@ -46,6 +48,13 @@ def results_awaited(leaf: NavigateToZone) -> int:
 def visit_every_zone(stage: "Stage") -> None:
     while stage.zones.has_remaining():
         stage.zones.advance()
+
+
+@pytest.mark.parametrize(
+    "spec", [spec for spec in SPECS if spec.tag.startswith("Navigate")], ids=lambda spec: spec.tag
+)
+def test_whatever_drives_the_robot_needs_nav2(spec: Any) -> None:
+    assert Use.nav2() in spec.uses
 
 
 class TestTheGoal:

@@ -25,5 +25,35 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
         "\"nav2.milliseconds\" -> 'nav2.millisecondsx'",
         "schemas refer to the type by it, and any name that no other type has will do",
     ),
+    (
+        "sar_compiler/sim/follower.py",
+        "near = ending and away < self._settings.position_tolerance",
+        "< -> <=",
+        "a distance that is worked out from positions is exactly the tolerance in no drive",
+    ),
+    (
+        "sar_compiler/missions/search_and_rescue/areas_file.py",
+        "if far > _FARTHEST_M:",
+        "> -> >=",
+        "what the ellipsoid has between two places is exactly that many metres for none of them",
+    ),
+    (
+        "sar_compiler/web/replay.py",
+        "begin = min(firsts, default=0.0)",
+        "0.0 -> 1.0",
+        "where no journal has begun it is subtracted from itself",
+    ),
+    (
+        "sar_compiler/ros/readiness.py",
+        "_TURN_SEC = 0.05",
+        "0.05 -> 1.05",
+        "it is how often the processor looks, and only says how soon somebody hears what is so either way",
+    ),
+    (
+        "sar_compiler/cli/serve.py",
+        "_FOUND_SEC, _LOOK_SEC = 5.0, 0.05",
+        "0.05 -> 1.05",
+        "it is how often the processor looks, as well",
+    ),
 ]
 """Each with its module, the line's text, the change, and why it is no mistake."""

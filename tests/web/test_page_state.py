@@ -165,6 +165,12 @@ def test_of_a_long_run_little_is_kept():
     assert shown["pose"]["x"] == 19_999.0
 
 
+def test_lines_of_one_time_are_shown_in_the_order_in_which_they_came():
+    told = [("log", {"node": "", "level": 20, "text": text, "stamp": -1.0}) for text in ("first", "second")]
+    lines = [line[-1] for line in run_of(*told).whole()["log"]["values"]]
+    assert [line for line in lines if line in ("first", "second")] == ["first", "second"]
+
+
 def test_facts_outlast_the_lines_of_the_log():
     told: list[tuple[str, dict[str, Any]]] = [("found", {"name": "first"})]
     told += [("log", {"node": "", "level": 20, "text": str(number)}) for number in range(10_000)]
