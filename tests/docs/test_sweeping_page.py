@@ -36,13 +36,13 @@ def test_the_page_has_the_factors_of_the_sweep_width() -> None:
 
 
 def test_the_lines_of_the_tree_are_those_of_the_shipped_one() -> None:
-    shown, _ = [block.text for block in blocks(PAGE) if block.language == "xml"]
+    shown, *_ = [block.text for block in blocks(PAGE) if block.language == "xml"]
     assert shown.strip() in Path("trees/search_sweeps.xml").read_text(encoding="utf-8")
 
 
-def listening_tree(folder: Path) -> Path:
-    """Write the shipped tree with the page's beginning of a piece in place of its own; return the file."""
-    _, shown = [block.text for block in blocks(PAGE) if block.language == "xml"]
+def listening_tree(folder: Path, number: int = 1) -> Path:
+    """Write the shipped tree with one of the page's beginnings of a piece in place of its own; return the file."""
+    shown = [block.text for block in blocks(PAGE) if block.language == "xml"][number]
     shipped = Path("trees/search_sweeps.xml").read_text(encoding="utf-8")
     before, found, behind = shipped.partition('<Sequence name="Piece">')
     end = "</RetryUntilSuccessful>"
@@ -55,6 +55,22 @@ def listening_tree(folder: Path) -> Path:
 
 def test_the_tree_that_listens_on_the_way_keeps_what_the_shipped_one_keeps(tmp_path: Path) -> None:
     assert main(["verify", str(listening_tree(tmp_path)), "--set", "zones_left=1"]) == 0
+
+
+def passing_tree(folder: Path) -> Path:
+    """Write the same with the page's way through the pieces."""
+    return listening_tree(folder, 2)
+
+
+def test_the_tree_that_drives_through_pieces_keeps_what_the_shipped_one_keeps(tmp_path: Path) -> None:
+    shipped = Path("config/search_sweeps_properties.yaml").read_text(encoding="utf-8")
+    legs = tmp_path / "properties.yaml"
+    legs.write_text(
+        shipped.replace("[NavigateToPiece starts,", "[NavigateToPiece starts, NavigateThroughPieces starts,"),
+        encoding="utf-8",
+    )
+    command = ["verify", str(passing_tree(tmp_path)), "--set", "zones_left=1", "--properties", str(legs)]
+    assert main(command) == 0
 
 
 def test_the_outline_that_the_page_shows_is_that_of_the_shipped_parameters() -> None:

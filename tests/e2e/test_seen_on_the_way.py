@@ -1,16 +1,16 @@
-"""The tree of docs/sweeping.md that listens to a detector, flown in the simulator."""
+"""The trees of docs/sweeping.md that listen to a detector, flown in the simulator."""
 
 from pathlib import Path
 
 import pytest
 
-from tests.docs.test_sweeping_page import listening_tree
+from tests.docs.test_sweeping_page import listening_tree, passing_tree
 
 pytestmark = pytest.mark.ros
 
 
-def test_who_is_seen_on_the_way_is_reported_once_before_the_piece_is_reached(start, tmp_path):
-    tree, place = listening_tree(tmp_path), tmp_path / "m.journal"
+def flown(start, tree, place):
+    """Fly a tree, and have it compared with its possible runs; return the run."""
     run = start(
         "sar-run",
         tree,
@@ -18,13 +18,28 @@ def test_who_is_seen_on_the_way_is_reported_once_before_the_piece_is_reached(sta
         *("--speed", "40", "--journal", place, "--properties"),
     )
     assert run.end() == 0, run.output
-    assert run.log.count("Survivor seen on the way, in office_2!") == 1
-    frames = [line for line in run.log if line.startswith("Broadcasting TF frame: ")]
-    assert frames == ["Broadcasting TF frame: survivor_1 at (-8.50, 22.50) in map frame."]
-    assert run.log.count("Base acknowledged survivor_1.") == 1
     assert "Mission complete." in run.output
     # However many pieces there are: proofs assume few.
     assert "Assumption failed" not in run.output
     conforming = start("sar-compile", "conform", tree, place)
     assert conforming.end() == 0, conforming.output
     assert "conforms: it is one of the possible runs of the tree" in conforming.output
+    return run
+
+
+def test_who_is_seen_on_the_way_is_reported_once_before_the_piece_is_reached(start, tmp_path):
+    run = flown(start, listening_tree(tmp_path), tmp_path / "m.journal")
+    assert run.log.count("Survivor seen on the way, in office_2!") == 1
+    frames = [line for line in run.log if line.startswith("Broadcasting TF frame: ")]
+    assert frames == ["Broadcasting TF frame: survivor_1 at (-8.50, 22.50) in map frame."]
+    assert run.log.count("Base acknowledged survivor_1.") == 1
+
+
+def test_pieces_are_driven_through_without_a_stop_until_somebody_is_seen(start, tmp_path):
+    run = flown(start, passing_tree(tmp_path), tmp_path / "m.journal")
+    assert run.log.count("Survivor seen on the way, in office_2!") == 1
+    assert run.log.count("Base acknowledged survivor_1.") == 1
+    assert not [line for line in run.log if line.startswith("Calling detect_survivor")]
+    drives = [line for line in run.log if line.startswith("Navigating to piece")]
+    assert drives
+    assert all(line.startswith("Navigating to pieces ") for line in drives)

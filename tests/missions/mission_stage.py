@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from queue import Empty, Queue
 from typing import Any, TypeVar
 
-from nav2_msgs.action import NavigateToPose
+from nav2_msgs.action import NavigateThroughPoses, NavigateToPose
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -156,7 +156,7 @@ class SeenGoal:
 
 
 class NavServer:
-    """A `navigate_to_pose` that follows orders: `succeed`, `abort`, `cancel`, `feedback`.
+    """An action of Nav2's navigator that follows orders: `succeed`, `abort`, `cancel`, `feedback`, `2 left`.
 
     Attributes:
         accept: Whether goals are accepted.
@@ -170,8 +170,8 @@ class NavServer:
         host: Where it runs.
     """
 
-    def __init__(self, host: Host, name: str = "navigate_to_pose") -> None:
-        self.host = host
+    def __init__(self, host: Host, name: str = "navigate_to_pose", action_type: Any = NavigateToPose) -> None:
+        self.host, self._type = host, action_type
         self.accept = True
         self.accept_after = 0.0
         self.heed_cancel = True
@@ -194,7 +194,7 @@ class NavServer:
 
         self._server = Server(
             host.node,
-            NavigateToPose,
+            action_type,
             name,
             execute_callback=self._execute,
             goal_callback=self._on_goal,
@@ -249,7 +249,7 @@ class NavServer:
             seen.orders.put(order)
         self.goals.append(seen)
         self._started.set()
-        result = NavigateToPose.Result()
+        result = self._type.Result()
         while not seen.final and not self._closing.is_set():
             self._obey(seen, result)
         self._ended.set()
@@ -265,7 +265,10 @@ class NavServer:
         except Empty:
             return
         if order == "feedback":
-            seen.handle.publish_feedback(NavigateToPose.Feedback(distance_remaining=2.5))
+            seen.handle.publish_feedback(self._type.Feedback(distance_remaining=2.5))
+        elif order.endswith(" left"):
+            left = int(order.removesuffix(" left"))
+            seen.handle.publish_feedback(self._type.Feedback(number_of_poses_remaining=left))
         elif order == "succeed":
             seen.final = "succeeded"
             seen.handle.succeed()
@@ -383,6 +386,9 @@ class Stage:
 
     def nav_server(self, name: str = "navigate_to_pose") -> NavServer:
         return NavServer(self.host(), name)
+
+    def through_server(self) -> NavServer:
+        return NavServer(self.host(), "navigate_through_poses", NavigateThroughPoses)
 
     def nav_server_on(self, host: Host) -> NavServer:
         return NavServer(host)

@@ -132,6 +132,7 @@ def test_these_are_the_leaves_with_several_answers_of_a_status() -> None:
         "PlanSweep",
         "RefineSweep",
         "NavigateToPiece",
+        "NavigateThroughPieces",
         "AdvancePiece",
         "SkipPiece",
         "IsFindNew",

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -13,10 +14,12 @@ from sar_compiler.missions import Level
 from sar_compiler.missions.search_and_rescue.actions import sweeping
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from sar_compiler.missions.search_and_rescue.areas import Ground
+from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area
 from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage
@@ -322,6 +325,123 @@ class TestLeaves:
         assert stage.run(leaf) is Status.FAILURE
         assert "a cannot be swept: no stop of it can be driven to" in stage.warnings[0]
         assert publisher.topic_name.endswith("map")
+
+    def through(self, stage: "Stage", search: Search) -> Any:
+        ports = {"record": search.record, "homing": search.context[Homing], "clock": ManualClock()}
+        return self.take(stage, search, "NavigateThroughPieces", until_pod=0.5, **ports)
+
+    def test_the_open_pieces_are_driven_through_as_one_goal(self, stage: "Stage") -> None:
+        server = stage.through_server()
+        search = planned(searching())
+        search.sweeps.skip("a", "it was not reached, or not searched")
+        leaf = self.through(stage, search)
+        stage.until(leaf._port.statuses.servers, "the server")
+        leaf.tick_once()
+        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        poses = [(each.pose.position.x, each.pose.position.y) for each in server.goals[0].goal.poses]
+        assert poses == PIECES[1:]
+        assert {each.header.frame_id for each in server.goals[0].goal.poses} == {"map"}
+        assert (leaf.status, leaf.answer_label) == (Status.RUNNING, "driving")
+        assert "Navigating to pieces 2 to 4 of a..." in stage.lines
+        assert search.record.zone == "a"
+
+    def test_each_piece_that_is_passed_is_marked_with_what_was_seen_until_then(self, stage: "Stage") -> None:
+        server = stage.through_server()
+        search = planned(searching())
+        leaf = self.through(stage, search)
+        robot = [(0.0, 1.0, 0.0)]
+        leaf._robot.place = lambda: robot[0]
+        stage.until(leaf._port.statuses.servers, "the server")
+        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        # Before Nav2 has looked it tells of no pose, which is no end.
+        server.order("0 left", "3 left")
+        stage.tick_until(leaf, lambda: search.sweeps.of("a").done, "a piece that was passed")
+        assert search.sweeps.of("a").done == 1
+        robot[0] = (1.0, 1.0, 0.0)
+        leaf.tick_once()
+        server.order("1 left")
+        stage.tick_until(leaf, lambda: search.sweeps.of("a").done > 1, "two more")
+        assert search.sweeps.of("a").done == 3
+        assert search.sweeps.of("a").metres == pytest.approx(1.0)
+        robot[0] = (2.0, 1.0, 0.0)
+        server.order("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+        sweep = search.sweeps.of("a")
+        assert (leaf.answer_label, sweep.left) == ("all done", 0)
+        assert sweep.metres == pytest.approx(2.0)
+        assert search.record.is_searched
+        assert stage.lines[-2] == f"a: {sweep.seen:.0%} seen, POD {sweep.pod:.0%}, {len(sweep.gaps)} gaps."
+
+    @pytest.mark.parametrize(("share", "ending"), [(0.9, "driving"), (0.1, "piece by piece")])
+    def test_a_piece_that_would_hurt_the_reserve_is_not_driven_on_to(
+        self, share: float, ending: str, stage: "Stage"
+    ) -> None:
+        server = stage.through_server()
+        search = planned(searching())
+        leaf = self.through(stage, search)
+        leaf._robot.place = lambda: (1.0, 1.0, 0.0)
+        homing = search.context[Homing]
+        homing.is_asked = True
+        homing.energy.read(0.0, share)
+        stage.until(leaf._port.statuses.servers, "the server")
+        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        assert leaf.status is Status.RUNNING
+        server.order("3 left")
+        stage.tick_until(leaf, lambda: search.sweeps.of("a").done, "a piece that was passed")
+        assert leaf.answer_label == ending
+        assert search.sweeps.of("a").left == 3
+
+    def test_where_nobody_serves_it_pieces_are_driven_to_one_by_one(self, stage: "Stage") -> None:
+        stage.nav_server()
+        search = planned(searching())
+        leaf = self.through(stage, search)
+        leaf.tick_once()
+        assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "piece by piece")
+        assert (search.sweeps.of("a").left, search.record.navigation_lost) == (4, "")
+
+    def test_an_earlier_search_at_the_open_piece_is_not_driven_past(
+        self, stage: "Stage", tmp_path: Path
+    ) -> None:
+        server = stage.through_server()
+        first, second = searching(), searching()
+        kept = opened(tmp_path / "sweep.journal", first, resume=False)
+        planned(first)
+        first.record.zone_searched("a", None)
+        kept.close()
+        opened(tmp_path / "sweep.journal", second, resume=True).close()
+        leaf = self.through(stage, second)
+        stage.until(leaf._port.statuses.servers, "the server")
+        leaf.tick_once()
+        assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "piece by piece")
+        assert server.requests == 0
+
+    def test_a_drive_through_pieces_that_is_aborted_leaves_those_that_were_not_passed(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.through_server()
+        server.error_code = 308
+        search = planned(searching())
+        leaf = self.through(stage, search)
+        stage.until(leaf._port.statuses.servers, "the server")
+        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        server.order("3 left")
+        stage.tick_until(leaf, lambda: search.sweeps.of("a").done, "a piece that was passed")
+        server.order("abort")
+        assert stage.run(leaf) is Status.FAILURE
+        assert (leaf.answer_label, search.sweeps.of("a").left) == ("aborted", 3)
+        assert stage.warnings[-1].endswith("error code 308: there is no path to the goal")
+
+    def test_with_no_piece_open_there_is_nothing_to_drive_through(self, stage: "Stage") -> None:
+        leaf = self.through(stage, searching())
+        leaf.tick_once()
+        assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "no piece")
+
+    def test_poses_in_a_message_of_their_own_are_filled_in_there(self, stage: "Stage") -> None:
+        later = SimpleNamespace(poses=SimpleNamespace(goals=[]))
+        leaf = self.through(stage, searching())
+        leaf._interface = SimpleNamespace(Goal=lambda: later)
+        assert leaf._message_to(["a pose"]) is later
+        assert later.poses.goals == ["a pose"]
 
     def test_pieces_are_driven_to_and_what_is_seen_on_the_way_is_kept(self, stage: "Stage") -> None:
         server = stage.nav_server()

@@ -14,7 +14,7 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 
 # Ticks that are tried, times the nodes of the tree: some seconds.
-_MOST_TICKED = 2_000_000
+_MOST_TICKED = 5_000_000
 # The state after a tick that was broken off.
 _NOWHERE = b""
 

@@ -56,8 +56,7 @@ _POSTPONED = (
 _AT_CHARGE = "(at == 'base' || at == 'charging')"
 _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
 _SERVER_TIMEOUT = attribute("server_timeout_sec", Seconds, "How long to wait for a server, seconds.", 10.0)
-_DRIVE = (
-    attribute("action", str, "The action's name.", "navigate_to_pose"),
+_DRIVING = (
     _SERVER_TIMEOUT,
     attribute(
         "acceptance_timeout_sec", Seconds, "How long to wait for the goal to be accepted, seconds.", 5.0
@@ -70,11 +69,18 @@ _DRIVE = (
         60.0,
     ),
 )
+_DRIVE = (attribute("action", str, "The action's name.", "navigate_to_pose"), *_DRIVING)
 
 
 _ON_GROUND = (
     handed_over("zone_manager", _ZONES, "The mission's zones."),
     handed_over("sweeps", _SWEEPS, "The mission's sweeps."),
+)
+_UNTIL_POD = attribute(
+    "until_pod",
+    float,
+    "Ground where somebody would have been found with less than that, 0 to 1, is a gap.",
+    0.8,
 )
 _CLEARANCE = attribute("clearance", float, "How far pieces keep from obstacles, metres.", 0.3)
 # How many pieces there are nobody knows before the flight: what a leaf answers says whether one is open. In proofs a run has so many more than
@@ -440,15 +446,35 @@ SPECS = [
         facts={**_PIECES, "at": "", "navigation_lost": False},
     ),
     leaf_spec(
+        f"{_HERE}.actions.sweeping:NavigateThroughPieces",
+        "Drive through all open pieces of the sweep without a stop, and mark each as swept when it is passed.",
+        handed_over("zone_manager", _ZONES, "The mission's zones."),
+        handed_over("record", _RECORD, "Where the drive is noted.", required=False),
+        attribute("action", str, "The action's name.", "navigate_through_poses"),
+        *_DRIVING,
+        handed_over("sweeps", _SWEEPS, "The mission's sweeps."),
+        handed_over("homing", _HOMING, "What it takes to come home; counts where the tree asks for it."),
+        handed_over("clock", Clock, "The mission's clock."),
+        _UNTIL_POD,
+        effects="drives the robot through the pieces, and marks them as swept",
+        # Not the action: where nobody serves it, nobody is to wait for it.
+        uses=(Use.nav2(),),
+        answers=(
+            Answer("SUCCESS", "all done", _OPEN, "piece_open = false; at = 'zone'; navigation_lost = false"),
+            Answer("FAILURE", "aborted", _OPEN, "navigation_lost = false"),
+            Answer("FAILURE", "no piece", f"!({_OPEN})"),
+            Answer("FAILURE", "piece by piece", _OPEN),
+            Answer("FAILURE", "unavailable", _OPEN, "navigation_lost = true"),
+            Answer("RUNNING", "driving", _OPEN, "at = ''; navigation_lost = false"),
+            Answer("RUNNING", "waiting for Nav2", _OPEN, "at = ''; navigation_lost = true"),
+        ),
+        facts={**_PIECES, "at": "", "navigation_lost": False},
+    ),
+    leaf_spec(
         f"{_HERE}.actions.sweeping:AdvancePiece",
         "Mark the current piece as swept, with what was seen so far; the next one becomes the current piece.",
         *_ON_GROUND,
-        attribute(
-            "until_pod",
-            float,
-            "Ground where somebody would have been found with less than that, 0 to 1, is a gap.",
-            0.8,
-        ),
+        _UNTIL_POD,
         effects="marks the current piece as swept",
         answers=(
             Answer("SUCCESS", "advanced", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),

@@ -62,6 +62,10 @@ class Sweep:
         """Return the current piece of a zone in words."""
         return f"piece {self.done + 1}/{len(self.pieces)} of {zone}"
 
+    def result(self, zone: str) -> str:
+        """Return in words what the sweep of a zone has come to."""
+        return f"{zone}: {self.seen:.0%} seen, POD {self.pod:.0%}, {len(self.gaps)} gaps."
+
 
 @mission_context
 class Sweeps:

@@ -246,7 +246,7 @@ class NavigateToCharge(NavigateToBase):
             f"{self._stop} is {trip.metres:.0f} m away, for {self.homing.energy.need(trip):.0%} of the battery, "
             f"which is at {self.homing.energy.share:.0%}."
         )
-        return self._drive_to(f"charging place {self._stop}", pose, headline)
+        return self._drive_to(f"charging place {self._stop}", pose, headline=headline)
 
     def _on_arrival(self) -> None:
         if self._stop:

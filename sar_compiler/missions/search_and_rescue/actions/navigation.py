@@ -1,6 +1,7 @@
 """Driving to the zones and home: goals for Nav2's action `NavigateToPose`."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
@@ -25,6 +26,8 @@ FOR_GOOD = (101, 201, 204, 9001)
 OCCUPIED = 206
 """The code of a goal in an obstacle, of which some can move."""
 _ROBOTS_PLACE = (203, 205)
+# What Nav2 says of several poses has the codes of a single one, so much later.
+_OF_SEVERAL, _LATER = {*range(301, 309), *range(9100, 9104)}, 100
 
 _CODES = {
     1: "the goal was rejected by another server",
@@ -109,7 +112,7 @@ class NavigateTo(ActionLeaf):
         self.feedback_message = f"navigating to {self._target}"
         self.say(f"Navigating to {self._target}...")
 
-    def on_feedback(self, feedback: Any) -> None:
+    def on_feedback(self, feedback: Any) -> Status | None:
         """Keep the remaining distance, and note it in the journal."""
         distance, time_left = feedback.distance_remaining, feedback.estimated_time_remaining
         self.feedback_message = f"navigating to {self._target}, {distance:.2f} m left"
@@ -118,11 +121,12 @@ class NavigateTo(ActionLeaf):
             seconds = time_left.sec + time_left.nanosec / 1e9
             left = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
             self.record.journal.watch("progress", target=self._target, **left)
+        return None
 
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
         if status != SUCCEEDED:
-            reason, code = describe_end(status, result, self._said()), getattr(result, "error_code", 0)
+            reason, code = describe_end(status, result, self._said()), _code_of(result)
             if code in (*FOR_GOOD, OCCUPIED):
                 seconds = _OCCUPIED_SEC if code == OCCUPIED else math.inf
                 self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
@@ -171,8 +175,8 @@ class NavigateTo(ActionLeaf):
     def _on_arrival(self) -> None:
         """Handle the arrival."""
 
-    def _drive_to(self, target: str, pose: MapPose, headline: str = "") -> Any:
-        """Return the goal for a pose in the frame `map`."""
+    def _drive_to(self, target: str, *poses: MapPose, headline: str = "") -> Any:
+        """Return the goal for poses in the frame `map`, of which the last one is the target."""
         self._target = target
         reason, until = self._hopeless.get(target, ("", None))
         if until is not None and not until.passed:
@@ -180,12 +184,21 @@ class NavigateTo(ActionLeaf):
         if headline not in ("", self._headline):
             self._headline = headline
             self.say(headline)
-        goal = self.interface.Goal()
-        goal.pose.header.frame_id = MAP_FRAME
-        goal.pose.header.stamp = self.node.get_clock().now().to_msg()
-        goal.pose.pose.position.x, goal.pose.pose.position.y = float(pose["x"]), float(pose["y"])
-        turn_by(goal.pose.pose.orientation, pose["yaw"])
-        return goal
+        return self._message_to([self._stamped(pose) for pose in poses])
+
+    def _message_to(self, poses: Sequence[Any]) -> Any:
+        """Return the goal that is sent, for poses as messages."""
+        return self.interface.Goal(pose=poses[0])
+
+    def _stamped(self, pose: MapPose) -> Any:
+        from geometry_msgs.msg import PoseStamped
+
+        message = PoseStamped()
+        message.header.frame_id = MAP_FRAME
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.pose.position.x, message.pose.position.y = float(pose["x"]), float(pose["y"])
+        turn_by(message.pose.orientation, pose["yaw"])
+        return message
 
 
 class NavigateToZone(NavigateTo):
@@ -207,7 +220,7 @@ class NavigateToZone(NavigateTo):
         self.record.zone_started(zone["id"])
         place = f"{self.zone_manager.current_index() + 1}/{self.zone_manager.total_zones()}"
         headline = f"--- Zone {place}: {zone['id']} ({zone['x']:.2f}, {zone['y']:.2f}) ---"
-        return self._drive_to(zone["id"], zone, headline)
+        return self._drive_to(zone["id"], zone, headline=headline)
 
 
 class NavigateToBase(NavigateTo):
@@ -227,7 +240,7 @@ class NavigateToBase(NavigateTo):
             self._on_arrival()
             return Status.SUCCESS
         headline = "" if self.zone_manager.has_remaining() else f"{self._visited()} Returning to base."
-        return self._drive_to("base station", self.zone_manager.base_pose(), headline)
+        return self._drive_to("base station", self.zone_manager.base_pose(), headline=headline)
 
     def _visited(self) -> str:
         abandoned = [zone["id"] for zone in self.zone_manager.abandoned_zones()]
@@ -256,11 +269,17 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
     Returns:
         Status and error code, each as a number and in words, and Nav2's own reason where it has given one.
     """
-    code = int(getattr(result, "error_code", 0))
+    code = _code_of(result)
     own = str(getattr(result, "error_msg", ""))
     words = own or _describe_code(code, aborted=status == _ABORTED)
     quoted = f" ({said})" if said and not own else ""
-    return f"{describe_status(status)}, error code {code}: {words}{quoted}{_advice(code)}"
+    return f"{describe_status(status)}, error code {getattr(result, 'error_code', 0)}: {words}{quoted}{_advice(code)}"
+
+
+def _code_of(result: Any) -> int:
+    """Return the code of a result; of several poses, the one that says the same of a single one."""
+    code = int(getattr(result, "error_code", 0))
+    return code - _LATER if code in _OF_SEVERAL else code
 
 
 def _advice(code: int) -> str:

@@ -1,6 +1,7 @@
 """Sweeping the ground of a zone: piece by piece, and what was missed once more."""
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
@@ -8,17 +9,18 @@ from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RobotEstimate, RosLeaf, at_least, robot_estimate
+from sar_compiler.leaves import SUCCEEDED, Clock, RobotEstimate, RosLeaf, at_least, robot_estimate
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateTo
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from sar_compiler.missions.search_and_rescue.areas import COVERAGE, Corners
 from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
 from sar_compiler.missions.search_and_rescue.drawn_areas import DrawingError, DrawnAreas
+from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.leaf_specs import SweepPattern
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search_theory import pod_at_random, pod_of_parallel_sweep
-from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweep, Sweeps
 from sar_compiler.missions.search_and_rescue.sweeps import sweep
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
 
@@ -255,13 +257,19 @@ class NavigateToPiece(NavigateTo):
         self._zone_id, self._place = zone, None
         # A piece of another pass lies elsewhere: what has failed there says nothing of it.
         again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
+        return self._set_out(zone, sweep, again)
+
+    def _set_out(self, zone: str, sweep: Sweep, again: str) -> Any:
         piece = f"{sweep.told(zone)}{again}"
         if self.record.before.has_searched(zone):
             self.feedback_message = f"{piece} was searched by an earlier run"
             return Status.SUCCESS
+        self._note_start(zone)
+        return self._drive_to(piece, sweep.pieces[sweep.done])
+
+    def _note_start(self, zone: str) -> None:
         if self.record.zone != zone:
             self.record.zone_started(zone)
-        return self._drive_to(piece, sweep.pieces[sweep.done])
 
     def update(self) -> Status:
         """Return the leaf's status; until the goal has ended, the drive counts as looked."""
@@ -269,8 +277,11 @@ class NavigateToPiece(NavigateTo):
         self._look()
         return status
 
+    def _here(self) -> tuple[float, float, float] | None:
+        return self._robot.place() if self._robot is not None else None
+
     def _look(self) -> None:
-        place = self._robot.place() if self._robot is not None else None
+        place = self._here()
         if place is None or not self._zone_id:
             return
         here = (float(place[0]), float(place[1]))
@@ -281,6 +292,83 @@ class NavigateToPiece(NavigateTo):
         elif far < _JUMP_M:
             obstacles = map_extent_of(self.node).obstacles()
             self.sweeps.drive(self._zone_id, [before, here], obstacles)
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class NavigateThroughPieces(NavigateToPiece):
+    """Drive through all open pieces of the sweep without a stop, and mark each as swept when it is passed.
+
+    RUNNING on the way, SUCCESS when the last one is behind the robot, FAILURE if Nav2 does not get there. FAILURE at once where pieces are to
+    be driven to one by one: nobody serves the action, or an earlier run has searched at the open piece; and on the way where the next piece
+    and the way home would not leave the reserve.
+
+    Args:
+        homing: What it takes to come home; counts where the tree asks for it.
+        clock: The mission's clock.
+        until_pod: Ground where somebody would have been found with less than that, 0 to 1, is a gap.
+    """
+
+    homing: Homing
+    clock: Clock
+    action: str = "navigate_through_poses"
+    until_pod: float = 0.8
+
+    action_type = "nav2_msgs/action/NavigateThroughPoses"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._end = 0
+
+    def _set_out(self, zone: str, sweep: Sweep, again: str) -> Any:
+        served = self._port is not None and self._port.statuses.servers()
+        if not served or self.record.before.has_searched(zone):
+            return self._piece_by_piece()
+        self._note_start(zone)
+        self._end = len(sweep.pieces)
+        pieces = f"pieces {sweep.done + 1} to {self._end} of {zone}{again}"
+        return self._drive_to(pieces, *sweep.pieces[sweep.done :])
+
+    def _message_to(self, poses: Sequence[Any]) -> Any:
+        goal = self.interface.Goal()
+        # From ROS 2 Kilted on they are in a message of their own.
+        if hasattr(goal.poses, "goals"):
+            goal.poses.goals = poses
+        else:
+            goal.poses = poses
+        return goal
+
+    def on_feedback(self, feedback: Any) -> Status | None:
+        """Keep the remaining distance, and mark what was passed."""
+        super().on_feedback(feedback)
+        # 0 is told before Nav2 has looked; of the last one the result tells.
+        passed = feedback.number_of_poses_remaining > 0 and self._pass(feedback.number_of_poses_remaining)
+        if not (passed and self.homing.is_asked):
+            return None
+        self.homing.place = MapPose(x=here[0], y=here[1], yaw=here[2]) if (here := self._here()) else None
+        return self._piece_by_piece() if self.homing.shortage(self.clock.now()) else None
+
+    def on_result(self, status: int, result: Any) -> Status:
+        """Return SUCCESS at the end, with all pieces marked; else FAILURE, and log Nav2's reason."""
+        self._look()
+        if status != SUCCEEDED:
+            return super().on_result(status, result)
+        self._pass(0)
+        self.say(self.sweeps.of(self._zone_id).result(self._zone_id))
+        super().on_result(status, result)
+        return self.answer(Status.SUCCESS, "all done")
+
+    def _pass(self, left: int) -> bool:
+        """Mark pieces as swept until so many of those that were sent are left; return whether there was one to mark."""
+        before = self.sweeps.of(self._zone_id).done
+        for _ in range(before, self._end - left):
+            # A find on the way has ended the drive.
+            self.record.zone_searched(self._zone_id, None)
+            self.sweeps.advance(self._zone_id, map_extent_of(self.node).obstacles(), self.until_pod)
+        return self._end - left > before
+
+    def _piece_by_piece(self) -> Status:
+        self.feedback_message = "piece by piece"
+        return self.answer(Status.FAILURE, "piece by piece")
 
 
 @dataclass(eq=False, repr=False)
@@ -307,7 +395,7 @@ class AdvancePiece(_SweepLeaf):
         self.sweeps.advance(zone, map_extent_of(self.node).obstacles(), self.until_pod)
         sweep = self.sweeps.of(zone)
         if not sweep.left:
-            self.say(f"{zone}: {sweep.seen:.0%} seen, POD {sweep.pod:.0%}, {len(sweep.gaps)} gaps.")
+            self.say(sweep.result(zone))
         self._wake()
         return self.answer(Status.SUCCESS, "advanced" if sweep.left else "all done")
 
