@@ -1,7 +1,7 @@
 """Evaluating scripts: each is compiled to functions once, which every tick then calls."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime import operators
@@ -25,6 +25,8 @@ from sar_compiler.runtime.variables import (
     VariableError,
     Variables,
 )
+
+T = TypeVar("T")
 
 Evaluate = Callable[[Variables], ScriptValue]
 
@@ -141,14 +143,7 @@ class _Maker:
         operand = self.make(node.operand)
         calculate = operators.PREFIX[node.operator]
 
-        def run(variables: Variables) -> ScriptValue:
-            value = operand(variables)
-            try:
-                return calculate(value)
-            except RefusedValueError as error:
-                raise failure(self._text, node, error) from error
-
-        return run
+        return lambda variables: self._calculated(node, calculate, operand(variables))
 
     def _operation(self, node: Operation) -> Evaluate:
         first = self.make(node.first)
@@ -189,49 +184,34 @@ class _Maker:
         condition, then, otherwise = map(self.make, (node.condition, node.then, node.otherwise))
 
         def run(variables: Variables) -> ScriptValue:
-            value = condition(variables)
-            try:
-                chosen = operators.is_chosen(value)
-            except RefusedValueError as error:
-                raise failure(self._text, node.condition, error) from error
+            chosen = self._calculated(node.condition, operators.is_chosen, condition(variables))
             return then(variables) if chosen else otherwise(variables)
 
         return run
 
     def _assignment(self, node: Assignment) -> Evaluate:
-        if node.operator not in {":=", "="}:
-            return self._change(node)
         name, value = node.target.name, self.make(node.value)
         creates = node.operator == ":="
+        changes = not creates and node.operator != "="
+        calculate = operators.BINARY[node.operator.removesuffix("=")] if changes else None
 
         def run(variables: Variables) -> ScriptValue:
             result = value(variables)
             try:
+                if calculate is not None:
+                    # Not through an enumeration: what is assigned to is a variable.
+                    result = self._calculated(node, calculate, variables.read(name), result)
                 return variables.create(name, result) if creates else variables.assign(name, result)
             except VariableError as error:
                 raise _assignment_failure(node, error) from error
 
         return run
 
-    def _change(self, node: Assignment) -> Evaluate:
-        name, value = node.target.name, self.make(node.value)
-        calculate = operators.BINARY[node.operator.removesuffix("=")]
-
-        def calculate_with(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-            try:
-                return calculate(left, right)
-            except RefusedValueError as error:
-                raise failure(self._text, node, error) from error
-
-        def run(variables: Variables) -> ScriptValue:
-            right = value(variables)
-            try:
-                # Not through an enumeration: what is assigned to is a variable.
-                return variables.assign(name, calculate_with(variables.read(name), right))
-            except VariableError as error:
-                raise _assignment_failure(node, error) from error
-
-        return run
+    def _calculated(self, node: Expression, calculate: Callable[..., T], *operands: ScriptValue) -> T:
+        try:
+            return calculate(*operands)
+        except RefusedValueError as error:
+            raise failure(self._text, node, error) from error
 
 
 def no_condition(script: Script, error: RefusedValueError) -> EvaluationError:
