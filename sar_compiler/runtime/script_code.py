@@ -266,9 +266,8 @@ class _Quick:
         is_known = _is_text if kind is str else _is_number
         if not all(isinstance(each, VariableSlot) or is_known(each) for each in parts):
             return _usual_comparison(sign, self.value(left), self.value(right))
-        compared = _texts_compared if kind is str else _numbers_compared
         if is_known(left) and is_known(right):
-            return compared(sign, self._known(left), self._known(right))
+            return _compared(kind, sign, self._known(left), self._known(right))
         first, second = map(self._side, parts)
         sides = [
             (side, isinstance(each, VariableSlot)) for side, each in zip((first, second), parts, strict=True)
@@ -277,7 +276,7 @@ class _Quick:
             _is_of_type(side, str) if kind is str else _is_exact(side) for side, is_read in sides if is_read
         ]
         seen = (_call("seen", side) if is_read else side for side, is_read in sides)
-        return ast.IfExp(_all(guards), compared(sign, first, second), _usual_comparison(sign, *seen))
+        return ast.IfExp(_all(guards), _compared(kind, sign, first, second), _usual_comparison(sign, *seen))
 
     def _side(self, part: SkeletonPart) -> ast.expr:
         """Return the code of one side of a comparison, which is needed twice."""
@@ -369,19 +368,14 @@ def _is_real(part: SkeletonPart) -> bool:
     )
 
 
-def _numbers_compared(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
+def _compared(kind: type, sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
+    """Return the code of a comparison of two texts, or of two numbers."""
     if sign in _DENIED:
         return _not(_compare(left, _DENIED[sign](), right))
-    difference = ast.BinOp(left, ast.Sub(), right)
-    limits = ast.Constant(-operators.EPSILON), ast.Constant(operators.EPSILON)
-    near = ast.Compare(limits[0], [ast.LtE(), ast.LtE()], [difference, limits[1]])
-    return near if sign == "==" else _not(near)
-
-
-def _texts_compared(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
-    equal = _compare(left, ast.Eq(), right)
-    if sign in _DENIED:
-        return _not(_compare(left, _DENIED[sign](), right))
+    if kind is str:
+        equal = _compare(left, ast.Eq(), right)
+    else:
+        equal = _is_within(ast.BinOp(left, ast.Sub(), right), operators.EPSILON)
     return equal if sign == "==" else _not(equal)
 
 
@@ -391,9 +385,13 @@ def _usual_comparison(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
 
 def _is_exact(value: ast.expr) -> ast.expr:
     """Return the code of whether a value is a number to calculate with."""
-    limits = ast.Constant(-LARGEST_EXACT), ast.Constant(LARGEST_EXACT)
-    within = ast.Compare(limits[0], [ast.LtE(), ast.LtE()], [value, limits[1]])
-    return ast.BoolOp(ast.Or(), [_is_of_type(value, float), _all([_is_of_type(value, int), within])])
+    exact = _all([_is_of_type(value, int), _is_within(value, LARGEST_EXACT)])
+    return ast.BoolOp(ast.Or(), [_is_of_type(value, float), exact])
+
+
+def _is_within(value: ast.expr, limit: float) -> ast.expr:
+    """Return the code of whether a number is no further from 0 than a limit."""
+    return ast.Compare(ast.Constant(-limit), [ast.LtE(), ast.LtE()], [value, ast.Constant(limit)])
 
 
 def _is_of_type(value: ast.expr, kind: type, operator: ast.cmpop | None = None) -> ast.expr:
@@ -481,11 +479,7 @@ _REACHED: dict[str, Any] = {
     "float": float,
     "int": int,
     "str": str,
-    "add": operators.add,
-    "join": operators.join,
-    "bits_of_both": operators.BINARY["&"],
-    "bits_of_any": operators.BINARY["|"],
-    "bits_of_one": operators.BINARY["^"],
+    **{name: operators.BINARY[sign] for sign, name in _CALCULATE.items()},
     "complement": operators.complement,
     "compare": operators.compare,
     "is_chosen": operators.is_chosen,
