@@ -262,18 +262,14 @@ class Scope:
 
     def owner(self, key: str) -> "tuple[Scope, str]":
         """Return the scope that owns what a key means here, and the key there."""
-        if key.startswith(ROOT_SIGN):
-            return self.root, key.removeprefix(ROOT_SIGN)
         scope = self
-        while scope._parent is not None and key not in scope._own:
+        while scope._parent is not None and not key.startswith(ROOT_SIGN) and key not in scope._own:
             if key in scope._remapping:
                 key = scope._remapping[key]
-                if key.startswith(ROOT_SIGN):
-                    return self.root, key.removeprefix(ROOT_SIGN)
             elif not scope._autoremap or key.startswith(_PRIVATE):
                 break
             scope = scope._parent
-        return scope, key
+        return (self.root, key.removeprefix(ROOT_SIGN)) if key.startswith(ROOT_SIGN) else (scope, key)
 
 
 def entry_of(variable: str) -> str:
