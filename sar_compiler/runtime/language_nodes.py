@@ -223,7 +223,7 @@ class Conditions(Decorator):
         """Run what is to be run after an end; INVALID means that the node was halted while it ran."""
         for script in (self._after[outcome], self._post):
             if script is not None:
-                (script.quick_run or script.run)()
+                script.run()
 
     @property
     def status(self) -> Status:

@@ -111,8 +111,9 @@ class NodeScript:
 
     Attributes:
         is_remembered: Whether somebody else remembers what it does.
-        quick_run: Does what `run` does; None before it is run first, and where that is not known (see `script_code`).
-        quick_holds: Does what `holds` does, likewise.
+        run: Runs it and returns its value. Raises a `NodeScriptError` with the node, the attribute and the place if it cannot be run.
+        holds: Runs it and returns whether its value is true; raises likewise, and if its value is neither true nor false. From the first
+            call on, the quick forms are in place of both where they are known (see `script_code`).
     """
 
     def __init__(self, code: Input[Script], node: str, attribute: str, scope: Scope, enums: Enums) -> None:
@@ -122,8 +123,8 @@ class NodeScript:
         self._enums = enums
         self._scope = scope
         self._program: Program | None = None
-        self.quick_run: Callable[[], ScriptValue] | None = None
-        self.quick_holds: Callable[[], bool] | None = None
+        self.run: Callable[[], ScriptValue] = self._run
+        self.holds: Callable[[], bool] = self._holds
         self._board = scope.board
         self.is_remembered = False
         self._memos: dict[Callable[..., Any], Memo] = {}
@@ -141,25 +142,19 @@ class NodeScript:
         entries = {self._variables.entry(use.name) for use in uses}
         return entries.pop() if len(entries) == 1 and all(use.access is Access.READ for use in uses) else None
 
-    def run(self) -> ScriptValue:
-        """Run it and return its value.
+    def _run(self) -> ScriptValue:
+        quick: Callable[[], ScriptValue] | None = self._quick()
+        if quick is None:
+            return self._recall(Program.run)
+        self.run = quick
+        return quick()
 
-        Raises:
-            NodeScriptError: If it cannot be run; names the node, the attribute and the place.
-        """
-        if self.quick_run is None:
-            self.quick_run = self._quick()
-        return self._recall(Program.run) if self.quick_run is None else self.quick_run()
-
-    def holds(self) -> bool:
-        """Run it and return whether its value is true.
-
-        Raises:
-            NodeScriptError: As `run`, and if its value is neither true nor false.
-        """
-        if self.quick_holds is None:
-            self.quick_holds = self._quick(self._answer)
-        return self._recall(Program.holds) if self.quick_holds is None else self.quick_holds()
+    def _holds(self) -> bool:
+        quick: Callable[[], bool] | None = self._quick(self._answer)
+        if quick is None:
+            return self._recall(Program.holds)
+        self.holds = quick
+        return quick()
 
     def quick_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
         """Return what runs it and answers with a status; None where `run` and `holds` have no quick form.

@@ -112,7 +112,7 @@ class PreconditionNode(GuardedNode):
 
     def may_start(self, ticker: Ticker) -> bool:  # noqa: ARG002
         """Return whether the condition is true."""
-        return holds(self.script)
+        return bool(self.script.holds())
 
     def otherwise(self) -> int:
         """Return what the node is to answer if it is not."""
@@ -143,12 +143,6 @@ class UpdateGuardNode(GuardedNode):
     def otherwise(self) -> int:
         """Return what the node answers if it was not written."""
         return self.unless_written
-
-
-def holds(script: Any) -> bool:
-    """Return whether a script's value is true."""
-    quick = script.quick_holds
-    return bool(script.holds() if quick is None else quick())
 
 
 def watched_entry(behaviour: Any) -> Any:
@@ -214,7 +208,7 @@ class ConditionsNode(DecoratorNode):
         """Return what the pre-conditions make of this tick; INVALID if the node is to be ticked."""
         behaviour, status = self.behaviour, ticker.cells[self.at]
         if status == RUNNING:
-            if self.goes_on is None or holds(self.goes_on):
+            if self.goes_on is None or self.goes_on.holds():
                 return INVALID
             self.stop(ticker)
             return self.tell("halted by _while", SKIPPED)
@@ -223,9 +217,9 @@ class ConditionsNode(DecoratorNode):
         if not self.starts(ticker):
             return INVALID
         for script, attribute, outcome in self.before:
-            if holds(script):
+            if script.holds():
                 return self.tell(f"decided by {attribute}", outcome)
-        if self.goes_on is not None and not holds(self.goes_on):
+        if self.goes_on is not None and not self.goes_on.holds():
             return self.tell("decided by _while", SKIPPED)
         return INVALID
 
