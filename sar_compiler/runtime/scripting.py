@@ -127,7 +127,7 @@ class NodeScript:
         self.holds: Callable[[], bool] = self._holds
         self._board = scope.board
         self.is_remembered = False
-        self._memos: dict[Callable[..., Any], Memo] = {}
+        self._memos: dict[Callable[..., Any], Memo | None] = {}
 
     @functools.cached_property
     def _variables(self) -> ScopeVariables:
@@ -186,14 +186,15 @@ class NodeScript:
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         """Run it; on a numbered board it is not run twice where its variables have the same values."""
-        if not self._board.is_numbered or self._code.entry is not None or self.is_remembered:
+        if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
-        memo = self._memos.get(run)
-        if memo is None:
-            memo = self._memos[run] = self._board.memo(
-                [self._variables.entry(use.name) for use in name_uses(self._code.get())]
-            )
-        answer: T = memo.call(lambda: self._run_or_explain(run))
+        if run not in self._memos:
+            entries = [self._variables.entry(use.name) for use in name_uses(self._code.get())]
+            self._memos[run] = self._board.memo(entries)
+        memo = self._memos[run]
+        answer: T = (
+            self._run_or_explain(run) if memo is None else memo.call(lambda: self._run_or_explain(run))
+        )
         return answer
 
     def _run_or_explain(self, run: Callable[[Program, ScopeVariables], T]) -> T:

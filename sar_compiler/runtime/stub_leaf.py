@@ -105,8 +105,7 @@ class FactVariables:
 
     def memo_of(self, entries: Sequence[Entry]) -> "Memo | None":
         """Return what remembers the effect of code on some entries; None unless the boards are numbered."""
-        board = self._scope.board
-        return board.memo(entries) if board.is_numbered else None
+        return self._scope.board.memo(entries)
 
     def is_fact(self, name: str) -> bool:
         """Return whether a name is a fact's."""
@@ -175,8 +174,7 @@ class StubLeaf(SkippableLeaf):
         self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
         self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.answers if a.then}
         self._memos: dict[Answer | None, Memo | None] = {}
-        self._quick: dict[Program, Callable[[], Any] | None] = {}
-        self._quick_for = variables
+        self._quick: dict[tuple[FactVariables, Program], Callable[[], Any] | None] = {}
 
     @property
     def is_by_chance(self) -> bool:
@@ -287,14 +285,12 @@ class StubLeaf(SkippableLeaf):
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
         """Return the quick form of a script of its answers; None where there is none."""
-        variables = self.variables
-        if variables.is_numbered:
+        if self.variables.is_numbered:
             return None
-        if self._quick_for is not variables:
-            self._quick, self._quick_for = {}, variables
-        if program not in self._quick:
-            self._quick[program] = variables.quick(program, condition)
-        return self._quick[program]
+        wanted = self.variables, program
+        if wanted not in self._quick:
+            self._quick[wanted] = self.variables.quick(program, condition)
+        return self._quick[wanted]
 
     def _unusable(self, answer: Answer, part: str, script: str, error: EvaluationError) -> StubLeafError:
         hint = f"; {error.hint}" if error.hint else ""
