@@ -111,9 +111,7 @@ class TreeStepper:
         self.ran = leaves.ran
         first = self.flat.ticker(chances.times if chances else ChosenTimes(choices, trail))
         self._begin_as_first(prepared, first)
-        self.ticker = ForkingTicker(
-            first.cells, first.values, first.times, entries, choices, trail, meets=meets
-        )
+        self.ticker = ForkingTicker(first, entries, choices, trail, meets=meets)
         self.wrong, self._rule = "", rules.count
         self._rules, self._watched = rules, 0
         self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]

@@ -32,17 +32,13 @@ combination is played from the last fork before it: slower, and as right, provid
 to that, since a node that keeps a state of its own would break it.
 """
 
-from typing import Any, Final
-
-from librt.vecs import vec
-from mypy_extensions import i32
+from typing import Final
 
 from sar_compiler.runtime.kernel.cells import CALLED
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.numbering import Middles
 from sar_compiler.runtime.kernel.state_code import StateCode
-from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.trail import Trail, Waits
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode
 
@@ -91,9 +87,7 @@ class ForkingTicker(Ticker):
     What ticks without a fork, because it chooses where that was not to be expected, is played again from the fork before.
 
     Args:
-        cells: The cells with numbers.
-        values: The cells with other values.
-        times: The timers.
+        first: What ticks the same tree, and has not yet; its cells and timers are taken.
         entries: What the entries of the blackboard hold.
         choices: What is chosen.
         trail: What happens.
@@ -106,17 +100,9 @@ class ForkingTicker(Ticker):
     """
 
     def __init__(
-        self,
-        cells: vec[i32],
-        values: list[Any],
-        times: Times,
-        entries: EntryCells,
-        choices: Choices,
-        trail: Trail,
-        *,
-        meets: bool,
+        self, first: Ticker, entries: EntryCells, choices: Choices, trail: Trail, *, meets: bool
     ) -> None:
-        super().__init__(cells, values, times)
+        super().__init__(first.cells, first.values, first.times)
         self.tells = False
         self.entries = entries
         self.choices = choices
@@ -126,7 +112,7 @@ class ForkingTicker(Ticker):
         self.waits: Waits = (0, 0, 0)
         self._meets = meets
         # In the middle of a tick how a node has ended counts: its parent may be about to look.
-        self._code = StateCode(cells, values, [])
+        self._code = StateCode(self.cells, self.values, [])
         self._forks: list[Fork] = []
         self._seen: set[tuple[bytes, Waits]] = set()
         self._forgotten: list[bool] = []

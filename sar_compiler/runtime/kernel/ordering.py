@@ -42,8 +42,7 @@ class ResumingNode(OrderedNode):
         if cells[self.at] != RUNNING:
             cells[self.skips] = 0
             self.behaviour.feedback_message = ""
-        cells[self.at] = RUNNING
-        return self.resume(ticker, INVALID)
+        return super().begin(ticker)
 
     def take(self, ticker: Ticker, outcome: int) -> int:
         """Go on after a child that hands over, or is skipped; any other decides."""
@@ -121,10 +120,9 @@ class ReactiveNode(OrderedNode):
         cells = ticker.cells
         if cells[self.at] != RUNNING:
             self.behaviour.feedback_message = ""
-        cells[self.at] = RUNNING
         cells[self.position] = 0
         cells[self.so_far] = SKIPPED
-        return self.resume(ticker, INVALID)
+        return super().begin(ticker)
 
     def take(self, ticker: Ticker, outcome: int) -> int:
         """Stop the other children beside one that runs; go on after one that hands over, or is skipped."""

@@ -131,10 +131,9 @@ class StockSelectorNode(StockNode):
             self.point_at(ticker, 0)
         previous = cells[self.position]
         if self.memory:
-            if IS_2_3:
-                stop_even_at_rest(self.children[:previous], ticker)
-            else:
-                stop_all(self.children[:previous], ticker)
+            for child in self.children[:previous]:
+                if IS_2_3 or cells[child.at] != INVALID:
+                    child.stop(ticker)
         cells[self.current] = previous if self.memory else 0
         return self.go_on(ticker)
 
@@ -232,7 +231,9 @@ class StockParallelNode(StockNode):
         cells[self.current] = 0
         status = self.decide(ticker)
         if status != RUNNING:
-            stop_running(self.children, ticker)
+            for child in self.children:
+                if cells[child.at] == RUNNING:
+                    child.stop(ticker)
         cells[self.at] = status
         return status
 
@@ -266,23 +267,9 @@ class StockParallelNode(StockNode):
         return ended + [child for child in children if cells[child.at] == RUNNING]
 
 
-def stop_running(children: list[TreeNode], ticker: Ticker) -> None:
-    """Stop the children that run."""
-    cells = ticker.cells
-    for child in children:
-        if cells[child.at] == RUNNING:
-            child.stop(ticker)
-
-
 def stop_all(children: list[TreeNode], ticker: Ticker) -> None:
     """Stop the children that are not at rest."""
     cells = ticker.cells
     for child in children:
         if cells[child.at] != INVALID:
             child.stop(ticker)
-
-
-def stop_even_at_rest(children: list[TreeNode], ticker: Ticker) -> None:
-    """Stop children as a Selector with memory of py_trees 2.3 does, in every tick."""
-    for child in children:
-        child.stop(ticker)

@@ -173,10 +173,9 @@ class StubNode(ChoosingNode):
             status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.answers))
         }
         self._replies = [
-            (answer, Reply(numbers[id(leaf), ANSWERED, id(answer)], leaf, answer, leaves.board.memo))
+            Reply(numbers[id(leaf), ANSWERED, id(answer)], leaf, answer, leaves.board.memo)
             for answer in sorted(leaf.answers, key=lambda each: -ranks[each.status])
         ]
-        self._all = [reply for _, reply in self._replies]
         conditions = [answer.when for answer in leaf.answers if answer.when]
         self._asked: Memo | None = leaves.board.memo(leaf.entries(conditions)) if conditions else None
         # Made once: each look would make it anew.
@@ -224,13 +223,13 @@ class StubNode(ChoosingNode):
     def _possible(self) -> list[Reply]:
         """Return what the leaf can answer now."""
         if self._asked is None:
-            return self._all
+            return self._replies
         possible: list[Reply] = self._asked.call(self._work)
         return possible
 
     def _work_out(self) -> list[Reply]:
         possible = self.behaviour.options()
-        return [reply for answer, reply in self._replies if any(answer is each for each in possible)]
+        return [reply for reply in self._replies if any(reply.answer is each for each in possible)]
 
 
 _STARTED: Final = 1

@@ -109,7 +109,9 @@ class TickSteps(Stepper):
             try:
                 outcome = ticker.play()
                 if outcome < KNOWN:
-                    self.end_tick(outcome)
+                    self._flat.share(ticker)
+                    self._flat.renumber(ticker)
+                    self.take_state(outcome)
                     return A_STATE
             except UndecidableError:
                 raise
@@ -120,12 +122,6 @@ class TickSteps(Stepper):
                 self.middle, self.waits = ticker.middle, ticker.waits
                 self._is_fresh = outcome == ENTERED
                 return A_NEW_MIDDLE if self._is_fresh else A_MIDDLE
-
-    def end_tick(self, outcome: int) -> None:
-        """Take the state after a tick that has come to an outcome."""
-        self._flat.share(self._ticker)
-        self._flat.renumber(self._ticker)
-        self.take_state(outcome)
 
     def take_state(self, outcome: int) -> None:
         """Take what the cells hold as the state after a tick."""
