@@ -5,7 +5,7 @@ are those of the search, and are told of the same events in the same order. So a
 """
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
@@ -17,10 +17,10 @@ from sar_compiler.checks.verify.state import Alphabet, Prepared
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.answers import OVERRIDDEN, Answer
-from sar_compiler.runtime.blackboard import Entry
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.chances import Spending
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.trail import Guarded, Trail
 from sar_compiler.runtime.script import parse
@@ -181,10 +181,9 @@ class PropertyWatch:
         self._hears = monitors.heard.union(rules.guarded)
         # Of each leaf: what it has done last, and in which tick.
         self._last: dict[int, tuple[str, int]] = {}
-        self._limits = [simulated.facts.resolve(name) for name in limits]
-        self._spending = spending_conditions(simulated, limits)
-        # Of each of these: what it has found last, in which tick, and what was left of the limits before.
-        self._spent: dict[int, tuple[str, int, list[object]]] = {}
+        self._spending = Spending(
+            spending_conditions(simulated, limits), [*map(simulated.facts.resolve, limits)]
+        )
 
     @property
     def remembered(self) -> int:
@@ -241,25 +240,9 @@ class PropertyWatch:
         if numbers is None:
             self._answers_unknown(number, status, label)
             return
-        if number in self._spending:
-            self._answer_within_limits(number, numbers, label or status)
-        else:
-            self._answer(number, numbers, label or status)
-
-    def _answer_within_limits(
-        self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str
-    ) -> None:
-        """Take an answer of a condition; one that goes on is possible as it was at first, and takes nothing again."""
-        now = [entry.read() for entry in self._limits]
-        found, tick, before = self._spent.get(number, ("", 0, now))
-        if (found, tick) == (deed, self._tick - 1):
-            _write(self._limits, before)
-            self._answer(number, numbers, deed)
-            _write(self._limits, now)
-        else:
-            before = now
-            self._answer(number, numbers, deed)
-        self._spent[number] = deed, self._tick, before
+        left = self._spending.before(number, label or status)
+        self._answer(number, numbers, label or status)
+        self._spending.after(left)
 
     def _answer(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
         """Take a declared answer, which can be one of some."""
@@ -279,6 +262,8 @@ class PropertyWatch:
         """Take the end of a tick, and what the root came to; empty if the tick was not finished."""
         self._root = root
         self._judge(is_over=False)
+        self._spending.end_tick()
+        self._spending.begin_tick()
         self._tick += 1
 
     def conclude(self, *, is_over: bool) -> None:
@@ -405,11 +390,6 @@ def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
 def overridden(leaf: StubLeaf, status: str) -> str:
     """Return that a status was put in the place of a leaf's answer, in words."""
     return f"'{leaf.name}' answers for itself, and {status} was put in its place"
-
-
-def _write(entries: Iterable[Entry], values: Iterable[object]) -> None:
-    for entry, value in zip(entries, values, strict=True):
-        entry.write(value)
 
 
 def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:

@@ -90,9 +90,9 @@ class PresentChance:
         self._steps = stepper.steps
         self._choices = stepper.ticker.choices
         limits = limits_of(simulated, known)
-        entries = stepper.ticker.entries
-        places = [entries.place_of(simulated.facts.resolve(name).name) for name in sorted(limits)]
-        self._spending = Spending(spending_conditions(simulated, limits), places, entries)
+        self._spending = Spending(
+            spending_conditions(simulated, limits), [*map(simulated.facts.resolve, sorted(limits))]
+        )
         self._names = {leaf.number: leaf.name for leaf in stepper.leaves}
         self._state = self._steps.start()
         self.now = 0.0

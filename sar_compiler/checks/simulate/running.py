@@ -20,6 +20,7 @@ from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.chances import TOLERANCE_SEC
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.script import parse
@@ -49,10 +50,6 @@ class RunVariables(FactVariables):
         except UnknownVariableError as error:
             near = nearest(name, [*OWN, *self._simulated.fact_values()])
             raise VariableError(f"{error}{did_you_mean(near)}") from error
-
-
-# Ticks come at multiples of the period, which floats hit only nearly.
-_TOLERANCE_SEC = 1e-6
 
 
 class ScriptedError(SarError):
@@ -128,7 +125,7 @@ class _ByChance:
 
     def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
         """Return the leaf's next answer, and record the choice."""
-        now = self.clock.now() + _TOLERANCE_SEC
+        now = self.clock.now() + TOLERANCE_SEC
         if self.leaf.status is not Status.RUNNING or (now >= self._until and self._answer not in options):
             self._draw(options, choices)
         running = [answer for answer in options if answer.status == "RUNNING"]
@@ -166,7 +163,7 @@ class _Plan:
             self._since = self.clock.now()
             choices.append(self._current)
         choice = self._current
-        if self.clock.now() - self._since < choice.after_sec - _TOLERANCE_SEC:
+        if self.clock.now() - self._since < choice.after_sec - TOLERANCE_SEC:
             return self._named("RUNNING", options)
         self._current = None
         at_once = choice.usual and not choice.after_sec

@@ -20,7 +20,6 @@ from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.runtime.answers import Answer, chances
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
 from sar_compiler.runtime.kernel.choices import Choices
-from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.forking import ForkingTicker
 from sar_compiler.runtime.kernel.searching import NOTHING
 from sar_compiler.runtime.kernel.stub_nodes import LeafNodes, Reply, StubNode
@@ -68,18 +67,16 @@ class Spending:
     Such an answer is possible as it was when it came first, and leaves the limits as they are.
 
     Args:
-        conditions: The indexes of the conditions that take from limits.
-        places: The places of the limits' entries.
-        entries: What entries hold.
+        conditions: The numbers of the conditions that take from limits.
+        limits: The entries of the limits.
     """
 
-    def __init__(self, conditions: set[int], places: list[int], entries: EntryCells) -> None:
+    def __init__(self, conditions: set[int], limits: list[Any]) -> None:
         self._conditions = conditions
-        self._places = places
-        self._entries = entries
+        self._limits = limits
         # Of each that was ticked in the last tick, and in this one: what it has found, and what was left of the limits before.
-        self._last: dict[int, tuple[str, list[int]]] = {}
-        self._now: dict[int, tuple[str, list[int]]] = {}
+        self._last: dict[int, tuple[str, list[Any]]] = {}
+        self._now: dict[int, tuple[str, list[Any]]] = {}
 
     def begin_tick(self) -> None:
         """Begin a tick, or begin it anew."""
@@ -89,17 +86,16 @@ class Spending:
         """Note that the tick was so."""
         self._last = self._now
 
-    def before(self, index: int, found: str) -> list[int]:
+    def before(self, index: int, found: str) -> list[Any]:
         """Return what is left of the limits, if a leaf finds what it has found in the last tick; from now on they are as they were before that.
 
         Args:
-            index: The index of the leaf.
+            index: The number of the leaf.
             found: What it finds.
         """
         if index not in self._conditions:
             return []
-        now = self._entries.now
-        left = [int(now[place]) for place in self._places]
+        left = [limit.read() for limit in self._limits]
         last = self._last.get(index)
         if last is None or last[0] != found:
             self._now[index] = found, left
@@ -108,11 +104,10 @@ class Spending:
         self.after(last[1])
         return left
 
-    def after(self, left: list[int]) -> None:
+    def after(self, left: list[Any]) -> None:
         """Make the limits what was left of them, as `before` has returned it."""
-        now = self._entries.now
-        for place, number in zip(self._places, left, strict=False):
-            now[place] = number
+        for limit, value in zip(self._limits, left, strict=False):
+            limit.write(value)
 
 
 class FollowedTick:
