@@ -105,22 +105,11 @@ class Built(Behaviour):
 
         visits: list[Visit] = []
         try:
-            self.work(visits)
+            tree, index = self._place()
+            tree.tick(visits, index)
         finally:
             yield from show_visits(visits)
         yield self
-
-    def work(self, visits: "list[Visit] | None") -> int:
-        """Tick once, and yield nothing.
-
-        Args:
-            visits: Where the nodes below it go that are ticked, in the order of their ends.
-
-        Returns:
-            The outcome, as a number of `kernel.cells`.
-        """
-        tree, index = self._place()
-        return tree.tick(visits, index)
 
     def _place(self) -> "tuple[LiveTree, int]":
         if self.place is None or not self.place[0].is_whole():

@@ -152,10 +152,6 @@ class ForeignNode(ChildlessNode):
     The nodes below it, if there are any, are none of this tree.
     """
 
-    def __init__(self, part: Part) -> None:
-        super().__init__(part)
-        self.works: bool = type(part.behaviour).tick is Built.tick
-
     def insist(self) -> None:
         """Have everything that is not ticked by nodes of this tree raise where it answers with no status."""
         for each in self.behaviour.iterate():
@@ -164,27 +160,19 @@ class ForeignNode(ChildlessNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the behaviour; the nodes below it that it shows are visits, too."""
-        cells, behaviour = ticker.cells, self.behaviour
+        cells, behaviour, visits = ticker.cells, self.behaviour, ticker.visits
         self.show(ticker.cells)
         try:
-            if self.works:
-                behaviour.work(ticker.visits)
-            else:
-                self.follow(ticker)
+            for node in behaviour.tick():
+                if visits is not None and node is not behaviour:
+                    status = number_of(node.status)
+                    skipped = status == INVALID or getattr(node, "skipped", False)
+                    visits.append(Visit(node, SKIPPED if skipped else status, status))
         finally:
             cells[self.at] = number_of(behaviour.status)
         if cells[self.at] == INVALID or getattr(behaviour, "skipped", False):
             return SKIPPED
         return cells[self.at]
-
-    def follow(self, ticker: Ticker) -> None:
-        """Tick the behaviour by its generator."""
-        behaviour, visits = self.behaviour, ticker.visits
-        for node in behaviour.tick():
-            if visits is not None and node is not behaviour:
-                status = number_of(node.status)
-                skipped = status == INVALID or getattr(node, "skipped", False)
-                visits.append(Visit(node, SKIPPED if skipped else status, status))
 
     def stop(self, ticker: Ticker) -> None:
         """Stop the behaviour."""
