@@ -191,10 +191,6 @@ class Entry:
         """Name it; the first type that it is given counts."""
         self.board.declare(self.name, kind)
 
-    def settle(self, kind: type) -> None:
-        """Give it a type, if it has none of its own."""
-        self.board.settle(self.name, kind)
-
     def write(self, value: object) -> None:
         """Write it."""
         self.board.set(self.name, value)

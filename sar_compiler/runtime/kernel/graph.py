@@ -1,6 +1,5 @@
 """The states of a tree and the ticks between them, in arrays: a million of them has to fit."""
 
-import bisect
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -205,10 +204,6 @@ class Graph:
             )
             for step in range(int(end) - 1, int(first) - 1, -1)
         ]
-
-    def distance(self, state: int) -> int:
-        """Return the least number of ticks that lead to a state."""
-        return bisect.bisect_right(self.levels, state) - 1
 
     def stem(self, state: int) -> list[int]:
         """Return the states on a shortest way from the first one to another, both included."""

@@ -12,7 +12,7 @@ def test_every_state_that_can_be_reached_is_found_once():
 def test_a_state_is_numbered_by_how_many_ticks_lead_to_it():
     graph = explored({0: [1, 5], 1: [2], 2: [5]})
     assert numbers(graph) == [0, 1, 5, 2]
-    assert [graph.distance(number) for number in range(4)] == [0, 1, 1, 2]
+    assert [len(graph.stem(number)) - 1 for number in range(4)] == [0, 1, 1, 2]
 
 
 def test_the_way_to_a_state_is_a_shortest_one():

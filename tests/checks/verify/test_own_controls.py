@@ -90,7 +90,7 @@ def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_n
     reached = set(tick_sequences(binding))
     explored = Explored(simulated_tree(binding), 50_000)
     graph = explored.graph
-    near = [number for number in range(len(graph.states)) if graph.distance(number) <= TICKS]
+    near = [number for number in range(len(graph.states)) if len(graph.stem(number)) <= TICKS + 1]
     assert {explored.looked_at(number) for number in near} == reached
 
 
