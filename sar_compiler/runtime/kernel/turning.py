@@ -193,11 +193,7 @@ class ConditionsNode(DecoratorNode):
         if self.has_children or ticker.by_step:
             return super().tick(ticker)
         ticker.reach(self)
-        try:
-            return self.begin(ticker)
-        except BaseException:
-            self.break_off(ticker)
-            raise
+        return self.begin(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the node, unless a condition decides."""
