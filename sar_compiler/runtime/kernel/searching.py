@@ -165,11 +165,7 @@ class _Exploration:
         self._played = 0
         # The place in hand, and those around it in the tick: the steps of each, its middle, and the part of the tick up to it.
         self._places: list[_OpenPlace] = []
-        # The step in hand.
         self._source = 0
-        self._state: bytes | None = None
-        self._waits: Waits = (0, 0, 0)
-        self._broken = 0
 
     def run(self, starts: Sequence[bytes]) -> Graph:
         graph = self._graph
@@ -198,7 +194,6 @@ class _Exploration:
             if led == LEFT:
                 self._leave(stepper.left)
                 continue
-            self._state, self._waits, self._broken = stepper.state, stepper.waits, stepper.broken
             if not self._take(led):
                 return
         self._finish(state)
@@ -206,28 +201,29 @@ class _Exploration:
     def _take(self, led: int) -> bool:
         """Take the step in hand; return False if the search is over."""
         graph, stepper = self._graph, self._stepper
+        state, waits, broken = stepper.state, stepper.waits, stepper.broken
         self._count()
         if graph.stopped:
             return False
         if led == A_NEW_MIDDLE:
-            self._places.append(_OpenPlace(stepper.middle, self._waits))
+            self._places.append(_OpenPlace(stepper.middle, waits))
             return True
         if led == A_MIDDLE:
-            self._lead(-1 - stepper.middles.find(stepper.middle), self._waits)
+            self._lead(-1 - stepper.middles.find(stepper.middle), waits)
             return True
         target = _NOWHERE
-        if self._state is None:
+        if state is None:
             self._note_error()
         else:
-            target = self._numbering.find(self._state)
+            target = self._numbering.find(state)
             if target < 0:
                 if len(graph.states) >= self._max_states:
                     graph.complete = False
                     return False
-                target = self._add(self._state)
-            if self._broken:
-                self._note_breaches(self._broken)
-        self._lead(target, self._waits)
+                target = self._add(state)
+            if broken:
+                self._note_breaches(broken)
+        self._lead(target, waits)
         return True
 
     def _lead(self, target: int, waits: Waits) -> None:
