@@ -128,11 +128,11 @@ class OlderReading(NamedTuple):
 
 def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
     """Yield the places of a script of 4.9 that an older version refuses or evaluates otherwise."""
-    if version < ORDER.since:
+    if version < ORDER:
         yield from _from_the_right(script)
-    if version < STATEMENTS.since:
+    if version < STATEMENTS:
         yield from _without_semicolon(script)
-    if version < OPERATORS.since:
+    if version < OPERATORS:
         yield from _operators(script)
 
 

@@ -35,12 +35,12 @@ NAMES = VersionChange(Version(4, 9), "4.8.4")
 """IDs of trees, compact tags and names of ports with blanks and some other characters, the ID Root, and two subtrees of one name are refused."""
 QUOTES = VersionChange(Version(4, 9), "4.9.0")
 """Texts of scripts in double quotation marks are refused."""
-ORDER = VersionChange(Version(4, 9), "4.9.0")
-"""Sums, products, and `|` with `^`, are worked out from the left in scripts; before, `a - b + c` was `a - (b + c)`."""
-OPERATORS = VersionChange(Version(4, 9), "4.9.0")
-"""Operators of scripts mix, `?:` and assignments can be chained, and `&&` comes before `||`."""
-STATEMENTS = VersionChange(Version(4, 9), "4.9.0")
-"""Two statements of a script need no `;` between them; before, it was refused without one."""
+ORDER = Version(4, 9)
+"""Since then sums, products, and `|` with `^`, are worked out from the left in scripts; before, `a - b + c` was `a - (b + c)`."""
+OPERATORS = Version(4, 9)
+"""Since then operators of scripts mix, `?:` and assignments can be chained, and `&&` comes before `||`."""
+STATEMENTS = Version(4, 9)
+"""Since then two statements of a script need no `;` between them; before, it was refused without one."""
 NUMBERS = VersionChange(Version(4, 9), "4.9.1")
 """A constant that is given to a subtree and looks like a number is one; before, it was a text."""
 
