@@ -509,7 +509,7 @@ class TestAskingThePlanner:
         for _ in range(2):
             assert stage.run(leaf) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 1 of 6 ways by straight lines times 1.5: the planner gives none."
+            "'Choose': 1 of 6 ways by straight lines times 1.5: the planner gives none: aborted (status 6), error code 208: there is no path to the goal."
         ]
         assert server.asked == [*self.NEEDED, (0.0, 3.0)]
         assert self.to_c(search.zones) == 4.5
@@ -533,7 +533,7 @@ class TestAskingThePlanner:
         server.accepts = False
         assert stage.run(self.take(stage, search, "nearest")) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 3 of 3 ways by straight lines times 1.5: the planner gives none."
+            "'Choose': 3 of 3 ways by straight lines times 1.5: the planner gives none: it rejects the question."
         ]
 
     def test_nobody_waits_for_a_planner_that_is_not_there_which_is_told_once(self, stage: "Stage") -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from sar_compiler.leaves import ActionQuestions, LeafDefinitionError
-from sar_compiler.ros.leaves.goals import goals_under_way
+from sar_compiler.ros.leaves.goals import ABORTED, SUCCEEDED, UNKNOWN, goals_under_way
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,12 +32,12 @@ class Asked:
 
     def __init__(self, stage: "Stage") -> None:
         self.questions = ActionQuestions(stage.node, TYPE, "navigate_to_pose")
-        self.answers: list[Any] = []
+        self.answers: list[tuple[int, Any]] = []
 
     def ask(self, x: float) -> None:
         goal = self.questions.interface.Goal()
         goal.pose.pose.position.x = x
-        self.questions.ask(goal, self.answers.append)
+        self.questions.ask(goal, lambda *answer: self.answers.append(answer))
 
 
 def asked(stage: "Stage", *script: str) -> "tuple[Asked, NavServer]":
@@ -53,15 +53,16 @@ def test_the_result_is_what_is_answered(stage: "Stage") -> None:
     who, server = asked(stage, "succeed")
     who.ask(1.5)
     stage.until(lambda: who.answers, "the answer")
-    assert who.answers == [who.questions.interface.Result()]
+    assert who.answers == [(SUCCEEDED, who.questions.interface.Result())]
     assert [goal.pose[1] for goal in server.goals] == [1.5]
 
 
-def test_a_server_that_aborts_has_no_answer(stage: "Stage") -> None:
-    who, _ = asked(stage, "abort")
+def test_a_server_that_aborts_says_why(stage: "Stage") -> None:
+    who, server = asked(stage, "abort")
+    server.error_code = 208
     who.ask(1.5)
     stage.until(lambda: who.answers, "the end")
-    assert who.answers == [None]
+    assert who.answers == [(ABORTED, who.questions.interface.Result(error_code=208))]
 
 
 def test_a_server_that_rejects_has_no_answer(stage: "Stage") -> None:
@@ -69,7 +70,7 @@ def test_a_server_that_rejects_has_no_answer(stage: "Stage") -> None:
     server.accept = False
     who.ask(1.5)
     stage.until(lambda: who.answers, "the rejection")
-    assert who.answers == [None]
+    assert who.answers == [(UNKNOWN, who.questions.interface.Result())]
     assert server.goals == []
 
 
@@ -84,7 +85,7 @@ def test_what_is_answered_to_a_question_that_was_given_up_is_ignored(stage: "Sta
     server.script = ["abort"]
     who.ask(2.5)
     stage.until(lambda: who.answers, "the answer to the next one")
-    assert who.answers == [None]
+    assert [status for status, _ in who.answers] == [ABORTED]
 
 
 def test_the_next_question_gives_up_the_one_before(stage: "Stage") -> None:

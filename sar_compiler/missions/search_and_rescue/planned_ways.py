@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.leaves import ActionQuestions, Deadline, LeafDefinitionError, turn_by
+from sar_compiler.leaves import SUCCEEDED, ActionQuestions, Deadline, LeafDefinitionError, turn_by
+from sar_compiler.missions.search_and_rescue.actions.navigation import describe_end
 from sar_compiler.missions.search_and_rescue.zone_manager import (
     DETOUR,
     MAP_FRAME,
@@ -111,15 +112,16 @@ class PlannedWays:
             turn_by(message.pose.orientation, pose["yaw"])
         return goal
 
-    def _take(self, result: Any | None) -> None:
+    def _take(self, status: int, result: Any) -> None:
         """Note the answer, and ask for the next way."""
         start, target = self._left.pop(0)
         self._is_waiting = False
-        metres = math.inf if result is None else _length(start, result.path.poses, target)
+        metres = _length(start, result.path.poses, target) if status == SUCCEEDED else math.inf
         if math.isfinite(metres):
             self._zones.learn_way(start, target, metres)
         else:
-            self._reasons.add("the planner gives none")
+            why = describe_end(status, result) if status else "it rejects the question"
+            self._reasons.add(f"the planner gives none: {why}")
         if self._left:
             self._go_on()
         else:

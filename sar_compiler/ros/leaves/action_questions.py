@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.ros.leaves.goals import SUCCEEDED, uuid_message
+from sar_compiler.ros.leaves.goals import uuid_message
 from sar_compiler.ros.leaves.leaf import alive, find_interface
 
 if TYPE_CHECKING:
@@ -50,13 +50,13 @@ class ActionQuestions:
         """Whether a question would arrive: a server has been found by both clients."""
         return alive(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
 
-    def ask(self, goal: Any, on_answer: Callable[[Any | None], None]) -> None:
+    def ask(self, goal: Any, on_answer: Callable[[int, Any], None]) -> None:
         """Send a goal; the question before it is given up.
 
         Args:
             goal: The goal, an `interface.Goal`.
-            on_answer: Called by the node's executor with the result, an `interface.Result`; with None where the server rejects the goal
-                or does not reach it.
+            on_answer: Called by the node's executor with the final status, a constant of `action_msgs/msg/GoalStatus`, and the result, an
+                `interface.Result`. Of a goal that the server rejects the status is `STATUS_UNKNOWN`.
         """
         self.give_up()
         goal_id = uuid_message(uuid.uuid4().hex)
@@ -88,9 +88,7 @@ class ActionQuestions:
             self._pending = None
             take(future.result())
 
-    def _on_taken(self, goal_id: Any, on_answer: Callable[[Any | None], None], _: Any) -> None:
+    def _on_taken(self, goal_id: Any, on_answer: Callable[[int, Any], None], _: Any) -> None:
         # The result of a goal that was rejected is that the server does not know it.
         request = self._results.srv_type.Request(goal_id=goal_id)
-        self._call(
-            self._results, request, lambda end: on_answer(end.result if end.status == SUCCEEDED else None)
-        )
+        self._call(self._results, request, lambda end: on_answer(end.status, end.result))
