@@ -37,17 +37,15 @@ class CountingNode(ControlNode):
         """Begin with the first child that has not ended."""
         ticker.cells[self.at] = RUNNING
         ticker.cells[self.current] = ticker.cells[self.skips] = 0
-        return self.go_on(ticker)
+        return self.go_on(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the child in hand."""
-        decision = self.count(ticker, outcome)
-        return self.go_on(ticker) if decision == INVALID else self.leave(ticker, decision)
+        return self.go_on(ticker, self.count(ticker, outcome))
 
-    def go_on(self, ticker: Ticker) -> int:
-        """Tick the children from the index on that have not ended."""
+    def go_on(self, ticker: Ticker, decision: int) -> int:
+        """Tick the children from the one in hand on that have not ended, unless there is a decision other than INVALID."""
         cells, children = ticker.cells, self.children
-        decision = INVALID
         while decision == INVALID:
             index = cells[self.current]
             if index == len(children):

@@ -67,25 +67,19 @@ class StockSequenceNode(StockNode):
             self.pointed = _NOWHERE
         elif not self.memory:
             cells[self.position] = 0
-        return self.go_on(ticker, cells[self.position])
+        return self.resume(ticker, INVALID)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
-        """Go on after the child in hand."""
-        index = ticker.cells[self.position]
-        status = ticker.cells[self.children[index].at]
-        return self.go_on(ticker, index + 1) if status == SUCCESS else self.end(ticker, status)
-
-    def go_on(self, ticker: Ticker, index: int) -> int:
-        """Tick the children from an index on, as long as they succeed."""
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the child in hand, as long as children succeed; INVALID in place of its outcome if it is to be ticked."""
         cells, children = ticker.cells, self.children
-        count = len(children)
+        index, count = cells[self.position], len(children)
         status = SUCCESS
         while index < count:
             cells[self.position] = index
             child = children[index]
-            if child.tick(ticker) == CALLED:
+            if outcome == INVALID and child.tick(ticker) == CALLED:
                 return CALLED
-            status = cells[child.at]
+            outcome, status = INVALID, cells[child.at]
             if status != SUCCESS:
                 break
             index += 1
@@ -135,27 +129,18 @@ class StockSelectorNode(StockNode):
                 if IS_2_3 or cells[child.at] != INVALID:
                     child.stop(ticker)
         cells[self.current] = previous if self.memory else 0
-        return self.go_on(ticker)
+        return self.resume(ticker, INVALID)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
-        """Go on after the child in hand."""
-        cells = ticker.cells
-        status = cells[self.children[cells[self.current]].at]
-        if status not in (INVALID, FAILURE):
-            return self.decide(ticker, status)
-        cells[self.current] += 1
-        return self.go_on(ticker)
-
-    def go_on(self, ticker: Ticker) -> int:
-        """Tick the children from the one in hand on, until one does not fail."""
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the child in hand, until one does not fail; INVALID in place of its outcome if it is to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.current], len(children)
         while index < count:
             child = children[index]
             cells[self.current] = index
-            if child.tick(ticker) == CALLED:
+            if outcome == INVALID and child.tick(ticker) == CALLED:
                 return CALLED
-            status = cells[child.at]
+            outcome, status = INVALID, cells[child.at]
             if status not in (INVALID, FAILURE):
                 return self.decide(ticker, status)
             index += 1
