@@ -125,7 +125,6 @@ class NodeScript:
         self._program: Program | None = None
         self.run: Callable[[], ScriptValue] = self._run
         self.holds: Callable[[], bool] = self._holds
-        self._board = scope.board
         self.is_remembered = False
         self._memos: dict[Callable[..., Any], Memo | None] = {}
 
@@ -171,7 +170,7 @@ class NodeScript:
         answers: tuple[object, object] | None = None,
     ) -> Callable[[], Any] | None:
         """Return its quick form; None if it may be another one in the next tick, if entries are numbers, or if it is too long."""
-        if self._code.entry is not None or self._board.is_numbered:
+        if self._code.entry is not None or self._scope.board.is_numbered:
             return None
         script = self._code.get()
         usual = [functools.partial(self._evaluate, at) for at in range(len(script.statements))]
@@ -190,7 +189,7 @@ class NodeScript:
             return self._run_or_explain(run)
         if run not in self._memos:
             entries = [self._variables.entry(use.name) for use in name_uses(self._code.get())]
-            self._memos[run] = self._board.memo(entries)
+            self._memos[run] = self._scope.board.memo(entries)
         memo = self._memos[run]
         answer: T = (
             self._run_or_explain(run) if memo is None else memo.call(lambda: self._run_or_explain(run))
