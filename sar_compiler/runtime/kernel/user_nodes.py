@@ -86,40 +86,26 @@ class UserNode(OwnNode):
     def begin(self, ticker: Ticker) -> int:
         """Ask the behaviour which child it needs first."""
         ticker.cells[self.at] = RUNNING
-        before = self._attributes(ticker)
-        self._tick.ticker = ticker
-        answer = self.behaviour.begin(self._tick)
-        return self._follow(ticker, answer, before, INVALID)
+        return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Tell the behaviour the outcome of the child in hand, and go on as it says."""
+        """Tell the behaviour the outcome of the child in hand, and go on as it says; INVALID in place of the outcome if none was ticked yet."""
+        behaviour, tick = self.behaviour, self._tick
         before = self._attributes(ticker)
-        self._tick.ticker = ticker
-        answer = self.behaviour.resume(self._tick, _TOLD[outcome])
-        return self._follow(ticker, answer, before, outcome)
-
-    def _follow(self, ticker: Ticker, answer: Any, before: Any, outcome: int) -> int:
-        """Do what the behaviour has answered, and ask again, until it has come to an outcome or a child must be ticked first.
-
-        Args:
-            ticker: What ticks the node.
-            answer: What the behaviour has answered.
-            before: Its attributes before that; None where nobody asks.
-            outcome: What the child in hand had come to; INVALID if none was ticked yet.
-        """
-        behaviour = self.behaviour
+        tick.ticker = ticker
         while True:
+            begins = outcome == INVALID
+            answer = behaviour.begin(tick) if begins else behaviour.resume(tick, _TOLD[outcome])
             if before is not None:
                 self._compare(before)
             place: int = self._places.get(id(answer), -1)
             if place < 0:
-                return self._come_to(ticker, answer, "begin" if outcome == INVALID else "resume")
-            if self.claim is not None and outcome != INVALID and place == ticker.cells[self.in_hand] + 1:
+                return self._come_to(ticker, answer, "begin" if begins else "resume")
+            if self.claim is not None and not begins and place == ticker.cells[self.in_hand] + 1:
                 self.claim.check_order(self, place, outcome)
             outcome = self._child(place, ticker).tick(ticker)
             if outcome == CALLED:
                 return CALLED
-            answer = behaviour.resume(self._tick, _TOLD[outcome])
 
     def _child(self, place: int, ticker: Ticker) -> TreeNode:
         """Return a child that is to be ticked, and that starts anew if it has ended before."""
