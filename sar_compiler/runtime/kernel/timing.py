@@ -64,17 +64,13 @@ class Countdown:
         """Return the feedback message about the time that is left."""
         if not ticker.tells:
             return ""
-        return time_left(ticker.times.remaining(self.index, ticker.values[self.token]))
+        seconds = ticker.times.remaining(self.index, ticker.values[self.token])
+        return f"remaining: {seconds:.1f}s"
 
     def stop(self, ticker: Ticker, state: int = OFF) -> None:
         """Count no more."""
         ticker.cells[self.state] = state
         ticker.values[self.token] = 0
-
-
-def time_left(seconds: float) -> str:
-    """Return the feedback message about the time that is left, in seconds."""
-    return f"remaining: {seconds:.1f}s"
 
 
 class TimedNode(DecoratorNode):
@@ -98,14 +94,12 @@ class DelayNode(TimedNode):
         seconds = seconds_of(behaviour, "delay_msec")
         if ticker.cells[timer.state] == OFF:
             timer.start(seconds, ticker)
-            behaviour.feedback_message = time_left(seconds)
             if not seconds:
                 behaviour.wake()
         elif timer.is_up(ticker):
             behaviour.feedback_message = ""
             return self.tick_child(self.child, ticker)
-        else:
-            behaviour.feedback_message = timer.left(ticker)
+        behaviour.feedback_message = timer.left(ticker)
         return self.come_to(ticker, RUNNING)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
