@@ -21,7 +21,7 @@ from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis, by_itself, report_misread
 from sar_compiler.nodes.language import leaves as language
-from sar_compiler.nodes.outcome_sets import ALLOWED, BITS, F, R, S
+from sar_compiler.nodes.outcome_sets import ALLOWED, WORD_OF, F, R, S
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.semantics import Order, Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
@@ -127,8 +127,7 @@ def _in_order(bound: BoundNode, means: Semantics) -> Substitute | None:
 
 def _turning(bound: BoundNode, means: Semantics) -> Substitute | None:
     assert means.possible is not None  # noqa: S101 - the caller has seen to it
-    words = {bit: word for word, bit in BITS.items()}
-    turned = [words.get(means.possible(bound, [answer], ALLOWED)) for answer in (S, F, R)]
+    turned = [WORD_OF.get(means.possible(bound, [answer], ALLOWED)) for answer in (S, F, R)]
     if not means.steady or turned[2] != "RUNNING" or None in turned:
         return None
     return partial(behaviour_class(OwnDecorator, TurningNode), turned=(*turned[:2], "SKIPPED"))

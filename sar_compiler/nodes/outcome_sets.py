@@ -31,6 +31,7 @@ S, F, R, K = 1, 2, 4, 8
 """SUCCESS, FAILURE, RUNNING and skipped."""
 ALL = S | F | R | K
 BITS = {"SUCCESS": S, "FAILURE": F, "RUNNING": R, "SKIPPED": K}
+WORD_OF = {bit: word for word, bit in BITS.items()}
 ANSWERS = (S, F, R, K)
 ALLOWED, SURE = False, True
 """The results to collect: all that a tick may have, or only those that certainly occur in some run."""

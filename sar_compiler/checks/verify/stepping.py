@@ -13,7 +13,7 @@ from sar_compiler.checks.verify.properties import Rules
 from sar_compiler.checks.verify.state import Prepared, StateValues
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.nodes.binding.nesting import trees_in
-from sar_compiler.nodes.outcome_sets import ALL, BITS
+from sar_compiler.nodes.outcome_sets import ALL, BITS, WORD_OF
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import ANSWERED, Event, TickRecord, changes_in, value_changes, with_end
@@ -52,16 +52,11 @@ def hold_to_records(
         outcomes = possible.may_return(bound)
         if said:
             outcomes &= sum(BITS[word] for word in said)
-        goes_on = _number(means.goes_on) if means.order is Order.IN_ORDER else 0
+        goes_on = WORDS.index(WORD_OF.get(means.goes_on, "")) if means.order is Order.IN_ORDER else 0
         if outcomes != ALL or goes_on:
             numbers = sum(1 << WORDS.index(word) for word, bit in BITS.items() if outcomes & bit)
             node.claim = Claim(numbers, goes_on, deny)
     return possible is not None
-
-
-def _number(outcome: int) -> int:
-    """Return the number of an outcome that is given as a set."""
-    return next((WORDS.index(word) for word, bit in BITS.items() if bit == outcome), 0)
 
 
 class TreeStepper:

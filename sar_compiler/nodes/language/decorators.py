@@ -21,7 +21,7 @@ from sar_compiler.nodes.declaring import (
 )
 from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
 from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
-from sar_compiler.nodes.outcome_sets import BITS, F, K, R, S, number
+from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
@@ -29,7 +29,6 @@ from sar_compiler.runtime.answers import Outcome
 from sar_compiler.tree.model import SUBTREE_TAG
 
 _NOUNS = {S: "success", F: "failure", R: "running"}
-_WORDS = {bit: word for word, bit in BITS.items()}
 
 _MILLISECONDS = 1000.0
 
@@ -63,7 +62,7 @@ def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: 
 
 def _results_after(turns: Mapping[int, int]) -> frozenset[str]:
     """Return the outcomes of a decorator that replaces some results of its child."""
-    return frozenset(_WORDS[turns.get(each, each)] for each in (S, F, R))
+    return frozenset(WORD_OF[turns.get(each, each)] for each in (S, F, R))
 
 
 def _stock_unless_skipping(
@@ -75,7 +74,7 @@ def _stock_unless_skipping(
     repeats: int = 0,
 ) -> NodeSpec:
     """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
-    turned = tuple(_WORDS[turns.get(each, each)] for each in (S, F, K))
+    turned = tuple(WORD_OF[turns.get(each, each)] for each in (S, F, K))
     replacement = _own(tag, "kernel.turning:TurningNode", doc, fixed={"turned": turned})
     return _own(
         tag,
@@ -108,7 +107,7 @@ def _unless_written(tag: str, otherwise: int, doc: str, skipping: Skipping = FRO
         doc,
         input_port("entry", object, "The entry."),
         SCOPE,
-        fixed={"unless_written": _WORDS[otherwise]},
+        fixed={"unless_written": WORD_OF[otherwise]},
         semantics=Semantics(
             partial(outcome_sets.adding, otherwise), keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}
         ),
