@@ -221,13 +221,15 @@ $(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
 # --- wheels ------------------------------------------------------------------------------------------
 
 # What setuptools leaves in build/ would be installed the next time. A kernel that could not be compiled is no failure of a build, and
-# would be missed only by who has no compiler.
-wheels: env
-	@rm -rf dist build/wheels build/lib build/bdist.* *.egg-info
+# would be missed only by who has no compiler. An index takes no wheel for whatever
+# `linux`: auditwheel looks from which glibc on it runs, and names it so. Built with what is in the environment, as the editable one.
+wheels: $(VENV)/.packages
+	@rm -rf dist build/wheel build/wheels build/lib build/bdist.* *.egg-info
 	$(SAY) "the package with its compiled kernel (about a minute)"
-	@$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	@$(BIN)/python -m pip wheel --quiet --no-build-isolation --no-deps --wheel-dir build/wheel .
 	@rm -rf build/lib build/bdist.* *.egg-info
-	@$(BIN)/python -c 'import sys, zipfile; sys.exit("__mypyc" not in str(zipfile.ZipFile(sys.argv[1]).namelist()))' dist/sar_compiler-*.whl || { echo "make: the kernel is not compiled in $$(echo dist/sar_compiler-*.whl)"; exit 1; }
+	@$(BIN)/python -c 'import sys, zipfile; sys.exit("__mypyc" not in str(zipfile.ZipFile(sys.argv[1]).namelist()))' build/wheel/*.whl || { echo "make: the kernel is not compiled in $$(echo build/wheel/*.whl)"; exit 1; }
+	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/auditwheel repair --wheel-dir dist build/wheel/*.whl >build/wheel/auditwheel.log 2>&1 || { cat build/wheel/auditwheel.log; exit 1; }
 	$(SAY) "the interface packages (half a minute)"
 	@$(call colcon,build/wheels,)
 	@$(BIN)/python pip_interfaces/wheels.py build/wheels dist
@@ -242,7 +244,7 @@ release: require
 	done; \
 	[ -z "$$lacks" ] || { echo "make: nothing is released, for wheels are made for $(RELEASED); for fewer: make release RELEASED='3.11 3.12'"; exit 1; }
 	@$(PYTHON) .ci/release.py prepare
-	@$(MAKE) --no-print-directory env
+	@$(MAKE) --no-print-directory $(VENV)/.packages
 	@rm -rf build/release && mkdir -p build/release
 	$(SAY) "the source distribution (some seconds)"
 	@SAR_KERNEL=python $(BIN)/uv build --quiet --no-config --sdist --out-dir build/release
@@ -252,7 +254,7 @@ release: require
 	done
 	@rm -rf dist && mv build/release dist && rm -f dist/.gitignore && $(BIN)/python .ci/release.py tag dist $(RELEASED)
 	$(SAY) "made for $(RELEASED); done:" && ls dist && \
-	echo "make: nothing is uploaded. To publish: git push --follow-tags, and the project's own files of dist by twine"
+	echo "make: nothing is uploaded. To publish: git push --follow-tags, and twine upload dist/sar_compiler-*"
 
 # What the project is compared with, and the project as it is installed without ROS. A library that cannot be installed is left
 # out, and the benchmarks say so. What setuptools leaves in build/ would be installed the next time.

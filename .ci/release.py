@@ -120,7 +120,7 @@ def tag(folder: Path, pythons: "list[str]") -> None:
     """
     name = version()
     wanted = [f"sar_compiler-{name}.tar.gz"]
-    wanted += [f"sar_compiler-{name}-cp{python.replace('.', '')}-*.whl" for python in pythons]
+    wanted += [f"sar_compiler-{name}-cp{python.replace('.', '')}-*manylinux*.whl" for python in pythons]
     if missing := [each for each in wanted if not [*folder.glob(each)]]:
         raise NotReadyError(f"{folder} lacks {', '.join(missing)}")
     if changed := git("status", "--porcelain"):

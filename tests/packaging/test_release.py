@@ -59,7 +59,7 @@ def made(folder, *pythons):
     """Lay out what is built for some Pythons."""
     files = [
         f"sar_compiler-{VERSION}.tar.gz",
-        *(f"sar_compiler-{VERSION}-cp{each}-cp{each}-linux.whl" for each in pythons),
+        *(f"sar_compiler-{VERSION}-cp{each}-cp{each}-manylinux_2_17_x86_64.whl" for each in pythons),
     ]
     for each in files:
         (folder / each).touch()
