@@ -112,7 +112,7 @@ class Runs:
         """Read all trees anew, and return their IDs.
 
         Raises:
-            ServedTreesError: If one of them cannot be flown, or two have the same ID.
+            SarError: If one of them cannot be flown, with these options, or two have the same ID.
         """
         from sar_compiler.project import Workspace
 
@@ -130,8 +130,9 @@ class Runs:
 
         Raises:
             ServedTreesError: If it has errors.
+            FaultError: If `--fault` names one that is not of its mission.
         """
-        from sar_compiler.missions.beginning import node_name
+        from sar_compiler.missions.beginning import node_name, parse_faults
 
         found, ros = [], self._options.ros
         try:
@@ -144,6 +145,9 @@ class Runs:
                         f"the tree in {name} has no ID, by which a goal could name it: give it one"
                     )
                 mission = loaded.mission(binding)
+                parse_faults(
+                    self._options.fault, mission
+                )  # a slip would end each run, and no start of the server
                 node = _given_name(ros) or node_name(mission)
                 files = parameter_files(ros, self._options.params)
                 verbs = _verbs_of(mission, binding, files, f"/{node}")

@@ -95,7 +95,7 @@ def parameters_of(payload: str) -> Mapping[str, object]:
         raise PayloadError(f"the payload is no JSON: {error}") from error
     if not isinstance(found, dict):
         raise PayloadError(
-            'the payload is a JSON object with parameters of the mission, such as {"max_mission_sec": 600.0}'
+            'the payload is a JSON object with parameters of the mission, such as {"tick_rate_hz": 4.0}'
         )
     return dict(_flat(found, "", _DEEPEST))
 

@@ -1,12 +1,16 @@
 """What a client of `sar-run --serve` is told of a run, and what its payload means."""
 
+import re
+from pathlib import Path
 from threading import Event
 
 import pytest
 
 from sar_compiler.cli.serve import ended_run, holder
+from sar_compiler.missions.choosing import find_mission
 from sar_compiler.missions.mission import Verb
 from sar_compiler.missions.verb_calls import VerbCalls
+from sar_compiler.ros.parameter_reader import RUN_PARAMETER_NAMES
 from sar_compiler.ros.served_runs import EndedRun, PayloadError, parameters_of
 from tests.ros.conftest import make_ros, ros
 
@@ -40,6 +44,21 @@ def test_a_payload_names_parameters_one_below_the_other():
         "a.d": "x",
         "e": True,
     }
+
+
+def test_the_payloads_that_users_are_shown_have_parameters_that_the_mission_reads():
+    shown = re.findall(
+        r"parameters of the mission: `({.*})`", Path("docs/serving.md").read_text(encoding="utf-8")
+    )
+    with pytest.raises(PayloadError) as refused:
+        parameters_of("[1]")
+    shown += re.findall("such as ({.*})", str(refused.value))
+    read = {
+        name.partition(".")[0]
+        for name in (*RUN_PARAMETER_NAMES, *find_mission("search_and_rescue").parameter_names)
+    }
+    assert [len(parameters_of(payload)) for payload in shown] == [3, 1]
+    assert {name.partition(".")[0] for payload in shown for name in parameters_of(payload)} <= read
 
 
 @pytest.mark.parametrize("payload", ["", "  \n", "{}"])

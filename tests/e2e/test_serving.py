@@ -294,6 +294,12 @@ def test_two_trees_of_one_name_are_refused(serve):
     assert "have a tree 'Short' both" in server.output
 
 
+def test_a_fault_that_there_is_not_ends_the_server_before_anybody_can_start_a_run(start):
+    server = start("sar-run", "--serve", "search_and_rescue", "--sim", "--fault", "navigate_to_pose:abort")
+    assert server.end() == 2
+    assert "fault 'navigate_to_pose:abort': expected" in server.output
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
