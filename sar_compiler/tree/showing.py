@@ -10,6 +10,8 @@ UNSEEN = re.compile(
     "\U000e0000-\U000e007f]"
 )
 """What people are not shown as it is."""
+UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+"""What no XML can say, not even by a reference."""
 
 
 def shortened(text: str) -> str:

@@ -24,12 +24,11 @@ from sar_compiler.tree.model import (
     is_name,
     text_of_yaml,
 )
+from sar_compiler.tree.showing import UNSPEAKABLE
 from sar_compiler.tree.yaml_events import Events
 from sar_compiler.tree.yaml_spans import YamlSpans
 
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
-# What no XML can say, not even by a reference.
-_UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
 # Written behind a plain text, with nothing but one blank in between: few comments are.
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
@@ -261,7 +260,7 @@ class _YamlReader:
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty text, or delete the line"
             self._report("missing-value", message, *_place(key), hint=hint)
-        elif value.style == '"' and (unspeakable := _UNSPEAKABLE.search(value.value)):
+        elif value.style == '"' and (unspeakable := UNSPEAKABLE.search(value.value)):
             message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
             self._report("wrong-character", message, *_place(value), hint="delete it")
         elif value.tag is not None:

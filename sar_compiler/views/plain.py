@@ -4,10 +4,7 @@ import re
 from enum import Enum
 
 from sar_compiler.journal.json_values import json_text
-from sar_compiler.tree.showing import UNSEEN
-
-# The characters that are not allowed in XML 1.0, not even escaped.
-_UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+from sar_compiler.tree.showing import UNSEEN, UNSPEAKABLE
 
 
 def as_json(data: object, indent: int | None = 2) -> str:
@@ -46,4 +43,4 @@ def count_text(number: int, what: str) -> str:
 
 def speakable(text: str) -> str:
     """Return a text with each character replaced that XML cannot have."""
-    return _UNSPEAKABLE.sub("\ufffd", text)
+    return UNSPEAKABLE.sub("\ufffd", text)
