@@ -267,8 +267,8 @@ SAID_ELSEWHERE = {
     "views/report_html.py": {"astimezone"},
     "web/static/tree_view.js": {"Home"},  # a key of the keyboard
     "sim/world.py": {"disaster_zone", "zones"},  # a shipped world; the key of its file
-    "cli/sim_sweep.py": {"disaster_zone"},  # the world of --sim
-    "cli/run.py": {"disaster_zone", "search_and_rescue"},  # the world of --sim, and the default tree
+    "cli/arguments.py": {"disaster_zone"},  # the world of --sim
+    "cli/run.py": {"disaster_zone", "search_and_rescue"},  # the help of --sim, and the default tree
     "cli/console.py": {  # two commands that scripts rely on, and whose they are
         "sar_detect_survivor_server",
         "sar_report_survivor_server",

@@ -42,6 +42,7 @@ FILE, FOLDER = ArgumentKind("file", Path), ArgumentKind("folder", Path)
 YAML_FILE, PALETTE = ArgumentKind("YAML file", Path), ArgumentKind("palette", Path)
 TREE, TREE_INPUT = ArgumentKind("tree"), ArgumentKind("tree", _tree_input)
 TREE_ID, WORLD = ArgumentKind("tree's ID"), ArgumentKind("world")
+DEFAULT_WORLD = "disaster_zone"
 
 
 class Parser(CommandParser):

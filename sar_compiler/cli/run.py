@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from sar_compiler.cli.arguments import (
+    DEFAULT_WORLD,
     FILE,
     REPORT_FORMS,
     TREE,
@@ -36,7 +37,6 @@ PROG = "sar-run"
 
 ENGINES = ("own", "py_trees_ros")
 _DEFAULT_TREE = "search_and_rescue"
-_DEFAULT_WORLD = "disaster_zone"
 _RESUMED = 3
 _NO_JOURNAL = Path("none")
 
@@ -251,7 +251,7 @@ def _add_simulation(parser: Parser, group: _ArgumentGroup) -> None:
         "simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers in this process; "
         "without it, they must run already"
     )
-    add("--sim", nargs="?", const=_DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
+    add("--sim", nargs="?", const=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
     text = "with --sim: simulated seconds per second, at most; time slows rather than skipping a step (default 1)"
     add("--speed", type=speed, metavar="N", help=text)
     text = (

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import TREE, WORLD, YAML_FILE, speed
+from sar_compiler.cli.arguments import DEFAULT_WORLD, TREE, WORLD, YAML_FILE, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
 from sar_compiler.cli.sweep import Written, add_sweep_options, add_varied_parameters, run_sweep
 from sar_compiler.cli.writing import write_text
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from sar_compiler.checks.sweep import Played, SweptRow
     from sar_compiler.sim.flights import Flights
 
-DEFAULT_WORLD = "disaster_zone"
 _NO_FAULTS = "none"
 # More than any machine does: a flight takes the processor's time.
 _SPEED = 1000.0
