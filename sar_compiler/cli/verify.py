@@ -157,7 +157,7 @@ def _export(verification: "Verification", prefix: Path, name: str) -> None:
 
 def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:
     """Print the result, or the comparison of two, and return the exit status."""
-    from sar_compiler.checks.verify.comparing import VerificationComparison
+    from sar_compiler.checks.verify.verdicts import VerificationComparison
     from sar_compiler.views import verification as views
 
     if len(done) == 1:

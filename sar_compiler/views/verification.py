@@ -11,9 +11,17 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import NamedTuple
 
-from sar_compiler.checks.verify.comparing import BETTER, OTHER, SAME, WORSE, VerificationComparison
 from sar_compiler.checks.verify.state_space import StateSpace, Trace
-from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
+from sar_compiler.checks.verify.verdicts import (
+    BETTER,
+    OTHER,
+    SAME,
+    WORSE,
+    ProofStatus,
+    Verdict,
+    Verification,
+    VerificationComparison,
+)
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord
 from sar_compiler.views.plain import as_json, count_text, plain, value_as_script
 from sar_compiler.views.runs import leaf_labels

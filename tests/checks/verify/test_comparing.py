@@ -2,15 +2,15 @@
 
 import pytest
 
-from sar_compiler.checks.verify.comparing import (
+from sar_compiler.checks.verify.verdicts import (
     BETTER,
     OTHER,
     SAME,
     WORSE,
     ComparedAnswer,
+    Verdict,
     VerificationComparison,
 )
-from sar_compiler.checks.verify.verdicts import Verdict
 from tests.checks.verify.stage import BROKEN, PROVED, UNDECIDED, verified
 
 
