@@ -11,8 +11,7 @@ from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.companion import Companion
-from sar_compiler.views.mission_report import ReportError, georeference, report_text, require_form
-from sar_compiler.views.short_paths import ShortPaths
+from sar_compiler.views.mission_report import ReportError, ShortPaths, georeference, report_text, require_form
 from sar_compiler.views.why import Inquiry, Why
 
 
