@@ -344,7 +344,8 @@ class NavigateThroughPieces(NavigateToPiece):
         passed = feedback.number_of_poses_remaining > 0 and self._pass(feedback.number_of_poses_remaining)
         if not (passed and self.homing.is_asked):
             return None
-        self.homing.place = MapPose(x=here[0], y=here[1], yaw=here[2]) if (here := self._here()) else None
+        if (here := self._here()) is not None:
+            self.homing.place = MapPose(x=here[0], y=here[1], yaw=here[2])
         return self._piece_by_piece() if self.homing.shortage(self.clock.now()) else None
 
     def on_result(self, status: int, result: Any) -> Status:
