@@ -116,3 +116,14 @@ def test_each_mistake_in_the_file_is_named_before_the_flight(
     with pytest.raises(ParameterError) as raised:
         begun(tmp_path, content, **changed)
     assert str(raised.value.problems[0]).startswith(said)
+
+
+def test_a_corner_that_is_just_as_far_as_may_be_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pyproj import Geod
+
+    inverse = Geod(ellps="WGS84").inv
+    farthest = max(inverse(PLACE.lon, PLACE.lat, lon, lat)[2] for lon, lat in ring())
+    monkeypatch.setattr("sar_compiler.missions.search_and_rescue.areas_file._FARTHEST_M", farthest)
+    assert list(begun(tmp_path, [feature()]).sweeps.grounds) == ["north"]

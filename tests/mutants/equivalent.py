@@ -26,18 +26,6 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
         "schemas refer to the type by it, and any name that no other type has will do",
     ),
     (
-        "sar_compiler/sim/follower.py",
-        "near = ending and away < self._settings.position_tolerance",
-        "< -> <=",
-        "a distance that is worked out from positions is exactly the tolerance in no drive",
-    ),
-    (
-        "sar_compiler/missions/search_and_rescue/areas_file.py",
-        "if far > _FARTHEST_M:",
-        "> -> >=",
-        "what the ellipsoid has between two places is exactly that many metres for none of them",
-    ),
-    (
         "sar_compiler/web/replay.py",
         "begin = min(firsts, default=0.0)",
         "0.0 -> 1.0",

@@ -1,11 +1,12 @@
 """Planning, following, and the end of drives, without ROS."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sar_compiler.sim.follower import Follower, Path2D
+from sar_compiler.sim.follower import Follower, FollowerSettings, Path2D
 from sar_compiler.sim.geometry import Box, Pose2D, normalise_angle
 from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
@@ -109,6 +110,16 @@ def test_the_tour_of_all_zones_ends_at_each_pose(disaster_zone: World, planner: 
         assert abs(robot.state.velocity.v) < 0.02
         assert not any(state.touching for state in states)
     assert now < 100.0
+
+
+def test_a_robot_drives_on_until_it_is_nearer_than_its_tolerance(disaster_zone: World) -> None:
+    robot = Robot(disaster_zone)
+    way = Path2D(np.array([(0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (1.0, 0.0)]))
+    speeds = []
+    for x in (0.75, 0.76):
+        follower = Follower(way, None, robot.limits, FollowerSettings(position_tolerance=0.25))
+        speeds.append(follower.command(replace(robot.state, pose=Pose2D(x, 0.0))).v)
+    assert speeds[0] > 0.0 == speeds[1]
 
 
 def test_the_same_drive_twice_is_the_same(disaster_zone: World, planner: Planner) -> None:
