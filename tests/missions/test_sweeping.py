@@ -326,6 +326,22 @@ class TestLeaves:
         assert "a cannot be swept: no stop of it can be driven to" in stage.warnings[0]
         assert publisher.topic_name.endswith("map")
 
+    @pytest.mark.parametrize(("seconds", "metres"), [(1.0, 0.0), (5.0, 3.0)])
+    def test_who_is_far_away_has_driven_there_only_where_there_was_time_for_it(
+        self, seconds: float, metres: float, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        search = planned(searching())
+        leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
+        leaf._clock = clock = ManualClock()
+        leaf._robot.place = lambda: (0.0, 1.0, 0.0)
+        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        clock.advance(seconds)
+        leaf._robot.place = lambda: (3.0, 1.0, 0.0)
+        leaf.tick_once()
+        assert self.take(stage, search, "AdvancePiece").tick_once() is None
+        assert search.sweeps.of("a").metres == pytest.approx(metres)
+
     def through(self, stage: "Stage", search: Search) -> Any:
         ports = {"record": search.record, "homing": search.context[Homing], "clock": ManualClock()}
         return self.take(stage, search, "NavigateThroughPieces", until_pod=0.5, **ports)

@@ -28,8 +28,8 @@ Passes = Annotated[int, at_least(1)]
 
 # What is nearer than that is the robot's place as well, metres.
 _STANDS_M = 0.05
-# Who was here and is there now did not drive there, metres: the localisation has jumped.
-_JUMP_M = 2.0
+# Who was here and is so far away now, metres, and faster than that, m/s, did not drive there: the localisation has jumped.
+_JUMP_M, _FASTEST_MPS = 2.0, 1.5
 
 
 @dataclass(eq=False, repr=False)
@@ -239,6 +239,7 @@ class NavigateToPiece(NavigateTo):
         super().__post_init__()
         self._robot: RobotEstimate | None = None
         self._place: tuple[float, float] | None = None
+        self._looked_at = math.inf
         self._zone_id = ""
 
     def setup(self, **kwargs: Any) -> None:
@@ -284,12 +285,14 @@ class NavigateToPiece(NavigateTo):
         place = self._here()
         if place is None or not self._zone_id:
             return
-        here = (float(place[0]), float(place[1]))
+        here, now = (float(place[0]), float(place[1])), self._clock.now()
         before, self._place = self._place or here, here
+        # Where simulated time is fast, much of it may pass between two looks.
+        passed, self._looked_at = now - self._looked_at, now
         far = math.dist(before, here)
         if far < _STANDS_M:
             self._place = before
-        elif far < _JUMP_M:
+        elif far < max(_JUMP_M, _FASTEST_MPS * passed):
             obstacles = map_extent_of(self.node).obstacles()
             self.sweeps.drive(self._zone_id, [before, here], obstacles)
 
