@@ -276,6 +276,16 @@ def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
     ]
 
 
+def test_a_condition_that_finds_twice_in_a_tick_what_it_found_in_the_last_one_takes_nothing_again():
+    held = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    case = Case("<Sequence><P/><B/></Sequence>", held)
+    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    for answers in (1, 2):
+        for _ in range(answers):
+            assert taken(watch, (1, "FAILURE", "held")) == []
+        watch.end_tick("FAILURE")
+
+
 def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_script_that_counts_once():
     lost = "{status: FAILURE, label: lost, when: away || left > 0, then: 'left -= away ? 0 : 1; away = true'}"
     answers = (
