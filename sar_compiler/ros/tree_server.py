@@ -7,6 +7,7 @@ by another program, it has a bond as Nav2's nodes have.
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 from uuid import uuid4
 
@@ -153,6 +154,17 @@ class TreeExecutionServer(LifecycleNode):
             cancel_callback=self._take_cancel,
         )
         self.create_service(GetTrees, TREES_SERVICE, self._tell_trees)
+        # What rclpy raises of a transition that the state does not have would end the server, and with it the mission.
+        service = self._service_change_state
+        service.callback = partial(self._change_if_possible, service.callback)
+
+    def _change_if_possible(self, change: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+        wanted, (_, state) = request.transition, self._state_machine.current_state
+        if wanted.label or wanted.id in [each[0] for each in self._state_machine.available_transitions]:
+            return change(request, response)
+        self.get_logger().warning(f"Refused: there is no transition {wanted.id} from the state '{state}'.")
+        response.success = False
+        return response
 
     @property
     def is_busy(self) -> bool:

@@ -212,6 +212,19 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     assert client.trees() == []
 
 
+def test_a_transition_that_there_is_not_is_refused_and_the_mission_goes_on(client, serve):
+    server = serve(LONG, options=["--managed"])
+    assert change(client, "configure")
+    assert change(client, "activate")
+    goal = client.ask("Long")
+    client.hear("Wait RUNNING")
+    assert not change(client, "configure")
+    server.wait_for("Refused: there is no transition 1 from the state 'active'.")
+    assert state_of(client) == "active"
+    client.cancel(goal)
+    assert client.end(goal)[0] == CANCELED
+
+
 def test_a_lifecycle_manager_hears_by_a_bond_that_the_server_is_alive(client, serve):
     from bond.msg import Status
 
