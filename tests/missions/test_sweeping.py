@@ -342,6 +342,22 @@ class TestLeaves:
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         assert search.sweeps.of("a").metres == pytest.approx(metres)
 
+    def test_a_place_that_was_not_known_for_long_is_no_drive_to_where_it_is_known_again(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        search = planned(searching())
+        leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
+        leaf._clock = clock = ManualClock()
+        leaf._robot.place = lambda: (0.0, 1.0, 0.0)
+        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        for place in (None, (3.0, 1.0, 0.0)):
+            clock.advance(5.0 if place is None else 0.1)
+            leaf._robot.place = lambda place=place: place
+            leaf.tick_once()
+        assert self.take(stage, search, "AdvancePiece").tick_once() is None
+        assert search.sweeps.of("a").metres == 0.0
+
     def through(self, stage: "Stage", search: Search) -> Any:
         ports = {"record": search.record, "homing": search.context[Homing], "clock": ManualClock()}
         return self.take(stage, search, "NavigateThroughPieces", until_pod=0.5, **ports)

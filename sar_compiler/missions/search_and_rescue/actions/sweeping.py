@@ -282,13 +282,14 @@ class NavigateToPiece(NavigateTo):
         return self._robot.place() if self._robot is not None else None
 
     def _look(self) -> None:
+        # Where simulated time is fast, much of it may pass between two looks; a look that finds no place is one.
+        now = self._clock.now()
+        passed, self._looked_at = now - self._looked_at, now
         place = self._here()
         if place is None or not self._zone_id:
             return
-        here, now = (float(place[0]), float(place[1])), self._clock.now()
+        here = (float(place[0]), float(place[1]))
         before, self._place = self._place or here, here
-        # Where simulated time is fast, much of it may pass between two looks.
-        passed, self._looked_at = now - self._looked_at, now
         far = math.dist(before, here)
         if far < _STANDS_M:
             self._place = before
