@@ -145,9 +145,8 @@ class Runs:
                         f"the tree in {name} has no ID, by which a goal could name it: give it one"
                     )
                 mission = loaded.mission(binding)
-                parse_faults(
-                    self._options.fault, mission
-                )  # a slip would end each run, and no start of the server
+                # A slip would end each run, and not the start of the server.
+                parse_faults(self._options.fault, mission)
                 node = _given_name(ros) or node_name(mission)
                 files = parameter_files(ros, self._options.params)
                 verbs = _verbs_of(mission, binding, files, f"/{node}")

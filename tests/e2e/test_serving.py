@@ -105,11 +105,13 @@ def state_of(client):
     return client.call(GetState, "sar_tree_server/get_state", GetState.Request()).current_state.label
 
 
-def change(client, label):
+def change(client, label, *, by_label=False):
+    """Ask for a transition, by its number as Nav2's manager does, or by its label; return whether it was made."""
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
 
-    wanted = Transition(id=getattr(Transition, f"TRANSITION_{label.upper()}"))
+    by_number = Transition(id=getattr(Transition, f"TRANSITION_{label.upper()}"))
+    wanted = Transition(label=label) if by_label else by_number
     return client.call(
         ChangeState, "sar_tree_server/change_state", ChangeState.Request(transition=wanted)
     ).success
@@ -218,6 +220,7 @@ def test_a_transition_that_there_is_not_is_refused_and_the_mission_goes_on(clien
     assert change(client, "activate")
     goal = client.ask("Long")
     client.hear("Wait RUNNING")
+    assert not change(client, "configure", by_label=True)
     assert not change(client, "configure")
     server.wait_for("Refused: there is no transition 1 from the state 'active'.")
     assert state_of(client) == "active"
