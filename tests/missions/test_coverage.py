@@ -149,6 +149,13 @@ def test_gaps_of_any_shape_are_sound_and_can_be_swept(seen: list[bool]) -> None:
         assert sweep(gaps, "parallel", 0.5, MapPose(x=0.0, y=0.0, yaw=0.0))
 
 
+@given(x=st.floats(-50.0, 50.0), y=st.floats(-50.0, 50.0))
+def test_ground_that_nobody_looked_at_is_one_gap_wherever_it_lies(x: float, y: float) -> None:
+    corners = ((x, y), (x + 4.0, y), (x + 4.0, y + 3.0), (x, y + 3.0))
+    [gap] = Raster(Ground(corners, 4.0, 3.0)).gaps(0.5)
+    assert len(gap) == 4
+
+
 def test_ground_that_was_looked_at_well_has_no_gaps() -> None:
     raster = Raster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
     for _ in range(20):

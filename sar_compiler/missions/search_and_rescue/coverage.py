@@ -168,10 +168,14 @@ class Raster:
         """
         import shapely
 
-        missed = self.searchable & (1.0 - np.exp(-self.coverage) < until_pod)
-        half = self.cell_m / 2
-        x, y = self.centres[missed].T
-        joined = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half))
+        missed = np.zeros(len(self._inside), np.int8)
+        missed[self._inside] = self.searchable & (1.0 - np.exp(-self.coverage) < until_pod)
+        # Neighbours in a row are one box: boxes of single cells take fifty times as long to join.
+        edges = np.diff(missed.reshape(-1, self._columns), axis=1, prepend=0, append=0)
+        (rows, begins), (_, ends) = np.nonzero(edges > 0), np.nonzero(edges < 0)
+        x, y = self._low
+        left, right, low = x + begins * self.cell_m, x + ends * self.cell_m, y + rows * self.cell_m
+        joined = shapely.union_all(shapely.box(left, low, right, y + (rows + 1) * self.cell_m))
         parts = [part for part in _without_holes(joined) if part.area > _FEWEST_CELLS * self.cell_m**2]
         parts.sort(key=lambda part: -part.area)
         return [tuple(map(tuple, part.exterior.simplify(0.0).coords[:-1])) for part in parts]
