@@ -616,6 +616,7 @@ def preview_tree(binding: Binding) -> CompiledTree:
     )
 
 
+@gc_paused()
 def compile_with(
     binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: Collector
 ) -> CompiledTree:
@@ -633,8 +634,7 @@ def compile_with(
     builder.prepare(top)
     if _has_error(collector.findings):
         raise TreeError(_in_order(collector.findings))
-    with gc_paused():
-        root, origins = builder.place(top, binding.main.root), Origins(builder.constructions)
+    root, origins = builder.place(top, binding.main.root), Origins(builder.constructions)
     remember(root, origins)
     return CompiledTree(root, origins, top)
 
