@@ -3,13 +3,14 @@
 import math
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap, Raster
+from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap, Points, Raster
 from sar_compiler.missions.search_and_rescue.sweeps import sweep
 from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 
@@ -104,6 +105,39 @@ def test_as_much_is_seen_as_sight_lines_between_the_walls_allow(
     lines = [shapely.LineString([(x, y), centre]) for centre in raster.centres]
     theirs = ~shapely.intersects(lines, solid) & (shapely.length(lines) <= 4.0)
     assert np.mean(mine != theirs) <= 0.02
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.5])
+def test_far_sight_past_a_pillar_leaves_its_shadow_and_nothing_else(yaw: float) -> None:
+    """By hand: the shadow of a pillar of 1 m at 5 m is a wedge, also where the map is turned."""
+    turned = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
+    corners = np.array([[0.0, 0.0], [25.0, 0.0], [25.0, 25.0], [0.0, 25.0]]) @ turned
+    blocked = np.zeros((500, 500), bool)
+    blocked[240:260, 140:160] = True
+    raster = Raster(
+        Ground(tuple(map(tuple, corners)), 40.0, 25.0), ObstacleMap(blocked, 0.05, (0.0, 0.0, yaw))
+    )
+    seen = np.zeros(len(raster.centres), bool)
+    x, y = np.array([2.0, 12.5]) @ turned
+    seen[raster.seen_from(x, y, 25.0)] = True
+    along, across = (raster.centres @ turned.T - (2.0, 12.5)).T
+    hidden = (along > 5.0) & (abs(across) <= 0.1 * along)
+    apart = np.hypot(along, across)
+    assert np.mean((seen != ~hidden)[apart < 24.9]) < 0.003
+
+
+def test_however_far_one_sees_each_cell_is_looked_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive is computed in the ticks: rays of samples took seconds a metre at twenty metres."""
+    looked_up, at = list[int](), ObstacleMap.at
+
+    def counted(self: ObstacleMap, points: Points) -> npt.NDArray[np.bool_]:
+        looked_up.append(points.size // 2)
+        return at(self, points)
+
+    monkeypatch.setattr(ObstacleMap, "at", counted)
+    raster = Raster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 32.0, 20.0), room())
+    raster.seen_from(5.0, 5.0, 20.0)
+    assert sum(looked_up) <= len(raster.centres) + 1
 
 
 def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:

@@ -13,6 +13,7 @@ import math
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,15 +49,66 @@ class ObstacleMap:
 
     def at(self, points: Points) -> npt.NDArray[np.bool_]:
         """Return which positions are blocked; of the shape of `points` (metres, frame `map`) without its last axis, which is x and y."""
-        x, y, yaw = self.origin
-        right, up = points[..., 0] - x, points[..., 1] - y
-        column = np.floor((right * math.cos(yaw) + up * math.sin(yaw)) / self.resolution).astype(int)
-        row = np.floor((up * math.cos(yaw) - right * math.sin(yaw)) / self.resolution).astype(int)
+        cells = np.floor(self._in_cells(points)).astype(int)
+        column, row = cells[..., 0], cells[..., 1]
         rows, columns = self.blocked.shape
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
         blocked: npt.NDArray[np.bool_] = ~inside
         blocked[inside] = self.blocked[row[inside], column[inside]]
         return blocked
+
+    def hides(self, eye: Points, points: Points, reach: float) -> npt.NDArray[np.bool_]:
+        """Return which positions cannot be seen from a place, all in metres, frame `map`: those that are blocked, and those behind what is.
+
+        Args:
+            eye: The place.
+            points: The positions, by row.
+            reach: How far they are at most, metres.
+        """
+        if self.at(eye[None]).any():
+            return np.ones(len(points), bool)
+        here = self._in_cells(eye)
+        most = reach / self.resolution
+        # As narrow as half a cell at the end.
+        count = math.ceil(4 * math.pi * most)
+        first_wall = np.full(count, np.inf)
+        directions, distances = self._walls_around(here, most, count)
+        np.minimum.at(first_wall, directions, distances)
+        away = self._in_cells(points) - here
+        towards = np.rint(np.arctan2(away[:, 1], away[:, 0]) * count / math.tau).astype(int) % count
+        behind: npt.NDArray[np.bool_] = np.hypot(*away.T) > first_wall[towards]
+        return behind | self.at(points)
+
+    def _in_cells(self, points: Points) -> Points:
+        """Return positions (metres, frame `map`) by column and row."""
+        x, y, yaw = self.origin
+        right, up = points[..., 0] - x, points[..., 1] - y
+        along, across = right * math.cos(yaw) + up * math.sin(yaw), up * math.cos(yaw) - right * math.sin(yaw)
+        return np.stack([along, across], axis=-1) / self.resolution
+
+    @cached_property
+    def _walls(self) -> npt.NDArray[np.bool_]:
+        """What is blocked and has a neighbour that is not: whoever sees it does not see what is behind."""
+        around = np.pad(self.blocked, 1, constant_values=True)
+        within = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
+        walls: npt.NDArray[np.bool_] = self.blocked & ~within
+        return walls
+
+    def _walls_around(
+        self, here: Points, most: float, count: int
+    ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+        """Return in which of so many directions there are walls, and how far they are, in cells."""
+        left, low = np.maximum(np.floor(here - most).astype(int), 0)
+        right, high = np.maximum(np.ceil(here + most).astype(int), 0)
+        rows, columns = np.nonzero(self._walls[low:high, left:right])
+        x, y = columns + left + 0.5 - here[0], rows + low + 0.5 - here[1]
+        distances, bearings = np.hypot(x, y), np.arctan2(y, x)
+        # A cell is as wide as its shadow: a side where it is seen straight on, a diagonal from a corner.
+        half = np.arctan((abs(x) + abs(y)) / (2.0 * distances**2))
+        first = np.ceil((bearings - half) * count / math.tau).astype(int)
+        each = np.floor((bearings + half) * count / math.tau).astype(int) - first + 1
+        begins = np.repeat(first - (each.cumsum() - each), each)
+        return (begins + np.arange(len(begins))) % count, np.repeat(distances, each)
 
 
 class Raster:
@@ -136,11 +188,7 @@ class Raster:
         [near] = np.nonzero(np.hypot(*(self.centres - eye).T) <= reach)
         if self.obstacles is None or not len(near):
             return near
-        # Two samples to a cell of the map, so that no wall lies between two of them; the last one is the cell itself.
-        count = math.ceil(2 * reach / self.obstacles.resolution)
-        shares = np.linspace(0.0, 1.0, count + 1)[1:, None, None]
-        between = eye + shares * (self.centres[near] - eye)
-        return near[~self.obstacles.at(between).any(axis=0)]
+        return near[~self.obstacles.hides(eye, self.centres[near], reach)]
 
     def pod(self) -> float:
         """Return how likely all that was driven has found who is there, 0 to 1: the mean over the cells that can be searched."""
