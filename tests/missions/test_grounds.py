@@ -71,8 +71,10 @@ def test_other_ground_makes_another_mission() -> None:
         ({"detection_range": None}, "zones.a.sweep_width: is missing: give zones.a.detection_range"),
         ({"detection_range": -1.0}, "zones.a.detection_range: must be above 0, is -1"),
         ({"sweep_width": 0.0}, "zones.a.sweep_width: must be above 0, is 0"),
+        ({"sweep_width": 4.1}, "zones.a.sweep_width: is 4.1 m, and nobody is found farther away than zones.a.detection_range: write 4 at most"),
         ({"visibility": "foggy"}, "zones.a.visibility: must be high, medium, low, is 'foggy'"),
         ({"geofence": [-1.0, -1.0, 3.0, -1.0, 3.0, 5.0, -1.0, 5.0]}, "zones.a.polygon: has the corner (4, 0) outside the geofence"),
+        ({"geofence": [-1.0, -1.0, 5.0, -1.0, 5.0, 5.0, 2.1, 5.0, 2.1, 1.0, 1.9, 1.0, 1.9, 5.0, -1.0, 5.0]}, "zones.a.polygon: leaves the geofence between its corners, at (2.10, 1.00)"),
         (
             {"polygon": [11.5, 48.1, 11.501, 48.1, 11.501, 48.101], "georeference__lat": 48.1, "georeference__lon": 11.5},
             "zones.a.polygon: looks like degrees: write metres in the frame `map`",
@@ -89,6 +91,11 @@ def test_each_mistake_in_the_ground_is_named_before_the_flight(changed: dict[str
         begun(**changed)
     [problem] = raised.value.problems
     assert str(problem).startswith(said)
+
+
+def test_an_outline_may_follow_the_fence_between_its_corners() -> None:
+    fence = [-1.0, 0.0, 5.0, 0.0, 5.0, 5.0, -1.0, 5.0]
+    assert begun(geofence=fence).sweeps.grounds["a"].polygon[0] == (0.0, 0.0)
 
 
 def test_a_polygon_in_metres_far_from_the_georeferences_degrees_is_one_in_metres() -> None:

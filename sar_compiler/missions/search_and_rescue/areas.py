@@ -22,6 +22,8 @@ COVERAGE = 0.9
 """Of a sweep for which nothing else is said: how often each place is covered by the sweep width."""
 LEAST_CORNERS = 3
 """Of an outline."""
+# An outline may follow the fence so closely.
+_TOUCHES_M = 1e-6
 # A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is no position in metres.
 _NEAR_DEG = 0.5
 
@@ -128,8 +130,15 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
         reader.report(width_key, text)
         return 1.0, 1.0
     per_range = sweep_width_of(1.0, str(visibility))
+    mistakes = len(reader.problems)
     width = reader.positive(width_key, reader.number(range_key, 0.0) * per_range)
-    return width, reader.positive(range_key, width / per_range)
+    reach = reader.positive(range_key, width / per_range)
+    if len(reader.problems) == mistakes and width > 2 * reach:
+        text = (
+            f"is {width:g} m, and nobody is found farther away than {range_key}: write {2 * reach:g} at most"
+        )
+        reader.report(width_key, text)
+    return width, reach
 
 
 def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
@@ -166,7 +175,14 @@ def outline_objection(corners: Corners, fence: Fence) -> str:
         x, y = shapely.is_valid_reason(outline).partition("[")[2].rstrip("]").split()
         return f"crosses or touches itself at ({float(x):.2f}, {float(y):.2f})"
     outside = [corner for corner in corners if not fence.contains(*corner)]
-    return f"has the corner ({outside[0][0]:g}, {outside[0][1]:g}) outside the geofence" if outside else ""
+    if outside:
+        return f"has the corner ({outside[0][0]:g}, {outside[0][1]:g}) outside the geofence"
+    # A fence can come in between two corners.
+    edge = shapely.LinearRing(fence.corners).intersection(outline.buffer(-_TOUCHES_M))
+    if edge.is_empty:
+        return ""
+    place = edge.representative_point()
+    return f"leaves the geofence between its corners, at ({place.x:.2f}, {place.y:.2f})"
 
 
 def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
