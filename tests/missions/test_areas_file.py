@@ -83,6 +83,33 @@ def test_a_path_is_relative_to_the_file_with_the_parameter(tmp_path: Path) -> No
     assert reader.problems == []
 
 
+def test_a_ring_that_is_left_open_and_a_layer_of_qgis_have_all_of_their_corners(tmp_path: Path) -> None:
+    layer = feature("layer", rings=[[ring()]], kind="MultiPolygon", poa=0.1)
+    search = begun(tmp_path, [feature(rings=[ring()[:-1]]), layer])
+    for name in ("north", "layer"):
+        for found, drawn in zip(search.sweeps.grounds[name].polygon, CORNERS, strict=True):
+            assert math.dist(found, drawn) < 0.002
+
+
+def test_marks_and_folders_of_a_planner_are_no_areas_and_are_noted(tmp_path: Path) -> None:
+    """CalTopo writes the whole map into one file."""
+    mark = feature("last seen here", rings=[10.0, 48.1], kind="Point")
+    folder = {"type": "Feature", "properties": {"title": "Sector 1", "class": "Folder"}, "geometry": None}
+    text = json.dumps({"type": "FeatureCollection", "features": [folder, mark, feature()]})
+    (tmp_path / "areas.geojson").write_text(text, encoding="utf-8")
+    flat: dict[str, object] = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
+    reader = ParameterReader({**flat, "areas_file": str(tmp_path / "areas.geojson")})
+    assert list(MISSION.begin(reader).sweeps.grounds) == ["north"]
+    assert reader.notes == ["areas_file: 2 of 3 features are no polygons and no areas"]
+
+
+def test_a_layer_that_names_wgs_84_is_taken(tmp_path: Path) -> None:
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
+    assert list(begun(tmp_path, json.dumps({"crs": crs, "features": [feature()]})).sweeps.grounds) == [
+        "north"
+    ]
+
+
 SWAPPED = [[corner[::-1] for corner in ring()]]
 
 
@@ -96,7 +123,11 @@ SWAPPED = [[corner[::-1] for corner in ring()]]
         ([feature("")], {}, "areas_file: feature 1 needs a property `name` without a dot"),
         ([feature("a.b")], {}, "areas_file: feature 1 ('a.b') needs a property `name` without a dot"),
         ([feature(), feature()], {}, "areas_file: feature 2 ('north') has the name of another one"),
-        ([feature(kind="Point")], {}, "areas_file: feature 1 ('north') is no Polygon but Point"),
+        ([feature(kind="Point")], {}, "zone_order: is empty"),
+        ([feature(rings=[[ring()], [ring()]], kind="MultiPolygon")], {}, "areas_file: feature 1 ('north') is no Polygon but MultiPolygon"),
+        ([{**feature(), "properties": "none"}], {}, "areas_file: feature 1 needs a property `name` without a dot"),
+        ('{"crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}, "features": []}', {}, "areas_file: is in the coordinates 'urn:ogc:def:crs:EPSG::25832': write it in WGS 84"),
+        ([feature(rings=[5])], {}, "areas_file: feature 1 ('north') is no Polygon"),
         ([feature(rings=[])], {}, "areas_file: feature 1 ('north') is no Polygon"),
         ([feature(rings=[ring(), ring()])], {}, "areas_file: feature 1 ('north') has holes"),
         ([feature(rings=[[[10, "a"], [1, 2]]])], {}, "areas_file: feature 1 ('north') has a corner that is no"),

@@ -17,6 +17,10 @@ _LARGEST_BYTES = 10_000_000
 # Nobody drives farther from the origin of a map.
 _FARTHEST_M = 50_000.0
 _MOST_DEGREES = (180.0, 90.0)
+# What planners have in the same file: marks, ways, and folders, which have no geometry.
+_NO_AREAS = (None, "Point", "MultiPoint", "LineString", "MultiLineString")
+# How older writers, such as QGIS, name longitude and latitude on WGS 84, which is all that GeoJSON has today.
+_WGS84 = ("CRS84", ":4326")
 
 
 class _AreasFileError(ValueError):
@@ -26,8 +30,9 @@ class _AreasFileError(ValueError):
 def take_areas_file(reader: ParameterReader) -> None:
     """Add the zones of the file that the parameter `areas_file` names to the parameters; what is written there counts before it.
 
-    Each polygon is a zone: `zones.<name>.polygon` in metres, and of its properties those that may stand beside a pose. Where no pose is given
-    it is a point inside. Without a `zone_order` the zones are listed as in the file. A path is relative to the file with the parameter.
+    Each polygon is a zone: `zones.<name>.polygon` in metres, and of its properties those that may stand beside a pose. Marks and lines are
+    passed over, which is noted. Where no pose is given it is a point inside. Without a `zone_order` the zones are listed as in the file.
+    A path is relative to the file with the parameter.
 
     Raises:
         ImportError: If there is such a file, and shapely or pyproj is not installed.
@@ -35,10 +40,16 @@ def take_areas_file(reader: ParameterReader) -> None:
     if AREAS_FILE not in reader.parameters:
         return
     try:
-        zones = dict(_zones(_features(_text(reader)), _origin(reader)))
+        features = _features(_text(reader))
+        areas = {at: each for at, each in enumerate(features, 1) if _kind(each) not in _NO_AREAS}
+        zones = dict(_zones(areas, _origin(reader)))
     except _AreasFileError as error:
         reader.report(AREAS_FILE, str(error))
         return
+    if others := len(features) - len(areas):
+        reader.notes.append(
+            f"{AREAS_FILE}: {others} of {len(features)} features are no polygons and no areas"
+        )
     drawn: dict[str, object] = {"zone_order": list(zones)}
     for name, values in zones.items():
         drawn |= {f"zones.{name}.{key}": value for key, value in values.items()}
@@ -67,7 +78,19 @@ def _features(text: str) -> list[Mapping[str, Any]]:
     features = data.get("features") if isinstance(data, dict) else None
     if not isinstance(features, list) or not all(isinstance(each, dict) for each in features):
         raise _AreasFileError("is no GeoJSON of polygons: it must be a FeatureCollection with features")
+    crs = _inside(_inside(data, "crs"), "properties").get("name", _WGS84[0])
+    if not str(crs).endswith(_WGS84):
+        raise _AreasFileError(f"is in the coordinates {crs!r:.60}: write it in WGS 84 (EPSG:4326)")
     return features
+
+
+def _inside(value: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = value.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _kind(feature: Mapping[str, Any]) -> Any:
+    return _inside(feature, "geometry").get("type")
 
 
 def _origin(reader: ParameterReader) -> tuple[float, float, float]:
@@ -81,7 +104,7 @@ def _origin(reader: ParameterReader) -> tuple[float, float, float]:
 
 
 def _zones(
-    features: list[Mapping[str, Any]], origin: tuple[float, float, float]
+    features: Mapping[int, Mapping[str, Any]], origin: tuple[float, float, float]
 ) -> Iterator[tuple[str, dict[str, object]]]:
     """Yield the name of each polygon, with what is a parameter of its zone.
 
@@ -89,8 +112,8 @@ def _zones(
         _AreasFileError: At the first feature that is none of a zone.
     """
     names = set[str]()
-    for number, feature in enumerate(features, 1):
-        properties = feature.get("properties") or {}
+    for number, feature in features.items():
+        properties = _inside(feature, "properties")
         name = next((properties[key] for key in _NAMES if properties.get(key)), "")
         where = f"feature {number}" + (f" ({name!r})" if name else "")
         if not isinstance(name, str) or not name or "." in name:
@@ -98,23 +121,24 @@ def _zones(
         if name in names:
             raise _AreasFileError(f"{where} has the name of another one")
         names.add(name)
-        corners = [_placed(corner, origin, where) for corner in _ring(feature.get("geometry"), where)]
+        corners = [_placed(corner, origin, where) for corner in _ring(_inside(feature, "geometry"), where)]
         yield name, {**_pose(corners), **_beside(properties)}
 
 
-def _ring(geometry: Any, where: str) -> list[Any]:
-    geometry = geometry if isinstance(geometry, dict) else {}
-    rings = geometry.get("coordinates")
-    if geometry.get("type") != "Polygon" or not isinstance(rings, list) or not any(rings):
-        raise _AreasFileError(
-            f"{where} is no Polygon but {geometry.get('type')}: draw each area as one polygon"
-        )
+def _ring(geometry: Mapping[str, Any], where: str) -> list[Any]:
+    kind, rings = geometry.get("type"), geometry.get("coordinates")
+    # QGIS writes a layer of polygons so.
+    if kind == "MultiPolygon" and isinstance(rings, list) and len(rings) == 1:
+        kind, rings = "Polygon", rings[0]
+    if kind != "Polygon" or not (isinstance(rings, list) and any(rings) and isinstance(rings[0], list)):
+        raise _AreasFileError(f"{where} is no Polygon but {kind}: draw each area as one polygon")
     if len(rings) > 1:
         raise _AreasFileError(
             f"{where} has holes: draw it without; what the map has as an obstacle is left out"
         )
+    corners = list(rings[0])
     # The last corner of a ring is the first one again.
-    return list(rings[0])[:-1]
+    return corners[:-1] if corners[-1] == corners[0] else corners
 
 
 def _placed(corner: Any, origin: tuple[float, float, float], where: str) -> tuple[float, float]:
