@@ -34,7 +34,6 @@ from sar_compiler.nodes.models import compare_models, described_specs, read_mode
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, Span
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, NO_SPANS, Element, FileBeginning, TreeFile
 
 Palettes = Iterable[TreeFile]
@@ -125,7 +124,6 @@ def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagn
     return findings[len(found) :]
 
 
-@gc_paused()
 def check_context(context: CheckContext) -> list[Diagnostic]:
     """Return everything that is wrong with a forest; see `check`."""
     forest = context.forest

@@ -24,6 +24,7 @@ from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
 from sar_compiler.nodes.values import ConversionError, ValueType, literal_value
 from sar_compiler.runtime.expressions import Assignment, Literal
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, Span
+from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses, likeness
 from sar_compiler.tree.model import Element
 
@@ -36,18 +37,19 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     if not context.sound:
         return  # a mistake elsewhere may be the reason why a key is not written
     reported: set[tuple[str, int, int]] = set()
-    for top in context.bound.tops:
-        board = entry_table_of(top, context.key_accesses)
-        model = context.bound.models.subtrees.get(top.tree.name)
-        ports = model.ports if model is not None else {}
-        for entry in board.entries if ports else ():
-            # Users of the tree pass it the keys that its model declares.
-            entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
-        for finding in _of_board(board, context):
-            place = (finding.source.path, finding.span.line, finding.span.column)
-            if place not in reported:
-                reported.add(place)
-                yield finding
+    with gc_paused():  # what is found of keys grows with the file, and is kept
+        for top in context.bound.tops:
+            board = entry_table_of(top, context.key_accesses)
+            model = context.bound.models.subtrees.get(top.tree.name)
+            ports = model.ports if model is not None else {}
+            for entry in board.entries if ports else ():
+                # Users of the tree pass it the keys that its model declares.
+                entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
+            for finding in _of_board(board, context):
+                place = (finding.source.path, finding.span.line, finding.span.column)
+                if place not in reported:
+                    reported.add(place)
+                    yield finding
 
 
 def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
