@@ -540,6 +540,12 @@ class NodeSpec:
         return self.skipping.possible is Skips.ALWAYS or leaf
 
     @functools.cached_property
+    def is_plain(self) -> bool:
+        """Whether there is nothing about an instance but its values, which are no scripts."""
+        is_special = self.references or self.is_demanding or self.takes_script or self.skips_by_itself
+        return self.kind.is_leaf and self.rule is None and not is_special
+
+    @functools.cached_property
     def renamed(self) -> dict[str, str]:
         """The parameters that have another name in the constructor."""
         return {p.name: p.keyword for p in self.parameters.values() if p.keyword}

@@ -248,10 +248,7 @@ class Binder:
             variants = self._meanings[tag] = self._variants(tag)
         known = self._known.get(element) if self._known is not None else None
         if known is not None:
-            bound = BoundNode(element, *known.parts)
-            if known.is_plain and not element.children:
-                self._current.nodes.append(bound)
-                return bound
+            bound = BoundNode(element, *known)
         else:
             if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
                 variants = []
@@ -262,6 +259,9 @@ class Binder:
                 self._report_anothers(element, spec)
                 return None
             bound = self._alone(element, tag, spec, variants)
+        if not element.children and bound.is_plain:
+            self._current.nodes.append(bound)
+            return bound
         self._file_away(bound)
         self._take_in(bound)
         self._count_children(bound)

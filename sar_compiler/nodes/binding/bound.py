@@ -92,9 +92,7 @@ class BoundNode:
     @property
     def is_plain(self) -> bool:
         """Whether there is nothing about it but its tag and values, which are no scripts, if it has no children either."""
-        spec, around = self.spec, self.keys or self.conditions or self.oneshot
-        is_special = spec.references or spec.is_demanding or spec.takes_script or spec.skips_by_itself
-        return spec.kind.is_leaf and spec.rule is None and not (around or is_special)
+        return self.spec.is_plain and not (self.keys or self.conditions or self.oneshot)
 
     @property
     def is_reactive(self) -> bool:

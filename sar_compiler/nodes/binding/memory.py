@@ -14,16 +14,8 @@ _KEPT = 50_000
 _WrittenElement: TypeAlias = tuple[str, ...]
 
 
-class KnownElement(NamedTuple):
-    """What an element means by what it says itself.
-
-    Attributes:
-        parts: The arguments of `BoundNode` behind the element.
-        is_plain: See `BoundNode.is_plain`.
-    """
-
-    parts: tuple[Any, ...]
-    is_plain: bool
+_Known: TypeAlias = tuple[Any, ...]
+"""What an element means by what it says itself: the arguments of `BoundNode` behind the element."""
 
 
 class KnownElements:
@@ -33,10 +25,10 @@ class KnownElements:
     """
 
     def __init__(self) -> None:
-        self._recent: dict[_WrittenElement, KnownElement] = {}
-        self._older: dict[_WrittenElement, KnownElement] = {}
+        self._recent: dict[_WrittenElement, _Known] = {}
+        self._older: dict[_WrittenElement, _Known] = {}
 
-    def get(self, element: Element) -> KnownElement | None:
+    def get(self, element: Element) -> _Known | None:
         """Return what an element meant that said the same; None if there was none."""
         written = _written(element)
         known = self._recent.get(written)
@@ -48,10 +40,10 @@ class KnownElements:
 
     def keep(self, bound: BoundNode) -> None:
         """Keep what an element means, before its children and references are known."""
-        parts = (bound.spec, bound.name, bound.values, bound.keys, bound.conditions, bound.oneshot)
-        self._keep(_written(bound.element), KnownElement(parts, bound.is_plain))
+        known = (bound.spec, bound.name, bound.values, bound.keys, bound.conditions, bound.oneshot)
+        self._keep(_written(bound.element), known)
 
-    def _keep(self, written: _WrittenElement, known: KnownElement) -> None:
+    def _keep(self, written: _WrittenElement, known: _Known) -> None:
         if len(self._recent) >= _KEPT:
             self._recent, self._older = {}, self._recent
         self._recent[written] = known
