@@ -85,7 +85,7 @@ def schema_errors(
         schema, errors = known.schema, known.errors
     else:
         elements = list(tree_file.root.iterate())
-        tags, notes = frozenset(element.tag for element in elements), frozenset(_notes(elements))
+        tags, notes = frozenset({element.tag for element in elements}), _notes(elements)
         schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
         text, lines = _as_xml(tree_file)
         errors = [(lines[line - 1], message) for line, message in _refused(text, schema)]
@@ -96,7 +96,9 @@ def schema_errors(
 
 def _refused(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
     """Return what a schema says about a text: pairs of line and message."""
-    parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)
+    parser = etree.XMLParser(
+        encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_blank_text=True
+    )
     try:
         document = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
@@ -121,8 +123,7 @@ def _is_as_before(tree_file: TreeFile, registry: Registry, known: Validated) -> 
     if change is None or change.before.source is not known.source:
         return False
     both = change.before, change.after
-    notes_before, notes_after = (set(_notes([each])) for each in both)
-    if notes_before != notes_after or any(
+    if _notes([change.before]) != _notes([change.after]) or any(
         _is_of_namespaces(name) for each in both for name in each.attributes
     ):
         return False
@@ -143,12 +144,10 @@ def _within(around: Iterable[Element], element: Element) -> Element:
     return element
 
 
-def _notes(elements: Iterable[Element]) -> Iterator[str]:
-    """Yield the attributes of elements that may be notes of an editor; what is a slip the rules have said."""
-    for element in elements:
-        for name in element.attributes:
-            if name.startswith("_") and ":" not in name and name not in CONDITIONS:
-                yield name
+def _notes(elements: Iterable[Element]) -> frozenset[str]:
+    """Return the attributes of elements that may be notes of an editor; what is a slip the rules have said."""
+    names = set().union(*(element.attributes for element in elements)).difference(CONDITIONS)
+    return frozenset(name for name in names if name.startswith("_") and ":" not in name)
 
 
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:

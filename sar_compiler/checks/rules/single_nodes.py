@@ -89,7 +89,7 @@ def check_names(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
     for bound in nodes:
-        found = _SEPARATOR.search(bound.name)
+        found = None if bound.name.isidentifier() else _SEPARATOR.search(bound.name)
         if found is None or "name" not in bound.element.attributes:
             continue
         sign = found[0]
