@@ -77,6 +77,8 @@ def end_condition(setup: RunSetup) -> EndCondition:
 _MAP = "map"
 # How long a map that somebody publishes may take to come, once everything else is there.
 _MAP_DEADLINE_SEC = 5.0
+# The least of an area that is told of where it lies beyond the map, square metres.
+_LEAST_TOLD_M2 = 0.1
 
 
 class RouteReport:
@@ -141,6 +143,8 @@ class RouteReport:
             if reach.cut_off_at is not None:
                 x, y = reach.cut_off_at
                 line += f"; no way leads to {reach.cut_off_m2:.1f} m², such as ({x:.2f}, {y:.2f})"
+            if reach.off_map_m2 >= _LEAST_TOLD_M2:
+                line += f"; {reach.off_map_m2:.1f} m² lie beyond the map"
             self.lines.append(line)
             if not reach.reached_m2:
                 self.problems.append(f"{area.name}: nothing of its area can be driven to.")

@@ -251,12 +251,14 @@ class Reach(NamedTuple):
         reached_m2: How much of it the robot can come to: free ground that its body covers somewhere on its ways.
         cut_off_m2: How much of it is free, and no way leads there, in parts that are worth telling of.
         cut_off_at: A place in the middle of the largest such part: x and y in metres, frame `map`; None if there is none.
+        off_map_m2: How much of it lies beyond the map.
     """
 
     area_m2: float
     reached_m2: float
     cut_off_m2: float = 0.0
     cut_off_at: tuple[float, float] | None = None
+    off_map_m2: float = 0.0
 
 
 def reach_of(
@@ -277,8 +279,12 @@ def reach_of(
 
     free, covered = planner.ground_from(Pose2D(*start))
     rows, columns = np.indices(free.shape)
-    centres = planner.occupancy.centre_of(rows.ravel(), columns.ravel())
-    cell_m2 = planner.occupancy.resolution**2
+    occupancy = planner.occupancy
+    centres = occupancy.centre_of(rows.ravel(), columns.ravel())
+    cell_m2 = occupancy.resolution**2
+    height, width = (cells * occupancy.resolution for cells in free.shape)
+    x, y = occupancy.origin_x, occupancy.origin_y
+    whole = shapely.box(x, y, x + width, y + height)
     found = []
     for corners in outlines:
         outline = shapely.Polygon(corners)
@@ -286,9 +292,11 @@ def reach_of(
         parts, count = label(inside & ~covered, structure=_TOUCHING)
         sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:] * cell_m2
         told = sizes[sizes >= _LEAST_TOLD_M2]
-        at = _middle_of(parts == 1 + int(sizes.argmax()), planner.occupancy) if len(told) else None
+        at = _middle_of(parts == 1 + int(sizes.argmax()), occupancy) if len(told) else None
         reached = float(np.count_nonzero(inside & covered)) * cell_m2
-        found.append(Reach(outline.area, reached, float(told.sum()), at))
+        found.append(
+            Reach(outline.area, reached, float(told.sum()), at, float(outline.difference(whole).area))
+        )
     return found
 
 

@@ -94,6 +94,14 @@ class TestTheReport:
         ground = {"zones.zone_b.polygon": away, "zones.zone_b.sweep_width": 2.0}
         assert self.report(begun(**ground)).problems == ["zone_b: nothing of its area can be driven to."]
 
+    def test_what_of_an_area_lies_beyond_the_map_is_told(self) -> None:
+        wide = [2.5, 2.0, 52.5, 2.0, 52.5, 4.0, 2.5, 4.0]
+        ground = {"zones.zone_b.polygon": wide, "zones.zone_b.sweep_width": 2.0}
+        report = self.report(begun(**ground))
+        [line] = [line for line in report.lines if " m²" in line]
+        assert line.endswith(" m² lie beyond the map")
+        assert report.problems == []
+
     def test_a_mission_that_drives_nowhere_has_nothing_to_tell(self) -> None:
         report = self.report(MissionRun())
         assert (report.lines, report.problems) == ([], [])

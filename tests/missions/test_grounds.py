@@ -93,6 +93,29 @@ def test_each_mistake_in_the_ground_is_named_before_the_flight(changed: dict[str
     assert str(problem).startswith(said)
 
 
+@pytest.mark.parametrize(
+    ("changed", "noted"),
+    [
+        ({}, []),
+        ({"x": 6.0}, []),
+        ({"x": 6.5}, ["zones.a has its pose (6.5, 1) 2.5 m outside its polygon"]),
+        (
+            {"sweep_width": 0.08},
+            [
+                "zones.a takes more than 2000 stops at coverage 0.9, which no sweep has: cut it, or see sweep_width"
+            ],
+        ),
+        ({"sweep_width": 0.081}, []),
+    ],
+)
+def test_what_is_mostly_a_slip_is_noted_before_the_flight(changed: dict[str, Any], noted: list[str]) -> None:
+    given: dict[str, object] = {f"zones.a.{name}": 1.0 for name in ("x", "y", "yaw")}
+    given |= {"zone_order": ["a"], "zones.a.polygon": SQUARE, "zones.a.detection_range": 2.0}
+    reader = ParameterReader(given | {f"zones.a.{key}": value for key, value in changed.items()})
+    MISSION.begin(reader)
+    assert (reader.problems, reader.notes) == ([], noted)
+
+
 def test_an_outline_may_follow_the_fence_between_its_corners() -> None:
     fence = [-1.0, 0.0, 5.0, 0.0, 5.0, 5.0, -1.0, 5.0]
     assert begun(geofence=fence).sweeps.grounds["a"].polygon[0] == (0.0, 0.0)

@@ -276,6 +276,7 @@ class TestLeaves:
         assert stage.lines == [
             "a is swept in 4 pieces (parallel, 2.00 m apart): POD 63% at random to 79% where legs are kept."
         ]
+        assert stage.warnings == ["No map has come: a is swept as if nothing stood there, or hid anything."]
 
     def test_one_that_is_planned_goes_on_where_it_is(self, stage: "Stage") -> None:
         search = planned(searching())
@@ -325,6 +326,15 @@ class TestLeaves:
         assert stage.run(leaf) is Status.FAILURE
         assert "a cannot be swept: no stop of it can be driven to" in stage.warnings[0]
         assert publisher.topic_name.endswith("map")
+
+    def test_ground_that_is_all_blocked_by_now_has_no_gaps_to_sweep(self, stage: "Stage") -> None:
+        search = planned(searching(), count=1)
+        search.sweeps.skip("a", "it was not reached, or not searched")
+        leaf = self.take(stage, search, "RefineSweep")
+        publisher = self.walled(stage, 0.0)
+        assert stage.run(leaf) is Status.FAILURE
+        assert leaf.feedback_message == "a: what was missed is too scattered to be swept, or on no map"
+        assert (stage.warnings, publisher.topic_name[-3:]) == ([], "map")
 
     @pytest.mark.parametrize(("seconds", "metres"), [(1.0, 0.0), (5.0, 3.0)])
     def test_who_is_far_away_has_driven_there_only_where_there_was_time_for_it(

@@ -89,6 +89,8 @@ class TestAreas:
     def test_what_is_beyond_the_map_is_neither_reached_nor_cut_off(self, two_rooms):
         away = self.reach(two_rooms, (-4.0, 0.0), (0.0, 0.0), (0.0, 4.0), (-4.0, 4.0))
         assert (away.reached_m2, away.cut_off_m2) == (0.0, 0.0)
+        half = self.reach(two_rooms, (-3.0, 0.0), (3.0, 0.0), (3.0, 4.0), (-3.0, 4.0))
+        assert [each.off_map_m2 for each in (away, half)] == pytest.approx([16.0, 12.0])
 
     def test_a_door_too_narrow_for_the_robot_is_no_way(self, two_rooms):
         cells = two_rooms.cells.copy()

@@ -11,6 +11,7 @@ from sar_compiler.missions.search_and_rescue.search_theory import (
     Area,
     sweep_width_of,
 )
+from sar_compiler.missions.search_and_rescue.sweeps import MOST_PIECES
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence
 
 _PROBABILITIES = ("poa", "pod", "look_sec")
@@ -104,6 +105,29 @@ def read_grounds(
     """
     grounds = {zone["id"]: _ground(reader, f"zones.{zone['id']}", fence) for zone in zones}
     return {zone: ground for zone, ground in grounds.items() if ground is not None}
+
+
+def note_surprises(
+    reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
+) -> None:
+    """Note what can be meant, and is mostly a slip: a pose far from its outline, and ground of more stops than a sweep has.
+
+    Raises:
+        ImportError: If there is ground, and shapely is not installed.
+    """
+    for zone in zones:
+        if (ground := grounds.get(zone["id"])) is None:
+            continue
+        import shapely
+
+        outline, key = shapely.Polygon(ground.polygon), f"zones.{zone['id']}"
+        away = outline.distance(shapely.Point(zone["x"], zone["y"]))
+        if away > ground.detection_range:
+            place = f"({zone['x']:g}, {zone['y']:g})"
+            reader.notes.append(f"{key} has its pose {place} {away:.1f} m outside its {_POLYGON}")
+        if outline.area > MOST_PIECES * (ground.sweep_width / COVERAGE) ** 2:
+            stops = f"more than {MOST_PIECES} stops at coverage {COVERAGE:g}, which no sweep has"
+            reader.notes.append(f"{key} takes {stops}: cut it, or see {_SENSOR[0]}")
 
 
 def _ground(reader: ParameterReader, prefix: str, fence: Fence) -> Ground | None:

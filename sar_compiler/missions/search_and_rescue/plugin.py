@@ -7,7 +7,13 @@ from sar_compiler.missions import Mission, ParameterReader, shipped
 from sar_compiler.missions.search_and_rescue.actions.coming_home import ReturnInReach
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.actions.sweeping import PlanSweep
-from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, read_areas, read_grounds, read_priorities
+from sar_compiler.missions.search_and_rescue.areas import (
+    AREA_KEYS,
+    note_surprises,
+    read_areas,
+    read_grounds,
+    read_priorities,
+)
 from sar_compiler.missions.search_and_rescue.areas_file import AREAS_FILE, take_areas_file
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.hiding import HIDDEN, read_hiding
@@ -64,10 +70,11 @@ class SearchAndRescue(Mission):
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
         speed, fence = reader.cruise_speed(), read_fence(reader)
         grounds = read_grounds(reader, zones, fence)
+        sweeps_sec: dict[str, float] = {}
         # What is reported already may be no number to divide by.
-        sweeps_sec = (
-            {} if reader.problems else {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
-        )
+        if not reader.problems:
+            sweeps_sec = {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
+            note_surprises(reader, zones, grounds)
         areas, priorities = read_areas(reader, zones, sweeps_sec), read_priorities(reader, zones)
         plan = ZoneManager(
             zones,

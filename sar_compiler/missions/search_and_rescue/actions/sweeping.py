@@ -118,6 +118,8 @@ class _PlanLeaf(_SweepLeaf):
     ) -> Status:
         spacing = self.sweeps.grounds[zone].sweep_width / coverage
         obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
+        if obstacles is None:
+            self.complain(f"No map has come: {zone} is swept as if nothing stood there, or hid anything.")
         future = begin_beside(self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance)
         self._under_way = zone, told, spacing, future
         return self.answer(Status.RUNNING, "planning")
@@ -220,6 +222,9 @@ class RefineSweep(_PlanLeaf):
             self.feedback_message = f"{zone}: POD {swept.pod:.0%} after {swept.passes} passes"
             return self.answer(Status.FAILURE, "nothing to sweep")
         gaps = self.sweeps.raster(zone, map_extent_of(self.node).obstacles()).gaps(self.until_pod)
+        if not gaps:
+            self.feedback_message = f"{zone}: what was missed is too scattered to be swept, or on no map"
+            return self.answer(Status.FAILURE, "nothing to sweep")
         return self._plan(zone, "gaps", gaps, "parallel", 1.0)
 
 
