@@ -25,10 +25,11 @@ def done(*command, **options):
 def install(folder):
     """Install the package, without what it depends on, into a new environment beside a clone."""
     clone(folder / "repository")
-    done(sys.executable, "-m", "venv", folder / "environment")
+    # Another pip than that of the tests would take longer to unpack than the package.
+    done(sys.executable, "-m", "venv", "--without-pip", folder / "environment")
     done(
-        folder / "environment" / "bin" / "python", "-m",
-        "pip", "install", "--no-deps", "--disable-pip-version-check", folder / "repository",
+        sys.executable, "-m", "pip", "--python", folder / "environment" / "bin" / "python",
+        "install", "--no-deps", "--disable-pip-version-check", folder / "repository",
         env={**os.environ, "MYPYC_OPT_LEVEL": "0", "PIP_NO_COMPILE": "1"},
     )  # fmt: skip
 
