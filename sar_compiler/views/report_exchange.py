@@ -103,7 +103,7 @@ def kml_report(state: MissionState) -> str:
 
 def _placemark(state: MissionState, landmark: Landmark, reference: Georeference) -> Any:
     kind = state.situation.kind_of(landmark)
-    told = _remarks(landmark) if kind.is_found else ", ".join(filter(None, (landmark.state, landmark.reason)))
+    told = _remarks(landmark) if kind.is_found else _state_of(landmark)
     if landmark.corners:
         ring = _coordinates((*landmark.corners, landmark.corners[0]), reference)
         shape = _E.Polygon(_E.outerBoundaryIs(_E.LinearRing(ring)))
@@ -261,13 +261,25 @@ def _name(state: MissionState, name: str) -> str:
     return f"{state.robot}/{name}" if state.robot else name
 
 
+def _state_of(landmark: Landmark) -> str:
+    """Return the state and the reason, and what is known of an outline."""
+    state = ", ".join(filter(None, (landmark.state, landmark.reason)))
+    return "; ".join(filter(None, (state, *(_details(landmark) if landmark.corners else ()))))
+
+
+def _details(landmark: Landmark) -> list[str]:
+    return [
+        f"{name} {each}"
+        for name, each in landmark.details.items()
+        if each not in ("", None) and not isinstance(each, FactTime)
+    ]
+
+
 def _remarks(find: Landmark) -> str:
     reason = f", {find.reason}" if find.reason else ""
     place = f" in {find.within}" if find.within else ""
-    more = "".join(
-        f"; {name} {each}" for name, each in find.details.items() if not isinstance(each, FactTime)
-    )
-    return f"{find.state}{reason}; found{place} at ({find.x:.2f}, {find.y:.2f}) m of the robot's map{more}"
+    found = f"{find.state}{reason}; found{place} at ({find.x:.2f}, {find.y:.2f}) m of the robot's map"
+    return "; ".join((found, *_details(find)))
 
 
 def _reference(state: MissionState) -> Georeference:

@@ -107,12 +107,13 @@ def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_le
     area, *gaps = [each for each in search.display().landmarks if each.corners]
     assert (area.kind, area.name, area.state) == ("area", "a", "1 of 1 pieces")
     assert area.corners == GROUND.polygon
-    assert {key: area.details[key] for key in ("sweep width W", "track length L", "area A", "POA before", "passes")} == {
+    assert {key: area.details[key] for key in ("sweep width W", "track length L", "area A", "POA before", "passes", "gaps")} == {
         "sweep width W": "2 m",
         "track length L": "4.0 m",
         "area A": "16.0 m²",
         "POA before": "50.0%",
         "passes": 1,
+        "gaps": 1,
     }  # fmt: skip
     assert [(gap.kind, gap.name, gap.level) for gap in gaps] == [("gap", "a gap 1", Level.GIVEN_UP)]
 

@@ -314,6 +314,13 @@ class TestKml:
         assert said["robot1/zone_b"] == "zone: abandoned, after attempt 2"
         assert said["robot1/base station"] == "base"
 
+    def test_an_outline_says_what_is_known_of_it(self):
+        corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]
+        details = {"POD": "61.8%", "sweep width W": "3.2 m", "area A": "", "gaps": 0}
+        area = shown("geofence", "yard", "9 of 9 pieces", corners=corners, details=details)
+        told = self.placemarks(area)["robot1/yard"].findtext(f"{OGC}description")
+        assert told == "geofence: 9 of 9 pieces; POD 61.8%; sweep width W 3.2 m; gaps 0"
+
     @pytest.mark.parametrize(
         ("told", "name", "colour"),
         [

@@ -160,16 +160,18 @@ class Search(MissionRun):
         """Return what is shown of it: zones, survivors, the base station; how far it is."""
         survivors, zones = self.record.survivors, self.zones
         found = map(_survivor, survivors, count(1))
-        zones_shown = list(map(self._zone, self._plan.values()))
+        poa_map = zones.poa_map()
+        likely = poa_map.now()
+        zones_shown = [self._zone(zone, likely) for zone in self._plan.values()]
         places = self._base(), *self._charging(), *self._area()
-        landmarks = [*zones_shown, *found, *places, *self._grounds(zones_shown)]
+        landmarks = [*zones_shown, *found, *places, *self._grounds(zones_shown, likely)]
         figures = [
             Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
             Figure("survivors found", len(survivors)),
             Figure("survivors reported", sum(each.acknowledged for each in survivors)),
         ]
         if zones.areas:
-            figures.append(Figure("probability of success", round(100 * zones.poa_map().pos(), 1), unit="%"))
+            figures.append(Figure("probability of success", round(100 * poa_map.pos(), 1), unit="%"))
             if (first := self.record.first_find_sec) is not None:
                 figures.append(Figure("first find after", round(first, 1), unit="s"))
         if self.sweeps.grounds:
@@ -190,7 +192,7 @@ class Search(MissionRun):
             name, why = "waiting", "for another battery"
         return MissionPhase(name, why, place)
 
-    def _zone(self, zone: Zone) -> Landmark:
+    def _zone(self, zone: Zone, likely: Mapping[str, float]) -> Landmark:
         known, name = self.record.of_zone(zone["id"]), zone["id"]
         # A robot may have been there, and nobody has looked.
         is_searched = known.searched is not None
@@ -211,8 +213,8 @@ class Search(MissionRun):
             "left": known.left,
             "somebody out of place": known.unplaced,
         }
-        if name in self.zones.areas:
-            details["probability now"] = f"{self.zones.poa_map().now()[name]:.1%}"
+        if name in likely:
+            details["probability now"] = f"{likely[name]:.1%}"
         # The state says the rest of the sentence.
         reason = known.given_up.removeprefix("given up: ").removeprefix("abandoned ")
         return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
@@ -233,33 +235,32 @@ class Search(MissionRun):
         corners = self.fence.corners
         return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
 
-    def _grounds(self, zones: Sequence[Landmark]) -> Iterator[Landmark]:
+    def _grounds(self, zones: Sequence[Landmark], likely: Mapping[str, float]) -> Iterator[Landmark]:
         """Yield the outlines that are swept, each as far as its zone is, and the gaps in them."""
         for zone in zones:
             ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.of(zone.name)
             if ground is None:
                 continue
-            has_map = zone.name in self.zones.areas
             state = f"{sweep.done} of {len(sweep.pieces)} pieces" if sweep.passes else ""
             yield zone._replace(
                 kind="area",
                 state=state,
                 reason="",
                 corners=ground.polygon,
-                details=self._swept(zone.name),
-                shade=round(self.zones.poa_map().now()[zone.name], 4) if has_map else None,
+                details=self._swept(zone.name, likely),
+                shade=round(likely[zone.name], 4) if zone.name in likely else None,
             )
             for number, gap in enumerate(sweep.gaps, 1):
                 name = f"{zone.name} gap {number}"
                 yield Landmark("gap", name, *gap[0], level=Level.GIVEN_UP, within=zone.name, corners=gap)
 
-    def _swept(self, zone: str) -> dict[str, object]:
+    def _swept(self, zone: str, likely: Mapping[str, float]) -> dict[str, object]:
         """Return what is known of the sweep of a zone, in the words of the manuals."""
         ground, sweep = self.sweeps.grounds[zone], self.sweeps.of(zone)
         before = self.zones.areas.get(zone)
         return {
             "POA before": f"{before.poa:.1%}" if before else "",
-            "POA now": f"{self.zones.poa_map().now()[zone]:.1%}" if before else "",
+            "POA now": f"{likely[zone]:.1%}" if before else "",
             "sweep width W": f"{ground.sweep_width:g} m",
             "track length L": f"{sweep.metres:.1f} m",
             "area A": f"{sweep.area_m2:.1f} m²" if sweep.area_m2 else "",
@@ -268,6 +269,7 @@ class Search(MissionRun):
             "seen": f"{sweep.seen:.1%}",
             "passes": sweep.passes,
             "pieces skipped": sweep.skipped,
+            "gaps": len(sweep.gaps),
         }
 
     def sentence(self, fact: JournalEntry) -> str:
