@@ -140,6 +140,29 @@ def test_however_far_one_sees_each_cell_is_looked_up_once(monkeypatch: pytest.Mo
     assert sum(looked_up) <= len(raster.centres) + 1
 
 
+def test_the_coverage_of_a_drive_among_walls_is_within_two_percent_of_that_by_other_code() -> None:
+    """Other code: places in a finer grid, and shapely's sight lines to them from each decimetre of the drive."""
+    boxes = [(4.0, 0.0, 4.2, 3.0), (4.0, 5.0, 4.2, 8.0), (7.0, 2.0, 10.0, 2.2)]
+    ground = Ground(((0.5, 0.5), (9.5, 0.5), (9.5, 8.5), (6.0, 9.5), (0.5, 8.5)), 4.0, 2.5)
+    drive = [(1.0, 1.0), (3.0, 4.0), (6.0, 4.0), (6.0, 7.0), (9.0, 7.0), (9.0, 4.0)]
+    raster = Raster(ground, room(*boxes))
+    raster.drive(drive)
+    solid, way = shapely.union_all([shapely.box(*box) for box in boxes]), shapely.LineString(drive)
+    searchable = shapely.Polygon(ground.polygon).difference(solid)
+    grid = np.stack(np.meshgrid(np.arange(0.6, 9.5, 0.15), np.arange(0.6, 9.5, 0.15)), -1).reshape(-1, 2)
+    places = grid[shapely.contains_xy(searchable, grid)]
+    covered, eyes = (
+        np.zeros(len(places)),
+        shapely.line_interpolate_point(way, np.arange(0.05, way.length, 0.1)),
+    )
+    for eye in shapely.get_coordinates(eyes):
+        [near] = np.nonzero(np.hypot(*(places - eye).T) <= 2.5)
+        lines = shapely.linestrings(np.stack([np.broadcast_to(eye, (len(near), 2)), places[near]], axis=1))
+        covered[near[~shapely.intersects(lines, solid)]] += 4.0 * 0.1 / (math.pi * 2.5**2)
+    assert raster.mean_coverage() == pytest.approx(covered.mean(), rel=0.02)
+    assert raster.pod() == pytest.approx((1.0 - np.exp(-covered)).mean(), rel=0.02)
+
+
 def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
     raster = Raster(field())
     raster.drive([(10.0, 15.0), (30.0, 12.0)])

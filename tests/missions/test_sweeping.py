@@ -118,6 +118,14 @@ def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_le
     assert [(gap.kind, gap.name, gap.level) for gap in gaps] == [("gap", "a gap 1", Level.GIVEN_UP)]
 
 
+def test_the_figures_have_what_was_driven_and_how_much_of_the_ground_was_seen() -> None:
+    search = planned(searching())
+    assert [each.text for each in search.display().figures[-2:]] == ["swept 0 m", "seen 0 of 16 m²"]
+    search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)], None)
+    search.sweeps.advance("a", None, 0.5)
+    assert [each.text for each in search.display().figures[-2:]] == ["swept 4 m", "seen 9 of 16 m²"]
+
+
 def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
     search = planned(searching())
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)], None)

@@ -1,5 +1,6 @@
 """What the parameters say of zones beside their poses: where somebody may be, and the ground that is swept."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -44,15 +45,15 @@ class Ground(NamedTuple):
     sweep_width: float
     detection_range: float
 
+    @property
+    def area_m2(self) -> float:
+        """How large it is, square metres."""
+        sides = itertools.pairwise((*self.polygon, *self.polygon[:1]))
+        return abs(math.fsum(ax * by - bx * ay for (ax, ay), (bx, by) in sides)) / 2.0
+
     def sweep_sec(self, speed_mps: float) -> float:
-        """Return how long the legs of a sweep take at the usual coverage, without turns and what is done at stops: seconds.
-
-        Raises:
-            ImportError: If shapely is not installed.
-        """
-        import shapely
-
-        return float(shapely.Polygon(self.polygon).area) * COVERAGE / (self.sweep_width * speed_mps)
+        """Return how long the legs of a sweep take at the usual coverage, without turns and what is done at stops: seconds."""
+        return self.area_m2 * COVERAGE / (self.sweep_width * speed_mps)
 
 
 def read_areas(
@@ -125,7 +126,7 @@ def note_surprises(
         if away > ground.detection_range:
             place = f"({zone['x']:g}, {zone['y']:g})"
             reader.notes.append(f"{key} has its pose {place} {away:.1f} m outside its {_POLYGON}")
-        if outline.area > MOST_PIECES * (ground.sweep_width / COVERAGE) ** 2:
+        if ground.area_m2 > MOST_PIECES * (ground.sweep_width / COVERAGE) ** 2:
             stops = f"more than {MOST_PIECES} stops at coverage {COVERAGE:g}, which no sweep has"
             reader.notes.append(f"{key} takes {stops}: cut it, or see {_SENSOR[0]}")
 

@@ -177,6 +177,8 @@ class Search(MissionRun):
         if self.sweeps.grounds:
             swept = sum(self.sweeps.of(zone).metres for zone in self.sweeps.grounds)
             figures.append(Figure("swept", round(swept, 1), unit="m"))
+            seen, whole = self.sweeps.seen_m2()
+            figures.append(Figure("seen", round(seen), round(whole), "m²"))
         figures += self._home.figures()
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         if self.record.homing_for:

@@ -90,6 +90,13 @@ class Sweeps:
         """Return what is so of the sweep of a zone."""
         return self._sweeps.get(zone, Sweep())
 
+    def seen_m2(self) -> tuple[float, float]:
+        """Return how much of all ground was seen at all, and how large that is, square metres: where it is swept, what can be searched of it."""
+        sweeps = {zone: self.of(zone) for zone in self.grounds}
+        seen = math.fsum(sweep.seen * sweep.area_m2 for sweep in sweeps.values())
+        sizes = [sweep.area_m2 or self.grounds[zone].area_m2 for zone, sweep in sweeps.items()]
+        return seen, math.fsum(sizes)
+
     def layers(self) -> list[RasterLayer]:
         """Return what is shown of the ground that was looked at."""
         return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
