@@ -181,7 +181,7 @@ def test_only_a_search_with_probabilities_shows_when_somebody_was_found_first() 
     assert shown == {"without": [], "with": ["first find after 12.5 s"]}
 
 
-def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept() -> None:
+def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept_and_what_it_has_seen() -> None:
     plan = [{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}]
     ground = Ground(((0.0, 0.0), (8.0, 0.0), (8.0, 8.0)), sweep_width=4.0, detection_range=2.5)
     sweeps = Sweeps({"zone_a": ground})
@@ -191,4 +191,4 @@ def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept() -> None
     base = {"x": 0.0, "y": 0.0, "yaw": 0.0}
     with_outline, without = Search(ZoneManager(plan, base), sweeps=sweeps), Search(ZoneManager(plan, base))
     shown = [[each.text for each in search.display().figures] for search in (with_outline, without)]
-    assert shown[0] == [*shown[1], "swept 3 m"]
+    assert shown[0] == [*shown[1], "swept 3 m", "seen 21 of 31 m²"]
