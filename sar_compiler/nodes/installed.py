@@ -174,6 +174,8 @@ def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tup
         names = sorted(entry.name for entry in entries if entry.name.endswith(_METADATA))
     found = []
     for each in names:
+        if not os.path.exists(f"{folder}/{each}/{file}"):  # noqa: PTH110 - as most do not, and this is quick
+            continue
         name = each.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
         with suppress(UnreadableFileError, UnicodeError):
             found.append((name, read_bytes(Path(folder, each, file)).decode("utf-8")))
