@@ -1,6 +1,5 @@
 """Registration of a class for a tag, whose parameters are read from its constructor: the constructor is the manifest."""
 
-import dataclasses
 import inspect
 import re
 import typing
@@ -323,7 +322,7 @@ def _guard_functions(tag: str, cls: type[Any], semantics: Semantics) -> Semantic
         if function is not None and not str(home).startswith("sar_compiler.nodes."):
             whose = f"<{tag}>: the function '{name}' in the semantics of {cls.__module__}.{cls.__qualname__}"
             guarded[name] = _UsersFunction(whose, name, function)
-    return dataclasses.replace(semantics, **guarded) if guarded else semantics
+    return semantics._replace(**guarded) if guarded else semantics
 
 
 def _require_behaviour(tag: str, cls: object) -> None:

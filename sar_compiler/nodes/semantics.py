@@ -6,7 +6,6 @@ in the project depends on a node's tag.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -102,8 +101,7 @@ def _ungated(_bound: "BoundNode") -> Mapping[int, Gate]:
     return {}
 
 
-@dataclass(frozen=True)
-class Semantics:
+class Semantics(NamedTuple):
     """A node's treatment of its children, of time, and of the blackboard.
 
     `Semantics.sequence()` and the like cover most controls and decorators.
@@ -140,8 +138,8 @@ class Semantics:
     limit_sec: Number | None = None
     resumes: bool = False
     with_memory: str = ""
-    keys: Mapping[str, KeyRole] = field(default_factory=dict)
-    counterpart: Counterpart = Counterpart()  # noqa: RUF009 - frozen
+    keys: Mapping[str, KeyRole] = {}
+    counterpart: Counterpart = Counterpart()
 
     @classmethod
     def sequence(

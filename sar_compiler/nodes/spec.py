@@ -264,8 +264,7 @@ class Skipping(NamedTuple):
     is_handled: bool = False
 
 
-@dataclass(frozen=True)
-class Signature:
+class Signature(NamedTuple):
     """What is said of a node's attributes where its constructor is not asked.
 
     Attributes:
@@ -278,7 +277,7 @@ class Signature:
 
     described: Mapping[str, Parameter] | None = None
     doc: str = ""
-    fixed: Mapping[str, object] = field(default_factory=dict)
+    fixed: Mapping[str, object] = {}
     factory: str = ""
     from_use: bool = False
 
@@ -330,7 +329,7 @@ class NodeSpec:
     writes: tuple[str, ...] = ()
     semantics: Semantics = Semantics()  # noqa: RUF009 - frozen
     skipping: Skipping = Skipping()  # noqa: RUF009 - frozen
-    signature: Signature = Signature()
+    signature: Signature = Signature()  # noqa: RUF009 - frozen
     child_count: tuple[int, int | None] = (-1, None)
     variant: bool = False
     former_tags: tuple[str, ...] = ()
@@ -460,7 +459,7 @@ class NodeSpec:
     def listing(self, unlisted: Parameter) -> "NodeSpec":
         """Return the record of a described node with a further port."""
         described = {**self.parameters, unlisted.name: unlisted}
-        return replace(self, signature=replace(self.signature, described=described))
+        return replace(self, signature=self.signature._replace(described=described))
 
     @property
     def is_foreign(self) -> bool:

@@ -10,10 +10,10 @@ import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import Annotated, TypeAlias, TypeGuard, TypeVar
+from typing import Annotated, NamedTuple, TypeAlias, TypeGuard, TypeVar
 
 from sar_compiler.nodes.numbers import (
     DURATION,
@@ -81,8 +81,7 @@ class ConversionError(ValueError):
         return self.message
 
 
-@dataclass(frozen=True)
-class ValueType:
+class ValueType(NamedTuple):
     """A type that an attribute can have.
 
     Attributes:
@@ -234,7 +233,7 @@ def value_type_of(annotation: object) -> ValueType | None:
         members = {member.name: member for member in annotation}
         convert = functools.partial(_member, annotation)
         chosen = _choice(annotation.__name__, tuple(members), convert, _by_number(members))
-        return replace(chosen, python=annotation)
+        return chosen._replace(python=annotation)
     if typing.get_origin(annotation) is typing.Literal:
         literals = typing.get_args(annotation)
         if all(isinstance(literal, str) for literal in literals):

@@ -1,7 +1,6 @@
 """Controls: nodes with several children."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 
 from sar_compiler.nodes import outcome_sets
@@ -55,7 +54,7 @@ def _in_order(
         doc if memory is None else f"{doc} {_REACTIVE}",
         parameter,
         fixed=implied,
-        semantics=replace(means, counterpart=counterpart, with_memory=own_class),
+        semantics=means._replace(counterpart=counterpart, with_memory=own_class),
         skipping=Skipping(Skips.FROM_CHILD, _own(tag, f"stock:{own_class}", doc)),
         former_tags=former_tags,
         rule=rule,
@@ -143,8 +142,8 @@ SPECS = [
         input_port(
             "failure_count", int, "How many failures make a failure; negative: counted from the end.", 1
         ),
-        semantics=replace(
-            Semantics.parallel(outcome_sets.counting), counterpart=Counterpart(rewrite=rewrites.parallel)
+        semantics=Semantics.parallel(outcome_sets.counting)._replace(
+            counterpart=Counterpart(rewrite=rewrites.parallel)
         ),
         former_attributes={
             "threshold": "success_count",
@@ -175,7 +174,7 @@ SPECS = [
         ),
         made_by="parallel",
         instead='success_count="..."',
-        semantics=replace(Semantics.parallel(outcome_sets.by_policy), counterpart=Counterpart(built_in=True)),
+        semantics=Semantics.parallel(outcome_sets.by_policy)._replace(counterpart=Counterpart(built_in=True)),
         variant=True,
         rule=report_policy,
     ),

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 
 from sar_compiler.nodes import outcome_sets
@@ -57,7 +56,7 @@ def _within(bound: BoundNode) -> float | None:
 
 def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
     """Return semantics with what the node becomes in BehaviorTree.CPP."""
-    return replace(semantics, counterpart=Counterpart(built_in, rewrite))
+    return semantics._replace(counterpart=Counterpart(built_in, rewrite))
 
 
 def _results_after(turns: Mapping[int, int]) -> frozenset[str]:
@@ -80,7 +79,7 @@ def _stock_unless_skipping(
         tag,
         f"py_trees.decorators:{stock_class}",
         doc,
-        semantics=replace(Semantics.turning(turns), repeats=repeats),
+        semantics=Semantics.turning(turns)._replace(repeats=repeats),
         skipping=Skipping(possible, replacement),
         outcomes=_results_after(turns),
     )
@@ -93,7 +92,7 @@ def _turning(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HIN
     return _stock(
         tag,
         f"Turns {_NOUNS[old]} into {_NOUNS[new]}.",
-        semantics=replace(Semantics.turning(turns), counterpart=Counterpart(rewrite=rewrite, hint=hint)),
+        semantics=Semantics.turning(turns)._replace(counterpart=Counterpart(rewrite=rewrite, hint=hint)),
         outcomes=_results_after(turns),
         instead=instead,
     )
@@ -308,7 +307,7 @@ PY_TREES = [
             "The key to write, or `key.attribute` of an object that is there already.",
         ),
         SCOPE,
-        semantics=replace(Semantics.passing(), keys={"variable_name": _WRITTEN}),
+        semantics=Semantics.passing()._replace(keys={"variable_name": _WRITTEN}),
         effects=WRITES,
     ),
     _stock(

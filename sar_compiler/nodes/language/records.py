@@ -1,6 +1,5 @@
 """What records of the language have in common: those of BehaviorTree.CPP's nodes, and those of py_trees' own."""
 
-from dataclasses import replace
 from typing import Any
 
 from sar_compiler.nodes.declaring import node_spec
@@ -23,7 +22,7 @@ def own(
     """Return the record of a node of BehaviorTree.CPP's; *path* is that of its class in `runtime`, or in py_trees."""
     if not path.startswith("py_trees."):
         path = f"sar_compiler.runtime.{path}"
-    means = replace(semantics, counterpart=semantics.counterpart._replace(built_in=True))
+    means = semantics._replace(counterpart=semantics.counterpart._replace(built_in=True))
     return node_spec(kind, tag, path, doc, *parameters, semantics=means, **more)
 
 

@@ -61,8 +61,8 @@ def of_port(name: str, value_type: ValueType) -> ValueType:
     unit, bounds = _units().get(name), _bounds().get(name)
     if unit is not None and value_type.python is float:
         label = f"a number of {unit_words(unit)}"
-        value_type = replace(value_type, label=label, convert=partial(_with_unit, unit, label), unit=unit)
-    return replace(value_type, usual=bounds) if value_type.python in (int, float) else value_type
+        value_type = value_type._replace(label=label, convert=partial(_with_unit, unit, label), unit=unit)
+    return value_type._replace(usual=bounds) if value_type.python in (int, float) else value_type
 
 
 @functools.cache
@@ -150,9 +150,8 @@ def _of_fields(name: str, label: str, cpp: str, first: int, each: int) -> ValueT
 
 _TYPES = {
     "integer": PLAIN["integer"],
-    "uint16_t": replace(PLAIN["integer"], cpp="uint16_t"),
-    "milliseconds": replace(
-        UNSIGNED,
+    "uint16_t": PLAIN["integer"]._replace(cpp="uint16_t"),
+    "milliseconds": UNSIGNED._replace(
         name="nav2.milliseconds",
         label="a number of milliseconds",
         convert=_milliseconds,
@@ -218,7 +217,7 @@ def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
     ports = _ports(said["ports"], version, is_free=not spec.stand_in)
     return replace(
         spec,
-        semantics=replace(free.semantics, counterpart=_IN_CPP),
+        semantics=free.semantics._replace(counterpart=_IN_CPP),
         skipping=Skipping(free.skips, is_handled=free.skips is Skips.NEVER and not spec.stand_in),
         signature=signature(kind, said["doc"], *free.handed_over, *ports, fixed=free.fixed),
         child_count=free.child_count or spec.child_count,
