@@ -48,12 +48,12 @@ _MOST_DIGITS = 20
 """How many digits are written of a number that has no end: 90 degrees are 1.5708 radians."""
 LONGEST = 100
 """No number that a robot needs has more digits."""
-_AMBIGUOUS = re.compile(r"\s*([+\-]?[1-9][0-9]{0,2}),([0-9]{3})\s*([^\W\d_]*)\s*")
-_THOUSANDS = re.compile(r"[+\-]?[1-9][0-9]{0,2}(?:,[0-9]{3}){2,}(?:\.[0-9]+)?")
-_UNDERSCORES = re.compile(r"[+\-]?[0-9]+(?:_[0-9]+)+(?:\.[0-9]+)?")
-_DECIMAL_COMMA = re.compile(r"[+\-]?[0-9]*,[0-9]+")
-_HEXADECIMAL = re.compile(r"[+\-]?0[xX][0-9a-fA-F]+")
-_SPACED = re.compile(r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|°)")
+_AMBIGUOUS = r"\s*([+\-]?[1-9][0-9]{0,2}),([0-9]{3})\s*([^\W\d_]*)\s*"
+_THOUSANDS = r"[+\-]?[1-9][0-9]{0,2}(?:,[0-9]{3}){2,}(?:\.[0-9]+)?"
+_UNDERSCORES = r"[+\-]?[0-9]+(?:_[0-9]+)+(?:\.[0-9]+)?"
+_DECIMAL_COMMA = r"[+\-]?[0-9]*,[0-9]+"
+_HEXADECIMAL = r"[+\-]?0[xX][0-9a-fA-F]+"
+_SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|°)"
 
 
 class SensibleNumbers(NamedTuple):
@@ -101,13 +101,13 @@ def plain_duration(text: str, unit: str) -> str:
 def meant_number(text: str) -> str | None:
     """Return the one number that a text in another notation can mean (`1,5`, `1_000`, `0x10`); None if there is none."""
     text = text.strip()
-    if len(text) > LONGEST or _AMBIGUOUS.fullmatch(text):
+    if len(text) > LONGEST or re.fullmatch(_AMBIGUOUS, text):
         return None
-    if _THOUSANDS.fullmatch(text) or _UNDERSCORES.fullmatch(text):
+    if re.fullmatch(_THOUSANDS, text) or re.fullmatch(_UNDERSCORES, text):
         return text.replace(",", "").replace("_", "")
-    if _DECIMAL_COMMA.fullmatch(text):
+    if re.fullmatch(_DECIMAL_COMMA, text):
         return text.replace(",", ".")
-    if _HEXADECIMAL.fullmatch(text):
+    if re.fullmatch(_HEXADECIMAL, text):
         return str(int(text, 16))
     return text if re.fullmatch(REAL, text) else None
 
@@ -131,7 +131,7 @@ def meant_plain_number(text: str) -> str | None:
 
 def meant_duration(text: str) -> str | None:
     """Return the one duration that a text in another notation can mean (`5 sec`, `1,5s`, `2h`); None if there is none."""
-    match = _SPACED.fullmatch(text.strip()) if len(text) <= LONGEST else None
+    match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     spelt = _DURATIONS.get(UNIT_OF.get(match[2].lower(), "")) if match is not None else None
     number = meant_number(match[1]) if match is not None else None
     if number is None or spelt is None or number.startswith("-"):
@@ -149,7 +149,7 @@ def number_hint(text: str, unit: str = "") -> str | None:
         text: The text.
         unit: The unit that it is to have; empty if that is unknown.
     """
-    match = _AMBIGUOUS.fullmatch(text)
+    match = re.fullmatch(_AMBIGUOUS, text)
     if match is not None:
         readings = [f"{match[1]}{point}{match[2]}{match[3]}" for point in ("", ".")]
         numbers = [number_in(each, unit) or each for each in readings] if unit else readings
@@ -171,7 +171,7 @@ def number_in(text: str, unit: str) -> str | None:
 
     A number without an end is rounded to five digits.
     """
-    match = _SPACED.fullmatch(text.strip()) if len(text) <= LONGEST else None
+    match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     if match is None:
         return meant_plain_number(text)
     from fractions import Fraction

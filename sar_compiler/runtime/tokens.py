@@ -27,8 +27,8 @@ _WORDS_PATTERN = r"""
 _STUCK = re.compile(r"(?:[A-Za-z0-9_@]|\.(?!\.))*")
 _DOTTED = re.compile(r"(?:\.[A-Za-z0-9_@]+)+|\.")
 _BRACED = re.compile(r"\{([^{}]*)\}")
-_NAME = re.compile(r"[A-Za-z_@][A-Za-z0-9_]*")
-_WORD_BEFORE = re.compile(r"[A-Za-z_@][A-Za-z0-9_]*$")
+_NAME = r"[A-Za-z_@][A-Za-z0-9_]*"
+_WORD_BEFORE = r"[A-Za-z_@][A-Za-z0-9_]*$"
 
 # Quotation marks that stand for no text, with the ones that close them.
 _OTHER_QUOTES = {'"': '"', "`": "`", "\u201c": "\u201d", "\u2018": "\u2019"}
@@ -241,7 +241,7 @@ def _wrong_dot(text: str, position: int) -> ScriptError:
     match = _DOTTED.match(text, position)
     end = match.end() if match else position + 1
     # A name is looked for no further back than a name in a message would be shown.
-    before = _WORD_BEFORE.search(text[max(0, position - _LONGEST_EXCERPT) : position])
+    before = re.search(_WORD_BEFORE, text[max(0, position - _LONGEST_EXCERPT) : position])
     if before:
         start = position - len(before.group())
         message = f"a name cannot contain a point: '{excerpt(text[start:end])}'"
@@ -258,6 +258,6 @@ def _braces(text: str, start: int) -> ScriptError:
     inside = match.group(1).strip() if match else ""
     end = match.end() if match else start + 1
     message = "a script names a variable without braces"
-    if _NAME.fullmatch(inside):
+    if re.fullmatch(_NAME, inside):
         return ScriptError(message, start, end, suggestion=inside)
     return ScriptError(message, start, end, hint="write the variable's name alone")

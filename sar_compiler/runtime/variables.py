@@ -16,9 +16,7 @@ ScriptValue = int | float | str
 LARGEST_EXACT = 2**53 - 1
 """Above it, not every whole number is a real number."""
 
-_NUMBER = re.compile(
-    r"-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+\-]?[0-9]+)?|-?(?:inf|infinity|nan)", re.IGNORECASE
-)
+_NUMBER = r"(?i)-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+\-]?[0-9]+)?|-?(?:inf|infinity|nan)"
 _WHOLE = re.compile(r"-?[0-9]+")
 # No number of 64 bits has more digits.
 _LONGEST_WHOLE = len(str(LARGEST_INTEGER)) + 1
@@ -169,7 +167,7 @@ def number_of(text: str) -> int | float:
     """
     if len(text) <= _LONGEST_WHOLE and _WHOLE.fullmatch(text):
         return int(text)
-    if _NUMBER.fullmatch(text):
+    if re.fullmatch(_NUMBER, text):
         value = float(text)
         if math.isfinite(value) or text.strip("-").isalpha():
             return value

@@ -27,10 +27,10 @@ _SHORT, _LIKE_SHORT = 3, 0.6
 _LIKE_WHOLE = 0.88
 """How alike two names are at least of which one has a word more."""
 _MOST_NEAR = 10
-_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+")
-_BETWEEN = re.compile(r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])")
+_WORDS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+"
+_BETWEEN = r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])"
 """What stands between the words of a name; `-5` is no `5`."""
-_LETTER = re.compile(r"[^\W\d_]")
+_LETTER = r"[^\W\d_]"
 _PARTS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
 
@@ -75,7 +75,7 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
         or [
             candidate
             for candidate in difflib.get_close_matches(word, candidates, n=_MOST_NEAR, cutoff=least)
-            if _LETTER.search(word) and _is_near(word, candidate, least)
+            if re.search(_LETTER, word) and _is_near(word, candidate, least)
         ]
     )
     return found[0] if found else None
@@ -111,7 +111,7 @@ def _is_near(written: str, meant: str, least: float) -> bool:
     """Return whether a name is near another one word by word: half of its letters say nothing (`CheckCondition`, `Condition`)."""
     if _is_misspelt(written, meant):
         return True
-    words, others = (_WORDS.findall(each) for each in (written, meant))
+    words, others = (re.findall(_WORDS, each) for each in (written, meant))
     if len(words) != len(others):  # one too many or too few: all that is left has to be the same, nearly
         words, others, least = [_folded(written)], [_folded(meant)], max(least, _LIKE_WHOLE)
     return all(_is_like(*pair, least) for pair in zip(words, others, strict=True))
@@ -153,4 +153,4 @@ class Guesses:
 
 
 def _folded(word: str) -> str:
-    return _BETWEEN.sub("", word).lower()
+    return re.sub(_BETWEEN, "", word).lower()

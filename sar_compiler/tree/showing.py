@@ -5,12 +5,12 @@ import re
 _LONGEST = 400
 _ENDING = 100
 # What moves the cursor, changes colours, turns the direction of writing, or cannot be seen at all.
-UNSEEN = re.compile(
+UNSEEN = (
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
     "\U000e0000-\U000e007f]"
 )
 """What people are not shown as it is."""
-UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+UNSPEAKABLE = "[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]"
 """What no XML can say, not even by a reference."""
 
 
@@ -23,7 +23,7 @@ def shortened(text: str) -> str:
 
 def visible(text: str) -> str:
     r"""Return a text with control characters, and those that turn the direction of writing, as `\x1b`, `\u202e`."""
-    return UNSEEN.sub(_code, text)
+    return re.sub(UNSEEN, _code, text)
 
 
 def in_one_line(text: str) -> str:

@@ -260,7 +260,7 @@ class _YamlReader:
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty text, or delete the line"
             self._report("missing-value", message, *_place(key), hint=hint)
-        elif value.style == '"' and (unspeakable := UNSPEAKABLE.search(value.value)):
+        elif value.style == '"' and (unspeakable := re.search(UNSPEAKABLE, value.value)):
             message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
             self._report("wrong-character", message, *_place(value), hint="delete it")
         elif value.tag is not None:

@@ -12,7 +12,7 @@ def as_json(data: object, indent: int | None = 2) -> str:
 
     It is indented by so many spaces, or in one line. Numbers that are not finite are null, because JSON has none.
     """
-    return UNSEEN.sub(_escaped, json_text(data, indent=indent, ensure_ascii=False))
+    return re.sub(UNSEEN, _escaped, json_text(data, indent=indent, ensure_ascii=False))
 
 
 def _escaped(match: re.Match[str]) -> str:
@@ -43,4 +43,4 @@ def count_text(number: int, what: str) -> str:
 
 def speakable(text: str) -> str:
     """Return a text with each character replaced that XML cannot have."""
-    return UNSPEAKABLE.sub("\ufffd", text)
+    return re.sub(UNSPEAKABLE, "\ufffd", text)

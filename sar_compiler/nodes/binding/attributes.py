@@ -43,7 +43,7 @@ AUTOREMAP = "_autoremap"
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
 """Some attributes in which BehaviorTree.CPP and editors keep notes, for schemas; any that begins with `_` may be one."""
-_LIKE_CONDITION = re.compile(r"_(?:skip|fail|failure|success|while|on|post)[A-Z]\w*")
+_LIKE_CONDITION = r"_(?:skip|fail|failure|success|while|on|post)[A-Z]\w*"
 """Notes that read as conditions, though none is near: `_skipWhen`, not `_skip_list`."""
 
 
@@ -58,8 +58,8 @@ KIND_TAGS = frozenset(kind.value for kind in Kind)
 """The tags of explicit forms."""
 _TEXTS = (str, None)
 """The types of attributes that take any text."""
-_NAME_OF_KEY = re.compile(r" *(?P<sign>\$?)(?P<open>[{(]?)(?P<name>@?[A-Za-z_]\w*)(?(open)[})]?) *", re.ASCII)
-_UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
+_NAME_OF_KEY = r"(?a) *(?P<sign>\$?)(?P<open>[{(]?)(?P<name>@?[A-Za-z_]\w*)(?(open)[})]?) *"
+_UNCLOSED = r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *"
 
 
 class AttributeBinder:
@@ -103,7 +103,7 @@ class AttributeBinder:
                 bound.conditions = {**bound.conditions, name: script}
         elif not name.startswith("_") or self.slip_in_note(name) is not None:
             return False
-        elif _LIKE_CONDITION.fullmatch(name):
+        elif re.fullmatch(_LIKE_CONDITION, name):
             self._report_no_condition(bound.element, name)
         return True
 
@@ -151,7 +151,7 @@ class AttributeBinder:
 
     def _key_meant(self, text: str) -> str | None:
         """Return the key in braces that was probably meant by a text that is no value."""
-        match = _NAME_OF_KEY.fullmatch(text)
+        match = re.fullmatch(_NAME_OF_KEY, text)
         if match is None or not (match["sign"] or match["name"] in self._known_keys()):
             return None
         return f"{{{match['name']}}}"
@@ -292,7 +292,7 @@ def close_key(text: str) -> str | None:
     """Return the corrected form of a key with only one of its braces; None for any other text."""
     if text[:1] not in "{ " and text[-1:] not in "} ":
         return None
-    match = _UNCLOSED.fullmatch(text)
+    match = re.fullmatch(_UNCLOSED, text)
     return f"{{{match[1] or match[2]}}}" if match else None
 
 

@@ -29,7 +29,7 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
-_KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
+_KEYS = r"(?a)\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:="
 
 OF_ANY = ("ID", "name", ONESHOT)
 """Attributes that say nothing of whose node it is."""
@@ -430,7 +430,7 @@ class Binder:
         """The keys that the files name: in braces, and in scripts that make them."""
         elements = [element for tree in self._forest.iterate() for element in tree.iterate()]
         texts = (text for element in elements for text in element.attributes.values())
-        written = (name for text in texts for pair in _KEYS.findall(text) for name in pair)
+        written = (name for text in texts for pair in re.findall(_KEYS, text) for name in pair)
         named = (
             element.attributes.get(attribute, "")
             for element in elements
