@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from sar_compiler.project import LoadedTree
 from sar_compiler.tree.content import real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
+from sar_compiler.tree.gathering import FORMS, is_of_another_kind
 from sar_compiler.tree.retyped import Edit, edit_between
 
 
@@ -68,10 +69,22 @@ class OpenText:
     tree: LoadedTree | None = None
     is_checked: bool = False
     seen: dict[str, int | None] = field(default_factory=dict, init=False)
+    _was_tree: bool = field(default=False, init=False)
     _raised: Sequence[Placed] = field(default=(), init=False)
     _sound: Sequence[Placed] = field(default=(), init=False)
     _sound_elsewhere: Sequence[Diagnostic] = field(default=(), init=False)
     _edited: tuple[int, int] | None = field(default=None, init=False)
+
+    @property
+    def form(self) -> Form:
+        """In which form it is written."""
+        return FORMS.get(self.path.suffix.lower(), Form.XML)
+
+    def is_foreign(self) -> bool:
+        """Return whether it is no tree, and was none since it was opened: editors bring all XML and YAML here."""
+        is_other = is_of_another_kind(self.text, self.form)
+        self._was_tree = self._was_tree or bool(self.text.strip() and not is_other)
+        return is_other and not self._was_tree
 
     @property
     def current_tree(self) -> LoadedTree | None:

@@ -26,8 +26,8 @@ from sar_compiler.lsp.open_text import OpenText, Placed
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.project import Additions, LoadedTree, Workspace
 from sar_compiler.tree.content import real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, TreeError
-from sar_compiler.tree.gathering import FORMS, read_tree_file
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
+from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_before
 from sar_compiler.tree.retyped import TextReader
 
@@ -195,7 +195,9 @@ class TreeServer(LanguageServer):
         loader, path, text = self._loader, file.path, file.text
         self._changed.clear()
         self._texts = {real_path(each.path): each.text for each in self._open.values()}
-        tree, findings = await self._in_thread(lambda: self._findings(loader, path))
+        tree, findings = (
+            (None, []) if file.is_foreign() else await self._in_thread(lambda: self._findings(loader, path))
+        )
         if self._open.get(uri) is file and file.text == text:
             file.take(tree, findings)
             self._publish(uri)
@@ -339,8 +341,8 @@ class TreeServer(LanguageServer):
 
     def completions(self, file: OpenText, position: lsp.Position) -> list[lsp.CompletionItem]:
         """Return what can be written at a place."""
-        form = FORMS.get(file.path.suffix.lower(), Form.XML)
-        place = place_in(file.text, self.offset_of(file, position), form)
+        form = file.form
+        place = None if file.is_foreign() else place_in(file.text, self.offset_of(file, position), form)
         if place is None:
             return []
         registry = self._vocabulary(file)

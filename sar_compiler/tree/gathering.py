@@ -161,6 +161,18 @@ def is_tree_file(path: Path) -> bool:
     return is_root or tag in _ALONE or (tag == b"root" and _SECTIONS.search(data) is not None)
 
 
+def is_of_another_kind(text: str, form: Form) -> bool:
+    """Return whether a text begins as no tree file does, nor what is on its way to one."""
+    data = text[:_BEGINNING].lstrip("\ufeff").encode("utf-8", "replace")
+    if form is Form.YAML:
+        return bool(data.strip()) and _FIRST_KEY.match(data) is None
+    first = _FIRST_ELEMENT.match(data)
+    if first is None:
+        return False
+    tag, attributes = first.groups()
+    return tag not in (b"root", *_ALONE) and _ROOT_ATTRIBUTES.search(attributes) is None
+
+
 def _files_in(folder: Path) -> Iterator[Path]:
     waiting, seen = [folder], set()
     while waiting:

@@ -1,6 +1,7 @@
 """What an editor shows depends on the files around: unsaved, included, of the same project."""
 
 import pytest
+from lsprotocol import types as lsp
 
 from tests.cli.test_what_is_not_installed import run_without
 from tests.lsp.editor import Editor
@@ -65,6 +66,27 @@ def test_a_mistake_in_the_configuration_is_shown_there(editor, project):
     settings.write_text("[project\n", encoding="utf-8")
     editor.open(main)
     wait_for_codes(editor, settings, "malformed-toml")
+
+
+OTHERS = {
+    "package.xml": "<package format='3'>\n<name>a</name>\n</package>\n",
+    "compose.yaml": "services:\n  robot:\n    image: ros\n",
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_file_of_another_kind_is_left_alone_until_it_is_a_tree(name, editor, tmp_path):
+    path = tmp_path / name
+    path.write_text(OTHERS[name], encoding="utf-8")
+    assert codes(editor.open(path)) == []
+    whose, start = lsp.TextDocumentIdentifier(path.as_uri()), lsp.Position(1, 0)
+    form = lsp.FormattingOptions(2, insert_spaces=True)
+    ask = editor.client
+    assert not editor.ask(ask.text_document_completion_async(lsp.CompletionParams(whose, start)))
+    assert not editor.ask(ask.text_document_formatting_async(lsp.DocumentFormattingParams(whose, form)))
+    text = "root:\n  children: 1\n" if name.endswith("yaml") else '<root BTCPP_format="4"/>\n'
+    assert codes(editor.replace(path, 2, text)[-1]) != []
+    assert codes(editor.replace(path, 3, OTHERS[name])[-1]) != []
 
 
 def test_what_a_tick_raises_is_shown_when_nothing_is_typed(editor, tmp_path):
