@@ -146,7 +146,8 @@ def test_each_mistake_in_the_file_is_named_before_the_flight(
 ) -> None:
     with pytest.raises(ParameterError) as raised:
         begun(tmp_path, content, **changed)
-    assert str(raised.value.problems[0]).startswith(said)
+    [problem] = raised.value.problems
+    assert str(problem).startswith(said)
 
 
 def test_a_corner_that_is_just_as_far_as_may_be_is_taken(

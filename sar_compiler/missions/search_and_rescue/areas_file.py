@@ -11,6 +11,7 @@ from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, pose_inside
 
 AREAS_FILE = "areas_file"
 """The parameter."""
+_ORDER = "zone_order"
 _GEOREFERENCE = tuple(f"georeference.{name}" for name in ("lat", "lon", "heading"))
 _NAMES = ("name", "title")
 _LARGEST_BYTES = 10_000_000
@@ -36,6 +37,7 @@ def take_areas_file(reader: ParameterReader) -> None:
 
     Raises:
         ImportError: If there is such a file, and shapely or pyproj is not installed.
+        ParameterError: If the file has a mistake, and no other zones are given.
     """
     if AREAS_FILE not in reader.parameters:
         return
@@ -45,12 +47,15 @@ def take_areas_file(reader: ParameterReader) -> None:
         zones = dict(_zones(areas, _origin(reader)))
     except _AreasFileError as error:
         reader.report(AREAS_FILE, str(error))
+        if _ORDER not in reader.parameters:
+            # That no zones are given is no mistake besides.
+            reader.complain()
         return
     if others := len(features) - len(areas):
         reader.notes.append(
             f"{AREAS_FILE}: {others} of {len(features)} features are no polygons and no areas"
         )
-    drawn: dict[str, object] = {"zone_order": list(zones)}
+    drawn: dict[str, object] = {_ORDER: list(zones)}
     for name, values in zones.items():
         drawn |= {f"zones.{name}.{key}": value for key, value in values.items()}
     reader.parameters = {**drawn, **reader.parameters}
