@@ -344,6 +344,19 @@ def at_least(least: int) -> ValueType:
     )
 
 
+def sensible(least: float, most: float = math.inf, *, is_open: bool = False) -> ValueType:
+    """Return the type of numbers of which those outside of bounds are warned of before anything runs.
+
+    It is used in an annotation: `share: Annotated[float, sensible(0, 1)]`.
+
+    Args:
+        least: The smallest number that makes sense.
+        most: The largest one.
+        is_open: Whether the smallest one itself does not.
+    """
+    return _PLAIN[float]._replace(usual=SensibleNumbers(least, most, is_open))
+
+
 def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
     """Return the type of C++'s whole numbers of a size, which BehaviorTree.CPP refuses to leave."""
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from sar_compiler.checks import check
 from sar_compiler.checks.schema_validation import schema_errors
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.values import UNSIGNED, ConversionError, at_least, type_of_cpp_name
+from sar_compiler.nodes.values import UNSIGNED, ConversionError, at_least, sensible, type_of_cpp_name
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.ports import PortError
 from sar_compiler.tree.diagnostic import Severity, TreeError
@@ -85,12 +86,18 @@ class Patient(Behaviour):
         name: The node's name.
         attempts: How often.
         speed: How fast.
+        share: How much.
     """
 
     def __init__(
-        self, name: str, attempts: Annotated[int, at_least(1)] = 3, speed: Annotated[float, "m/s"] = 0.5
+        self,
+        name: str,
+        attempts: Annotated[int, at_least(1)] = 3,
+        speed: Annotated[float, "m/s"] = 0.5,
+        share: Annotated[float, sensible(0, 1)] = 0.5,
     ) -> None:
         super().__init__(name)
+        self.share = share
         self.given = (attempts, speed)
 
     def update(self) -> Status:
@@ -107,6 +114,23 @@ def test_a_leaf_says_in_its_annotation_from_which_number_on(registry):
     (finding,) = errors(forest('<Patient attempts="0"/>'), registry)
     assert finding.message == "attempts: '0' is not a whole number, 1 or more"
     assert (finding.code, finding.suggestion) == ("wrong-value", None)  # 1 would be another number
+
+
+@pytest.mark.parametrize("share", ["60", "-0.1", "1.001"])
+def test_a_leaf_says_in_its_annotation_which_numbers_make_sense(registry, share):
+    (finding,) = check(forest(f'<Patient share="{share}"/>'), registry)
+    assert (finding.code, finding.severity) == ("out-of-range", Severity.WARNING)
+    assert finding.hint == "write a number, from 0 to 1"
+    assert check(forest('<Patient share="1"/>'), registry) == []
+
+
+@pytest.mark.parametrize(
+    "leaf",
+    ['RefineSweep until_pod="60"', 'PlanSweep coverage="0"', 'PlanSweep clearance="-0.3"', 'BatterySuffices at_least="20"'],
+)  # fmt: skip
+def test_per_cent_and_what_lies_below_zero_make_no_sense_to_leaves_of_a_search(leaf):
+    found = check(forest(f"<{leaf}/>"), REGISTRY)
+    assert "out-of-range" in [each.code for each in found]
 
 
 def test_a_parameter_of_the_mission_must_be_such_a_number_as_well(registry):

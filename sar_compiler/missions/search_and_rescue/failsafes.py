@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import Clock, RobotEstimate, RosLeaf, Seconds, TopicLeaf, robot_estimate
+from sar_compiler.leaves import Clock, RobotEstimate, RosLeaf, Seconds, TopicLeaf, robot_estimate, sensible
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
@@ -118,7 +118,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         max_age_sec: How long it may be silent, seconds of the node's clock.
     """
 
-    at_least: float = 0.2
+    at_least: Annotated[float, sensible(0, 1)] = 0.2
     topic: str = "battery_state"
     max_age_sec: Seconds = 30.0
     homing: Homing | None = None

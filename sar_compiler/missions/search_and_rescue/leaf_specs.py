@@ -17,6 +17,7 @@ from sar_compiler.leaves import (
     handed_over,
     leaf_spec,
     reference,
+    sensible,
 )
 
 VisitingOrder = Literal["listed", "nearest", "expected_find"]
@@ -76,13 +77,15 @@ _ON_GROUND = (
     handed_over("zone_manager", _ZONES, "The mission's zones."),
     handed_over("sweeps", _SWEEPS, "The mission's sweeps."),
 )
+# Whoever writes per cent is warned.
+_SHARE = sensible(0, 1)
 _UNTIL_POD = attribute(
     "until_pod",
-    float,
+    _SHARE,
     "Ground where somebody would have been found with less than that, 0 to 1, is a gap.",
     0.8,
 )
-_CLEARANCE = attribute("clearance", float, "How far pieces keep from obstacles, metres.", 0.3)
+_CLEARANCE = attribute("clearance", sensible(0), "How far pieces keep from obstacles, metres.", 0.3)
 # How many pieces there are nobody knows before the flight: what a leaf answers says whether one is open. In proofs a run has so many more than
 # one a pass.
 _PIECES = {"zones_left": 3, "piece_open": False, "more_pieces": 1}
@@ -386,7 +389,7 @@ SPECS = [
         ),
         attribute(
             "coverage",
-            float,
+            sensible(0, is_open=True),
             "How often each place is covered by the sweep width: legs are sweep width / coverage apart.",
             0.9,
         ),
@@ -413,7 +416,7 @@ SPECS = [
         f"{_HERE}.actions.sweeping:RefineSweep",
         "Plan to look once more at what the sweep of the current zone has missed: SUCCESS if there is such ground.",
         *_ON_GROUND,
-        attribute("until_pod", float, "How likely somebody there must have been found, 0 to 1.", 0.8),
+        attribute("until_pod", _SHARE, "How likely somebody there must have been found, 0 to 1.", 0.8),
         attribute("max_passes", at_least(1), "How many passes there are at most, the first one included.", 3),
         _CLEARANCE,
         effects="plans the pieces of a further pass",
@@ -621,7 +624,7 @@ SPECS = [
         f"{_HERE}.failsafes:BatterySuffices",
         "Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.",
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
-        attribute("at_least", float, "The limit, of 1 for a full battery.", 0.2),
+        attribute("at_least", _SHARE, "The limit, of 1 for a full battery.", 0.2),
         attribute(
             "topic",
             str,

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import SUCCEEDED, Clock, RobotEstimate, RosLeaf, at_least, robot_estimate
+from sar_compiler.leaves import SUCCEEDED, Clock, RobotEstimate, RosLeaf, at_least, robot_estimate, sensible
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateTo
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from sar_compiler.missions.search_and_rescue.areas import COVERAGE, Corners
@@ -25,6 +25,7 @@ from sar_compiler.missions.search_and_rescue.sweeps import sweep
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
 
 Passes = Annotated[int, at_least(1)]
+Share = Annotated[float, sensible(0, 1)]
 
 # What is nearer than that is the robot's place as well, metres.
 _STANDS_M = 0.05
@@ -81,7 +82,7 @@ class _PlanLeaf(_SweepLeaf):
     """
 
     _: KW_ONLY
-    clearance: float = 0.3
+    clearance: Annotated[float, sensible(0)] = 0.3
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -160,7 +161,7 @@ class PlanSweep(_PlanLeaf):
     """
 
     pattern: SweepPattern = "parallel"
-    coverage: float = COVERAGE
+    coverage: Annotated[float, sensible(0, is_open=True)] = COVERAGE
     orders: OperatorOrders = field(default_factory=OperatorOrders)
     fence: Fence = field(default_factory=Fence)
 
@@ -213,7 +214,7 @@ class RefineSweep(_PlanLeaf):
         clearance: How far pieces keep from obstacles, metres.
     """
 
-    until_pod: float = 0.8
+    until_pod: Share = 0.8
     max_passes: Passes = 3
 
     def _begin(self, zone: str) -> Status:
@@ -320,7 +321,7 @@ class NavigateThroughPieces(NavigateToPiece):
     homing: Homing
     clock: Clock
     action: str = "navigate_through_poses"
-    until_pod: float = 0.8
+    until_pod: Share = 0.8
 
     action_type = "nav2_msgs/action/NavigateThroughPoses"
 
@@ -390,7 +391,7 @@ class AdvancePiece(_SweepLeaf):
     """
 
     _: KW_ONLY
-    until_pod: float = 0.8
+    until_pod: Share = 0.8
 
     def setup(self, **kwargs: Any) -> None:
         """Listen to the map."""
