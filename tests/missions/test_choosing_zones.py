@@ -146,6 +146,13 @@ def test_a_search_without_probabilities_shows_what_it_did_before() -> None:
     assert "areas" not in searching({}).identity()
 
 
+def test_the_plan_that_is_told_has_urgent_zones_first_as_the_flight_has() -> None:
+    urgent = begun({**probabilities(), "zones.b.priority": 1.0, "zones.a.poa": 0.5, "zones.b.poa": 0.1, "zones.b.x": 9.0, "base_station.x": 0.0, "base_station.y": 1.0, "base_station.yaw": 0.0})  # fmt: skip
+    told = [line.strip().partition(":")[0] for line in Search(urgent).greeting()[3:]]
+    assert told == ["b", "a"]
+    assert [zone["id"] for zone in urgent.eligible_zones()] == ["b"]
+
+
 def test_what_is_shown_computes_once_where_somebody_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is asked for in the ticks: once for each zone took 30 ms of a hundred zones."""
     asked, now = list[PoaMap](), PoaMap.now

@@ -118,11 +118,13 @@ class Search(MissionRun):
         # Where no probabilities are given, nobody needs NumPy to begin.
         from sar_compiler.missions.search_and_rescue.zone_order import ordered
 
-        zones = self.zones.remaining_zones()
-        tour = self.zones.tour(zones)
-        order = ordered("expected_find", tour)
+        zones = list[Zone]()
+        for group in self.zones.by_urgency():
+            tour = self.zones.tour(group, zones[-1] if zones else None)
+            zones += [group[area] for area in ordered("expected_find", tour)]
+        tour, order = self.zones.tour(zones), range(len(zones))
         pos, lines = 0.0, list[str]()
-        for area, end in zip(order, tour.ends(order), strict=True):
+        for area, end in enumerate(tour.ends(order)):
             pos += tour.finds[area]
             lines.append(f"  {zones[area]['id']}: searched after {end:.0f} s, POS {pos:.0%}")
         soon = f"{tour.expected_find(order):.0f} s to the first find, if there is one"

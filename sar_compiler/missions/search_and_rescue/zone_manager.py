@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any, TypedDict, cast
@@ -139,9 +139,14 @@ class ZoneManager:
 
         So a zone that was postponed comes again only when all others have been tried as often. The current one is first.
         """
-        left = self.remaining_zones()
-        best = min(map(self._urgency, left), default=None)
-        return [zone for zone in left if self._urgency(zone) == best]
+        return next(iter(self.by_urgency()), [])
+
+    def by_urgency(self) -> list[list[Zone]]:
+        """Return the zones that are left in groups, of which each is chosen from when the one before it is done."""
+        groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
+        for zone in self.remaining_zones():
+            groups[self._urgency(zone)].append(zone)
+        return [groups[urgency] for urgency in sorted(groups)]
 
     def _urgency(self, zone: Zone) -> tuple[int, float]:
         return self._postponed[zone["id"]], -self._priorities.get(zone["id"], 0.0)
@@ -165,15 +170,19 @@ class ZoneManager:
             "id"
         ]
 
-    def tour(self, zones: Sequence[Zone]) -> Tour:
-        """Return what there is to choose an order of some zones by, from where the robot has looked last, or the base station.
+    def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> Tour:
+        """Return what there is to choose an order of some zones by.
 
         Where no probabilities are given, zones count alike, and looks as nothing.
+
+        Args:
+            zones: The zones.
+            start: Where it begins; where the robot has looked last, or the base station, if None.
         """
         now = self.poa_map().now()
         areas = [self.areas.get(zone["id"], Area(0.0, 0.0)) for zone in zones]
         return Tour(
-            [self._travel_sec(self._here, zone) for zone in zones],
+            [self._travel_sec(start or self._here, zone) for zone in zones],
             [[self._travel_sec(before, after) for after in zones] for before in zones],
             [area.look_sec for area in areas],
             [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)],
