@@ -36,6 +36,9 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import SUBTREE_TAG, TreeFile
 
+# Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every port.
+_INOUT, _OUTPUT = Direction.INOUT, Direction.OUTPUT
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -211,13 +214,13 @@ class Arguments:
     ) -> None:
         """Add a port; one that is not written is left to the constructor's default."""
         name, value_type = parameter.name, parameter.value_type
-        cls = InOut if parameter.direction is Direction.INOUT else Input
+        cls = InOut if parameter.direction is _INOUT else Input
         if name in bound.keys:
             entry = instance.scope.resolve(bound.keys[name])
             kind = kind_of(value_type.python)
             entry.declare(kind)
             self._check_given(bound, parameter, bound.keys[name], instance.scope)
-            written = parameter.direction is Direction.OUTPUT
+            written = parameter.direction is _OUTPUT
             arguments[name] = (
                 Output(entry, kind) if written else cls(entry, value_type.fit, name, value_type.kept)
             )
@@ -242,8 +245,6 @@ class Arguments:
         assert target is not None  # noqa: S101 - every context parameter has one
         if target is Scope:
             return instance.scope
-        if target is Enums:
-            return self.enums
         if target in self._context or not parameter.required:
             return self._context.get(target, parameter.default)
         message = f"<{bound.spec.tag}> needs a {target.__name__}, which this mission does not have"
@@ -379,19 +380,19 @@ class Builder:
         left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
         # The nodes around, each with the siblings that are left and those that are made.
-        waiting: list[tuple[_NodeInInstance, Iterator[_NodeInInstance], list[Behaviour]]] = []
+        waiting: list[tuple[Instance, BoundNode, Iterator[_NodeInInstance], list[Behaviour]]] = []
         while True:
-            for place in left:
-                if place[1].children or place[1].subtree is not None:
-                    waiting.append((place, left, children))
-                    left, children = self._below(*place), []
+            for inner, node in left:
+                if node.children or node.subtree is not None:
+                    waiting.append((inner, node, left, children))
+                    left, children = self._below(inner, node), []
                     break
-                children.append(self._with_wrappers(*place, []))
+                children.append(self._with_wrappers(inner, node, []))
             else:
                 if not waiting:
                     return children[0]
-                place, left, siblings = waiting.pop()
-                siblings.append(self._with_wrappers(*place, children))
+                inner, node, left, siblings = waiting.pop()
+                siblings.append(self._with_wrappers(inner, node, children))
                 children = siblings
 
     @staticmethod

@@ -9,8 +9,7 @@ import functools
 import itertools
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.context import mission_context
@@ -140,8 +139,7 @@ class Board:
             self.stamps[name] = stamp
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """One entry, which may not have been written yet.
 
     Attributes:
