@@ -91,7 +91,8 @@ class Command:
             return any(text in line for line in new) or self.is_over
 
         with self._news:
-            self._news.wait_until(came, lambda: f"{self.name} did not print '{text}':\n{self.output}")
+            complaint = lambda: f"{self.name} did not print '{text}':\n{self.output}"  # noqa: E731
+            self._news.wait_until(came, complaint, pid=self.pid)
             over = self.is_over
         assert not over or text in self.output, f"{self.name} ended without printing '{text}':\n{self.output}"
         return self
@@ -100,7 +101,7 @@ class Command:
         """Wait, as long as it prints, until something is so, and return it; `what` says what never came."""
         with self._news:
             complaint = lambda: f"{what} of {self.name} did not come:\n{self.output}"  # noqa: E731
-            return self._news.wait_until(wanted, complaint, silence_sec)
+            return self._news.wait_until(wanted, complaint, silence_sec, self.pid)
 
     @property
     def is_over(self):
@@ -126,7 +127,8 @@ class Command:
 
         try:
             with self._news:
-                self._news.wait_until(over, lambda: f"{self.name} prints nothing more, and does not end")
+                complaint = lambda: f"{self.name} prints nothing more, and does not end"  # noqa: E731
+                self._news.wait_until(over, complaint, pid=self.pid)
         except AssertionError as error:
             # Python's fault handler then says where every thread is.
             self.send(signal.SIGABRT)

@@ -1,11 +1,13 @@
 """The means of waiting themselves: they go on as long as something moves, and a promise to end in time is kept."""
 
+import itertools
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -33,6 +35,27 @@ def test_a_wait_ends_with_its_complaint_when_nothing_moves():
     news = News()
     with news, pytest.raises(AssertionError, match="nothing came"):
         news.wait_until(lambda: False, lambda: "nothing came", silence_sec=0.05)
+
+
+class Delayed:
+    """A delay of 20 s at each look."""
+
+    def __init__(self, pid):
+        assert pid == 7
+        self.sec = 0.0
+
+    def look(self):
+        self.sec += 20.0
+
+
+def test_who_computes_in_silence_is_waited_for_while_others_have_the_processor(monkeypatch):
+    clock = itertools.count(0.0, 20.0)
+    monkeypatch.setattr("tests.waiting.time", SimpleNamespace(monotonic=clock.__next__))
+    monkeypatch.setattr("tests.waiting.Delay", Delayed)
+    asked = itertools.count()
+    news = News()
+    with news:
+        assert news.wait_until(lambda: next(asked) == 6, lambda: "it was given up", silence_sec=60.0, pid=7)
 
 
 LINGERING = """

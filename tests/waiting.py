@@ -24,21 +24,28 @@ class News(threading.Condition):
         self._count += 1
         self.notify_all()
 
-    def wait_until(self, wanted, complaint, silence_sec=SILENCE_SEC):
+    def wait_until(self, wanted, complaint, silence_sec=SILENCE_SEC, pid=None):
         """Wait, holding the lock, until something is so, and return it; fail with a complaint when nothing moves any more.
 
         Args:
             wanted: Returns what is waited for, or nothing yet; called at every news, and ten times a second.
             complaint: Returns what is said if it never is.
             silence_sec: How long nothing may happen, seconds.
+            pid: Whose news it is; by default this process's. What it waits for a processor, once half of that has
+                passed, does not count: who computes in silence has no more to say for that.
         """
         began = heard = time.monotonic()
-        count = self._count
+        count, others = self._count, None
         while not (found := wanted()):
             now = time.monotonic()
             if self._count != count:
-                count, heard = self._count, now
-            assert now - heard < silence_sec and now - began < ENDLESS_SEC, complaint()  # noqa: PT018
+                count, heard, others = self._count, now, None
+            elif others is None and now - heard > silence_sec / 2:
+                others = Delay(os.getpid() if pid is None else pid)
+            elif others is not None:
+                others.look()
+            silent_sec = now - heard - (others.sec if others else 0.0)
+            assert silent_sec < silence_sec and now - began < ENDLESS_SEC, complaint()  # noqa: PT018
             self.wait(0.1)
         return found
 
