@@ -1,6 +1,7 @@
 """What every test shares: a ROS domain of its own for each test process, signals as a terminal has them, and what coverage is measured of."""
 
 import fcntl
+import gc
 import itertools
 import os
 import signal
@@ -70,14 +71,19 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 def pytest_collection(session):
     """Look for the tests without measuring coverage: every worker does, and it takes twice the time.
 
-    What is run where a module of the package is imported is measured: all of them are imported before.
+    What is run where a module of the package is imported is measured, by one of them: all are imported before. What
+    is found stays, so the garbage collector would look at it in vain.
     """
-    if not hasattr(session.config, "workerinput") or session.config.getoption("cov_context", None):
-        return (yield)
-    if Coverage.current() is not None:
-        warm.import_all()
-    with _unmeasured():
-        return (yield)
+    gc.disable()
+    try:
+        if not hasattr(session.config, "workerinput") or session.config.getoption("cov_context", None):
+            return (yield)
+        if Coverage.current() is not None and session.config.workerinput["workerid"] == "gw0":
+            warm.import_all()
+        with _unmeasured():
+            return (yield)
+    finally:
+        gc.enable()
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
