@@ -2,6 +2,7 @@
 
 import ast
 import collections
+import functools
 import importlib
 import itertools
 import re
@@ -14,6 +15,9 @@ import pytest
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.signs import COLOURS
+
+# Files are read here, hardly any code is run: with coverage the walks through them take half as long again.
+pytestmark = pytest.mark.unmeasured
 
 PACKAGE = Path("sar_compiler")
 
@@ -46,18 +50,23 @@ def room_of(path):
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
+@functools.cache
 def imports_of(path, *, with_types=True):
-    """Yield the modules that a file imports, wherever in it, with the line."""
+    """Return the modules that a file imports, wherever in it, with the line."""
     module = ast.parse(path.read_text(encoding="utf-8"))
     if not with_types:
         module.body = [
-            node for node in module.body if ast.unparse(node).partition(":")[0] != "if TYPE_CHECKING"
+            node
+            for node in module.body
+            if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
         ]
+    found = []
     for node in ast.walk(module):
         if isinstance(node, ast.Import):
-            yield from ((alias.name, node.lineno) for alias in node.names)
+            found += [(alias.name, node.lineno) for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+            found += [(f"{node.module}.{alias.name}", node.lineno) for alias in node.names]
+    return found
 
 
 FILES = sorted(PACKAGE.rglob("*.py"))
