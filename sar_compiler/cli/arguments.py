@@ -11,9 +11,6 @@ from sar_compiler.commands import CommandParser
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import Georeference
 
-REPORT_FORMS = "in the form of the file's ending: .html to print and hand on, .json, or in the world's coordinates .geojson, .kml, .cot, .cap"
-"""What the help says of the files of reports: the endings of `views.mission_report.FORMS`, which take too long to import for it."""
-
 
 class ArgumentKind:
     """What a word of a command line is: the type of its argument, and what a shell offers for it.

@@ -10,7 +10,6 @@ from typing import NoReturn
 from sar_compiler.cli.arguments import (
     DEFAULT_WORLD,
     FILE,
-    REPORT_FORMS,
     TREE,
     WORLD,
     YAML_FILE,
@@ -32,6 +31,7 @@ from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gc_pause import gc_paused
+from sar_compiler.views.report_forms import forms_in_words
 
 PROG = "sar-run"
 
@@ -273,7 +273,7 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
     web_port = add_page_options(group, "with --view web: ")
-    text = f"write a report when the run has ended, {REPORT_FORMS}; may be repeated"
+    text = f"write a report when the run has ended, {forms_in_words()}; may be repeated"
     add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
     text = "record the mission in a new MCAP file: its topics, the tree's log, the mission's log"
     add("--record", type=FILE, metavar="FILE.mcap", help=text)

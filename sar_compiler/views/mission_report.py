@@ -2,10 +2,10 @@
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from sar_compiler.errors import SarError
 from sar_compiler.journal.condition import condition
@@ -16,6 +16,7 @@ from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.nodes.spec import load
 from sar_compiler.tree.content import real_path
 from sar_compiler.views.plain import as_json
+from sar_compiler.views.report_forms import FORMS
 from sar_compiler.views.why import Why, why_data
 
 
@@ -157,32 +158,6 @@ def _node(node: NodeState) -> dict[str, Any]:
 def json_report(state: MissionState, why: Why | None = None) -> str:
     """Return the report of a mission as JSON."""
     return as_json(report_data(state, why)) + "\n"
-
-
-class ReportForm(NamedTuple):
-    """A form of a report.
-
-    Attributes:
-        function: The import path of what returns the report of a mission, imported when one is written.
-        is_of_the_world: Whether it is in coordinates of the world.
-        libraries: What it takes besides.
-    """
-
-    function: str
-    is_of_the_world: bool = False
-    libraries: Sequence[str] = ()
-
-
-_EXCHANGE = "sar_compiler.views.report_exchange"
-FORMS: Mapping[str, ReportForm] = {
-    ".html": ReportForm("sar_compiler.views.report_html:html_report"),
-    ".json": ReportForm("sar_compiler.views.mission_report:json_report"),
-    ".geojson": ReportForm(f"{_EXCHANGE}:geojson_report", is_of_the_world=True, libraries=["geojson"]),
-    ".kml": ReportForm(f"{_EXCHANGE}:kml_report", is_of_the_world=True),
-    ".cot": ReportForm(f"{_EXCHANGE}:cot_report", is_of_the_world=True),
-    ".cap": ReportForm(f"{_EXCHANGE}:cap_report", is_of_the_world=True, libraries=["cap_tools", "xsdata"]),
-}
-"""The forms of reports by the endings of their files."""
 
 
 def require_form(file: Path, place: Georeference | None) -> None:

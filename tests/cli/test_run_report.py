@@ -7,12 +7,11 @@ from contextlib import closing
 
 import pytest
 
-from sar_compiler.cli.arguments import REPORT_FORMS
 from sar_compiler.cli.journal_command import main
 from sar_compiler.cli.run_report import RunReport
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.views.mission_report import FORMS
+from sar_compiler.views.report_forms import FORMS, forms_in_words
 
 BEGAN = JournalEntry(1, 1, 1.7e9, 0.0, "run_began", {"mission": "patrol", "identity": {}, "run": {}})
 
@@ -157,7 +156,7 @@ def test_what_is_no_place_on_the_earth_is_wrong_usage(text, words, capsys):
 
 
 def test_the_help_names_every_form_of_a_report():
-    assert re.findall(r"\.\w+", REPORT_FORMS) == [*FORMS]
+    assert re.findall(r"\.\w+", forms_in_words()) == [*FORMS]
 
 
 @pytest.mark.parametrize("is_of_journal", [True, False])

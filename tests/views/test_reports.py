@@ -23,8 +23,9 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.missions.displaying import add_displays
 from sar_compiler.signs import COLOURS, MARKS
-from sar_compiler.views.mission_report import FORMS, ReportError, report_data, report_text, require_form
+from sar_compiler.views.mission_report import ReportError, report_data, report_text, require_form
 from sar_compiler.views.report_exchange import cot_report
+from sar_compiler.views.report_forms import FORMS
 from sar_compiler.views.report_html import html_report, report_map
 
 NASTY = "<script>alert('x')</script>&\x1b[2J"
