@@ -11,6 +11,7 @@ from py_trees.common import Status
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions import ParameterError, ParameterReader
 from sar_compiler.missions.search_and_rescue.actions.zones import ChooseZone
+from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area, PoaMap
@@ -307,7 +308,7 @@ class TestChooseZone:
         """Give a hint as an operator does."""
         from sar_interfaces.srv import AddHint
 
-        self.take(stage, search, order="expected_find")
+        self.take(stage, search, order="expected_find", sweeps=search.sweeps)
         request = AddHint.Request(zone_id=values.get("zone", ""), likelihood_ratio=values.get("times", 3.0))
         request.point.header.frame_id = values.get("frame", "map")
         request.point.point.x = values.get("x", 0.0)
@@ -326,6 +327,11 @@ class TestChooseZone:
         assert self.hint(stage, search, **values) == (True, f"it counts for {zone}")
         assert search.zones.hints == {zone: 3.0}
         assert stage.lines == [f"Operator: add_hint: {zone}, times 3."]
+
+    def test_a_hint_on_a_place_in_an_outline_counts_for_that_zone(self, stage: "Stage") -> None:
+        search = searching()
+        search.sweeps.grounds["a"] = Ground(((0.5, -1.0), (2.5, -1.0), (2.5, 1.0), (0.5, 1.0)), 3.2, 2.0)
+        assert self.hint(stage, search, x=2.4) == (True, "it counts for a")
 
     @pytest.mark.parametrize(
         ("values", "said"),

@@ -118,6 +118,30 @@ def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_le
     assert [(gap.kind, gap.name, gap.level) for gap in gaps] == [("gap", "a gap 1", Level.GIVEN_UP)]
 
 
+def test_the_pod_of_legs_is_told_where_all_of_a_first_sweep_in_legs_was_swept() -> None:
+    search = planned(searching(), count=2)
+
+    def told() -> object:
+        [area] = [each for each in search.display().landmarks if each.kind == "area"]
+        return area.details["POD if legs were kept"]
+
+    search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)] * 2, None)
+    search.sweeps.advance("a", None, 0.5)
+    assert told() == ""
+    search.sweeps.advance("a", None, 0.5)
+    covered = search.sweeps.of("a").coverage
+    assert told() == f"{math.erf(math.sqrt(math.pi) / 2 * covered):.1%}"
+    search.sweeps.plan("a", "gaps", 2.0, [MapPose(x=1.0, y=3.0, yaw=0.0)])
+    search.sweeps.advance("a", None, 0.5)
+    assert told() == ""
+
+
+def test_a_skipped_piece_leaves_legs_that_were_not_kept() -> None:
+    search = planned(searching(), count=1)
+    search.sweeps.skip("a", "it was not reached, or not searched")
+    assert search.sweeps.of("a").pod_of_legs is None
+
+
 def test_the_figures_have_what_was_driven_and_how_much_of_the_ground_was_seen() -> None:
     search = planned(searching())
     assert [each.text for each in search.display().figures[-2:]] == ["swept 0 m", "seen 0 of 16 m²"]

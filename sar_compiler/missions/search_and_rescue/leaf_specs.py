@@ -293,6 +293,12 @@ SPECS = [
             "Takes the operator's hints on where somebody may be, by the service `~/add_hint` (`sar_interfaces/srv/AddHint`).",
             required=False,
         ),
+        handed_over(
+            "sweeps",
+            _SWEEPS,
+            "The mission's sweeps: a hint on a place counts for the zone whose outline is around it.",
+            required=False,
+        ),
         effects="makes one of the zones that are left the current one",
         answers=(
             Answer("SUCCESS", "chosen", "zones_left > 0"),

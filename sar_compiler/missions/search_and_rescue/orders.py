@@ -146,7 +146,7 @@ VERBS = (
         "Somebody may be, or is hardly, in a zone: it counts when the next zone is chosen.",
         "sar_interfaces/srv/AddHint",
         (
-            VerbField("zone", "Zone; empty for the one nearest to a place", optional=True),
+            VerbField("zone", "Zone; empty for the one around a place, or nearest to it", optional=True),
             VerbField("x", "x, metres", "number", optional=True),
             VerbField("y", "y, metres", "number", optional=True),
             VerbField("times", "times likelier: 3 for, 0.3 against", "number"),

@@ -270,6 +270,7 @@ class Search(MissionRun):
             "area A": f"{sweep.area_m2:.1f} m²" if sweep.area_m2 else "",
             "coverage C": f"{sweep.coverage:.2f}",
             "POD": f"{sweep.pod:.1%}",
+            "POD if legs were kept": "" if (of_legs := sweep.pod_of_legs) is None else f"{of_legs:.1%}",
             "seen": f"{sweep.seen:.1%}",
             "passes": sweep.passes,
             "pieces skipped": sweep.skipped,

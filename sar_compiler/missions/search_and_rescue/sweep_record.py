@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.missions import Journal, JournalEntry, RasterLayer, mission_context, position
 from sar_compiler.missions.search_and_rescue.areas import Corners, Ground
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+from sar_compiler.missions.search_and_rescue.search_theory import pod_of_parallel_sweep
+from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose
 
 if TYPE_CHECKING:
     from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap, Raster
@@ -54,6 +55,12 @@ class Sweep:
     gaps: tuple[Corners, ...] = ()
 
     @property
+    def pod_of_legs(self) -> float | None:
+        """The POD where the legs were kept: all of a first plan in legs was swept; None where that is not so."""
+        in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
+        return pod_of_parallel_sweep(self.coverage) if in_legs and not (self.left or self.skipped) else None
+
+    @property
     def left(self) -> int:
         """How many pieces are open."""
         return len(self.pieces) - self.done
@@ -89,6 +96,10 @@ class Sweeps:
     def of(self, zone: str) -> Sweep:
         """Return what is so of the sweep of a zone."""
         return self._sweeps.get(zone, Sweep())
+
+    def around(self, x: float, y: float) -> list[str]:
+        """Return the zones in whose outline a position is, metres, frame `map`."""
+        return [zone for zone, ground in self.grounds.items() if Fence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
         """Return how much of all ground was seen at all, and how large that is, square metres: where it is swept, what can be searched of it."""

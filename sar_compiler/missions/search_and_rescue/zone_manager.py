@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
@@ -163,12 +163,18 @@ class ZoneManager:
         """Note a hint on a zone: how many times likelier it is if somebody is there than if nobody is."""
         self.journal.note("hint_given", zone=zone_id, ratio=ratio)
 
-    def nearest(self, x: float, y: float) -> str:
-        """Return the zone with probabilities whose pose is nearest to a position in the frame `map`, metres; empty if there is none."""
-        zones = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] in self.areas)
-        return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), (x, y)), default={"id": ""})[
-            "id"
-        ]
+    def nearest(self, x: float, y: float, among: Collection[str] = ()) -> str:
+        """Return the zone with probabilities whose pose is nearest to a position; empty if there is none.
+
+        Args:
+            x: Metres, frame `map`.
+            y: Metres, frame `map`.
+            among: The zones that come into question; all if there are none.
+        """
+        names = self.areas.keys() & (among or self.areas)
+        zones = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] in names)
+        place = (x, y)
+        return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), place), default={"id": ""})["id"]
 
     def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> Tour:
         """Return what there is to choose an order of some zones by.

@@ -12,6 +12,7 @@ from sar_compiler.missions.search_and_rescue.leaf_specs import VisitingOrder
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.planned_ways import PlannedWays
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Zone, ZoneManager, is_ratio
 
 Attempts = Annotated[int, at_least(1)]
@@ -53,6 +54,7 @@ class ChooseZone(RosLeaf):
         ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
         planner_id: Which of the planner server's planners is asked; empty for its only one.
         orders: Takes the operator's hints on where somebody may be, by the service `~/add_hint` (`sar_interfaces/srv/AddHint`).
+        sweeps: The mission's sweeps: a hint on a place counts for the zone whose outline is around it.
     """
 
     def __init__(
@@ -64,9 +66,10 @@ class ChooseZone(RosLeaf):
         ways_timeout_sec: Seconds = 5.0,
         planner_id: str = "",
         orders: OperatorOrders | None = None,
+        sweeps: Sweeps | None = None,
     ) -> None:
         super().__init__(name)
-        self._zones, self._orders = zone_manager, orders or OperatorOrders()
+        self._zones, self._orders, self._sweeps = zone_manager, orders or OperatorOrders(), sweeps or Sweeps()
         self._order: VisitingOrder = order
         self._ways_timeout_sec, self._planner_id = ways_timeout_sec, planner_id
         self._ways: PlannedWays | None = None
@@ -125,7 +128,9 @@ class ChooseZone(RosLeaf):
         """Take a hint, which counts from the next choice on."""
         point, ratio = request.point.point, request.likelihood_ratio
         known = all(map(math.isfinite, (point.x, point.y)))
-        zone = request.zone_id or (self._zones.nearest(point.x, point.y) if known else "")
+        zone = request.zone_id
+        if not zone and known:
+            zone = self._zones.nearest(point.x, point.y, self._sweeps.around(point.x, point.y))
         refusal = ""
         if not request.zone_id and request.point.header.frame_id != MAP_FRAME:
             refusal = (
