@@ -1,11 +1,11 @@
 """The stand-in for Nav2's navigator: `navigate_to_pose` and `navigate_through_poses`, as served by Jazzy's bt_navigator."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,8 @@ ACTIVATION_SEC = 1.0
 _PASSED_M = 0.7
 # Nav2 numbers what a planner says of several poses so much later.
 _THROUGH_CODES = 100
+# Its code where there is none.
+_NO_POSES = 309
 # A goal nearer than this to a place is a goal for that place, metres.
 _PLACE_REACH = 0.5
 # A server that is to die does so after this long on the way, simulated seconds.
@@ -148,6 +150,7 @@ class _Goal(AcceptedGoal):
 
     Attributes:
         poses: The poses that are left, the next one first; one, unless the goal leads through several.
+        tree: The file of the behaviour tree that it asks for; empty for the usual one.
     """
 
     def __init__(
@@ -156,6 +159,7 @@ class _Goal(AcceptedGoal):
         super().__init__(handle, began, action_type)
         self.leads_through = action_type is not NavigateToPose
         self.poses = poses_of(handle.request)
+        self.tree = str(handle.request.behavior_tree)
         self.fault = fault
         self.drive: Drive | None = None
         self.progress: DriveProgress | None = None
@@ -163,17 +167,42 @@ class _Goal(AcceptedGoal):
         self.left = list(manner.recoveries)
         self.recoveries_begun = 0
         self.localised_at = began
+        self._looks_back_sec, self._looks_at = manner.looks_back_sec, began
 
-    def has_passed(self, here: Pose2D, outcome: DriveOutcome | None) -> bool:
-        """Whether the next pose is behind the robot, and another one follows."""
-        if not self.poses[1:] or self.handle.is_cancel_requested or self.drive is None:
+    def has_passed(self, here: Pose2D, now: float) -> bool:
+        """Whether poses were behind the robot, and are left out from now on; the last one stays."""
+        if now < self._looks_at or self.handle.is_cancel_requested:
             return False
-        ended = outcome is not None and outcome.ending is DriveEnd.SUCCEEDED
-        return ended or here.distance_to(self.drive.goal) < _PASSED_M
+        self._looks_at = now + self._looks_back_sec
+        before = len(self.poses)
+        while self.poses[1:] and _away(self.poses[0], here) < _PASSED_M:
+            del self.poses[0]
+        return len(self.poses) < before
+
+    def count(self, message: Any) -> Any:
+        """Return a feedback with the number of poses that are left, if the goal leads through several."""
+        if self.leads_through:
+            message.number_of_poses_remaining = len(self.poses)
+        return message
 
     def _told(self, code: int) -> int:
         of_planner = self.leads_through and NavCode.TF_ERROR <= code <= NavCode.NO_VALID_PATH
         return int(code) + (_THROUGH_CODES if of_planner else 0)
+
+
+def _refusal(goal: _Goal, under_way: _Goal | None) -> DriveOutcome | None:
+    """Return how a goal ends as soon as it is accepted; None if it is driven to."""
+    if under_way is not None and under_way.action_type is not goal.action_type:
+        return DriveOutcome(DriveEnd.ABORTED, text="another navigator is processing")
+    if not goal.poses:
+        return DriveOutcome(DriveEnd.ABORTED, _NO_POSES, "there is no pose to drive through")
+    if under_way is not None and goal.tree != under_way.tree:
+        return DriveOutcome(DriveEnd.ABORTED, text="another goal is under way with another behaviour tree")
+    return None
+
+
+def _away(pose: Any, here: Pose2D) -> float:
+    return math.hypot(pose.pose.position.x - here.x, pose.pose.position.y - here.y)
 
 
 def poses_of(request: Any) -> list[Any]:
@@ -204,7 +233,7 @@ class BtNavigator(NavigationServer):
     So are `compute_path_to_pose` and the topic `plan` of Nav2's planner.
 
     A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
-    behaviour tree than the current one is aborted instead, and one of the other action is rejected.
+    behaviour tree than the current one, or of the other action, is aborted instead.
 
     Args:
         host: Creates the node.
@@ -302,7 +331,7 @@ class BtNavigator(NavigationServer):
             self._node,
             NavigateThroughPoses,
             THROUGH,
-            partial(self._on_goal, action_type=NavigateThroughPoses),
+            self._on_goal,
             partial(self._on_accepted, action_type=NavigateThroughPoses),
         )
 
@@ -326,7 +355,7 @@ class BtNavigator(NavigationServer):
         for _, answer in due:
             answer.set_result(None)
 
-    async def _on_goal(self, request: Any, action_type: Any = NavigateToPose) -> GoalResponse:
+    async def _on_goal(self, _: Any) -> GoalResponse:
         if self._faults.late_sec:
             self._node.get_logger().warning("Fault: a goal is answered late.")
             answer = Future()
@@ -338,13 +367,11 @@ class BtNavigator(NavigationServer):
         if self._faults.rejects_next():
             self._node.get_logger().warning("Fault: a goal is rejected.")
             return GoalResponse.REJECT
-        if self._goal is not None and self._goal.action_type is not action_type:
-            self._node.get_logger().error("Goal rejected: another navigator is processing.")
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT if poses_of(request) else GoalResponse.REJECT
+        return GoalResponse.ACCEPT
 
     def _on_accepted(self, handle: ServerGoalHandle, action_type: Any = NavigateToPose) -> None:
-        target = from_pose(poses_of(handle.request)[0].pose)
+        poses = poses_of(handle.request)
+        target = from_pose(poses[0].pose) if poses else None
         if target is not None:
             place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
             self._node.get_logger().debug(f"Goal accepted: {place}.")
@@ -352,10 +379,10 @@ class BtNavigator(NavigationServer):
         goal = _Goal(handle, fault, self._now, self._manner, action_type)
         handle.execute(goal.run)
         under_way = self._goal
-        if under_way is not None and handle.request.behavior_tree != under_way.handle.request.behavior_tree:
-            text = "another goal is under way with another behaviour tree"
-            self._node.get_logger().warning(f"Goal aborted: {text}.")
-            goal.end(DriveOutcome(DriveEnd.ABORTED, text=text))
+        refused = _refusal(goal, under_way)
+        if refused is not None:
+            self._node.get_logger().warning(f"Goal aborted ({int(refused.code)}): {refused.text}.")
+            goal.end(refused)
             return
         if under_way is not None:
             under_way.end(DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal"))
@@ -364,9 +391,8 @@ class BtNavigator(NavigationServer):
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
         is_first = goal.drive is None and goal.recovery is None
         if is_first and not self._manner.knows_distance_at_once:
-            goal.handle.publish_feedback(
-                goal.action_type.Feedback(number_of_recoveries=goal.recoveries_begun)
-            )
+            message = goal.action_type.Feedback(number_of_recoveries=goal.recoveries_begun)
+            goal.handle.publish_feedback(goal.count(message))
         outcome = self._end_by_fault(goal) or (
             self._go(goal) if goal.recovery is None else self._recover(goal)
         )
@@ -414,8 +440,7 @@ class BtNavigator(NavigationServer):
             goal.drive.brake()
         goal.progress = self._step(goal.drive, here)
         outcome = goal.progress.outcome
-        if goal.has_passed(here, outcome):
-            goal.poses.pop(0)
+        if outcome is None and goal.has_passed(here, self._now):
             outcome = self._set_out(goal)
         return None if outcome is None else self._or_recover(goal, outcome)
 
@@ -455,13 +480,12 @@ class BtNavigator(NavigationServer):
         self._rosbot.drive(STAND)
 
     def _set_out(self, goal: _Goal) -> DriveOutcome | None:
-        """Plan the path to the next pose, and see that there is one to those behind it; or return why there is none."""
+        """Plan the path through the poses that are left; or return why there is none."""
         if goal.handle.is_cancel_requested:
             return DriveOutcome(DriveEnd.CANCELED)
         targets, here = [from_pose(each.pose) for each in goal.poses], self._localise()
-        tree = goal.handle.request.behavior_tree
-        if tree and not Path(tree).is_file():
-            return DriveOutcome(DriveEnd.ABORTED, text=f"there is no behaviour tree '{tree}'")
+        if goal.tree and not Path(goal.tree).is_file():
+            return DriveOutcome(DriveEnd.ABORTED, text=f"there is no behaviour tree '{goal.tree}'")
         strange = next((each.header.frame_id for each in goal.poses if each.header.frame_id != _MAP), None)
         known = [each for each in targets if each is not None]
         if strange is not None or here is None or len(known) < len(targets):
@@ -469,12 +493,10 @@ class BtNavigator(NavigationServer):
                 "a pose is not known" if strange is None else f"the goal's frame is '{strange}', not '{_MAP}'"
             )
             return DriveOutcome(DriveEnd.ABORTED, text=reason)
-        behind = pairwise(known) if goal.drive is None else ()
+        *via, last = known
         limits = self._rosbot.limits
         try:
-            goal.drive = Drive(self._planner, limits, known[0], here, self._now, self._manner)
-            for start, end in behind:
-                self._planner.plan(start, end, self._manner.tolerance)
+            goal.drive = Drive(self._planner, limits, last, here, self._now, self._manner, via)
         except PlanningError as error:
             goal.drive = None
             return DriveOutcome(DriveEnd.ABORTED, error.code, str(error))
@@ -501,9 +523,7 @@ class BtNavigator(NavigationServer):
         message.current_pose.header.frame_id = _MAP
         message.current_pose.header.stamp = to_stamp(round(self._now * 1e9))
         message.current_pose.pose = to_pose(self._localise() or ORIGIN)
-        if goal.leads_through:
-            message.number_of_poses_remaining = len(goal.poses)
-        return message
+        return goal.count(message)
 
     def _place_of(self, goal: Pose2D | None) -> str | None:
         if goal is None or not self._places:

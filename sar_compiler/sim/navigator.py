@@ -5,11 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
 
 from sar_compiler import resources
 from sar_compiler.ros.parameter_file import read_parameter_file
-from sar_compiler.sim.follower import Follower, FollowerSettings
+from sar_compiler.sim.follower import Follower, FollowerSettings, Path2D
 from sar_compiler.sim.geometry import Pose2D, normalise_angle
 from sar_compiler.sim.placement import NAV2_NAME
 from sar_compiler.sim.planner import NavCode, Planner
@@ -43,6 +46,7 @@ class Manner:
         recoveries: What is done one after the other, with a try after each, before a goal is given up.
         knows_distance_at_once: Whether the first feedback has the distance; else it has 0.
         server_timeout_sec: How long whoever drives may take to take a goal, where it is a process of its own; seconds.
+        looks_back_sec: How often it looks which poses of a goal through several are behind it, simulated seconds.
     """
 
     speed: float = math.inf
@@ -52,6 +56,7 @@ class Manner:
     recoveries: tuple[Recovery, ...] = ()
     knows_distance_at_once: bool = True
     server_timeout_sec: float = 1.0
+    looks_back_sec: float = 0.0
 
     def limits(self, limits: Limits) -> Limits:
         """Return a drive's limits where the robot has these."""
@@ -68,6 +73,8 @@ _BACK_UP = Recovery("backs up", Twist2D(-0.15, 0.0), 2.0)
 
 # What navigate_to_pose_w_replanning_and_recovery.xml of 1.3.13 does; seen in flight.
 _RECOVERIES = (_CLEAR, _SPIN, _WAIT, _BACK_UP, _CLEAR, _SPIN)
+# How often navigate_through_poses_w_replanning_and_recovery.xml removes poses that were passed, and plans anew, seconds.
+_REPLANS_SEC = 3.0
 
 
 @cache
@@ -99,6 +106,7 @@ def like_nav2(parameters: Path) -> Manner:
         recoveries=_RECOVERIES,
         knows_distance_at_once=False,
         server_timeout_sec=_number(navigator, "default_server_timeout", 20) / 1000.0,
+        looks_back_sec=_REPLANS_SEC,
     )
 
 
@@ -169,6 +177,7 @@ class Drive:
         start: The robot's pose, frame `map`.
         now: Simulated time, seconds.
         manner: How it is driven.
+        via: Through which positions the path leads, frame `map`.
 
     Raises:
         PlanningError: If there is no path.
@@ -182,9 +191,10 @@ class Drive:
         start: Pose2D,
         now: float,
         manner: Manner = QUICK,
+        via: Sequence[Pose2D] = (),
     ) -> None:
-        self.goal = goal
-        self.path = planner.plan(start, goal, manner.tolerance)
+        ways = [planner.plan(*each, manner.tolerance) for each in pairwise([start, *via, goal])]
+        self.path = Path2D(np.concatenate([way.points for way in ways]))
         self._follower = Follower(self.path, goal.yaw, manner.limits(limits), manner.follower)
         self._mark, self._mark_time = start, now
         self._braking = False

@@ -506,6 +506,22 @@ class TestLeaves:
         assert (leaf.answer_label, search.sweeps.of("a").left) == ("aborted", 3)
         assert stage.warnings[-1].endswith("error code 308: there is no path to the goal")
 
+    def test_where_the_planner_finds_no_way_through_all_pieces_they_are_driven_to_one_by_one_until_one_is_left_out(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.through_server()
+        server.script, server.error_code = ["abort"], 308
+        search = planned(searching())
+        leaf = self.through(stage, search)
+        stage.until(leaf._port.statuses.servers, "the server")
+        assert stage.run(leaf) is Status.FAILURE
+        assert self.take(stage, search, "AdvancePiece").tick_once() is None
+        leaf.tick_once()
+        assert (leaf.status, leaf.answer_label, server.requests) == (Status.FAILURE, "piece by piece", 1)
+        search.sweeps.skip("a", "it was not reached, or not searched")
+        server.script = ["succeed"]
+        assert stage.run(leaf) is Status.SUCCESS
+
     def test_with_no_piece_open_there_is_nothing_to_drive_through(self, stage: "Stage") -> None:
         leaf = self.through(stage, searching())
         leaf.tick_once()

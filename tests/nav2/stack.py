@@ -50,9 +50,10 @@ class Robot(Watcher):
         self._action = ActionClient(self.node, NavigateToPose, "navigate_to_pose")
         self.node.create_subscription(Odometry, "odometry/filtered", self._on_odometry, 100)
         self.node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, LATCHED)
-        self.node.create_subscription(
-            GoalStatusArray, "navigate_to_pose/_action/status", self._on_statuses, LATCHED
-        )
+        for action in ("navigate_to_pose", "navigate_through_poses"):
+            self.node.create_subscription(
+                GoalStatusArray, f"{action}/_action/status", self._on_statuses, LATCHED
+            )
         self._tell = self.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
         self._battery = self.node.create_publisher(BatteryState, "battery_state", 10)
         self._changes = {

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from lifecycle_msgs.msg import Transition
 
+from tests.docs.test_sweeping_page import passing_tree
 from tests.nav2.stack import GRACE_SEC, NAVIGATION, NAVIGATION_MANAGER, ROOT
 from tests.processes import in_order
 
@@ -68,6 +69,35 @@ def test_a_tree_is_flown_and_nothing_moves_without_a_goal(tree, nav2, fly, seen)
     assert in_order([*expected, "Reached base station."], run.log) is None, run.output
     assert figures["figures"]["survivors reported"] == 2
     assert max(loose, still) <= GRACE_SEC
+
+
+def test_pieces_of_a_sweep_are_driven_through_as_one_goal(nav2, fly, seen, tmp_path):
+    params = yaml.safe_load((ROOT / "config" / "search_sweeps_params.yaml").read_text(encoding="utf-8"))
+    given = params["/**"]["ros__parameters"]
+    ground = [-5.5, 0.8, -0.8, 0.8, -0.8, 4.5, -5.5, 4.5]
+    zone = {"x": -3.0, "y": 3.0, "yaw": 0.0, "poa": 0.5, "pod": 0.6, "look_sec": 20.0}
+    given["zones"], given["zone_order"] = (
+        {"zone_a": {**zone, "polygon": ground, "detection_range": 1.5}},
+        ["zone_a"],
+    )
+    given["initial_pose"] = given["base_station"] = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+    file = tmp_path / "params.yaml"
+    file.write_text(yaml.safe_dump(params), encoding="utf-8")
+    began = time.time()
+    run = fly(passing_tree(tmp_path), "--format", "json", "--params", file)
+    status = end(run, nav2)
+    ends, loose = nav2.robot.ends_since(began), nav2.robot.drives_without_goal(began)
+    swept = [line for line in run.log if "Reached pieces" in line or "% seen" in line]
+    seen(
+        "status 0, no piece driven to alone, no goal aborted; nothing moves 1 s after a goal",
+        f"status {status}, {summary(run)['duration']:.1f} s simulated, {swept}, {ends.count(ABORTED)} goals aborted, "
+        f"moved without a goal for {loose:.1f} s",
+    )
+    assert status == 0, run.output
+    assert swept
+    assert not any("Navigating to piece " in line for line in run.log), run.output
+    assert ABORTED not in ends
+    assert loose <= GRACE_SEC
 
 
 def test_a_zone_in_a_wall_is_given_up_and_the_robot_comes_home(nav2, fly, seen, tmp_path):

@@ -71,6 +71,22 @@ class DriveWithNav2(DriveTo):
     """Drive, once Nav2 is active."""
 
 
+class DriveAlone(DriveTo):
+    """Drive while nobody drives through several poses."""
+
+    rivals = ("navigate_to_pose", "navigate_through_poses")
+
+
+class DriveThrough(DriveTo):
+    """Drive through several poses."""
+
+    action_type = "nav2_msgs/action/NavigateThroughPoses"
+    action_name = "navigate_through_poses"
+
+    def goal(self) -> Any:
+        return self.interface.Goal()
+
+
 def driver(stage: "Stage", cls: type[DriveTo] = DriveTo, **attributes: Any) -> DriveTo:
     leaf = cls("Drive", Input(1.5))
     for name, value in attributes.items():
@@ -364,6 +380,55 @@ class TestHolding:
             assert server.requests == 3
         finally:
             other.destroy()
+
+    @pytest.mark.parametrize("whose", ["its", "another client's"])
+    def test_a_goal_of_a_rival_action_is_waited_for_before_one_is_sent(
+        self, whose: str, stage: "Stage"
+    ) -> None:
+        from rclpy.action import ActionClient
+
+        server, rival = stage.nav_server(), stage.through_server()
+        leaf = driver(stage, DriveAlone)
+        other = driver(stage, DriveThrough)
+        client = ActionClient(stage.node, other.interface, "navigate_through_poses")
+        try:
+            if whose == "its":
+                under_way(stage, other, rival)
+                rival.heed_cancel = False
+                other.stop(Status.INVALID)
+            else:
+                stage.until(client.server_is_ready, "the rival's server")
+                client.send_goal_async(other.interface.Goal())
+                stage.until(lambda: leaf._rivals[0].has_foreign_goal and rival.goals, "the other goal")
+            server.script = ["succeed"]
+            leaf.tick_once()
+            assert leaf.status is Status.RUNNING
+            assert f"{whose} goal" in leaf.feedback_message
+            assert server.requests == 0
+            rival.order("succeed")
+            assert stage.run(leaf) is Status.SUCCESS
+        finally:
+            client.destroy()
+
+    def test_a_goal_of_its_own_whose_end_is_not_seen_is_waited_for_as_long_as_an_acceptance(
+        self, stage: "Stage"
+    ) -> None:
+        server, rival = stage.nav_server(), stage.through_server()
+        leaf = driver(stage, DriveAlone)
+        clock = leaf._clock = ManualClock()
+        other = driver(stage, DriveThrough)
+        under_way(stage, other, rival)
+        rival.heed_cancel = False
+        other.stop(Status.INVALID)
+        leaf.tick_once()
+        clock.advance(4.9)
+        leaf.tick_once()
+        assert (leaf.status, server.requests) == (Status.RUNNING, 0)
+        clock.advance(0.2)
+        server.script = ["succeed"]
+        assert stage.run(leaf) is Status.SUCCESS
+        rival.order("succeed")
+        rival.wait_for_end()
 
 
 class TestTheSecondWitness:

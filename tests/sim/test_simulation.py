@@ -342,6 +342,10 @@ def test_poses_are_driven_through_without_a_stop_and_counted_down(simulate: Simu
     assert simulation.robot_pose().distance_to(Pose2D(*ON_THE_WAY[-1])) < 0.1
     left = [each.number_of_poses_remaining for each in navigation.feedback]
     assert [number for number, _ in itertools.groupby(left)] == [3, 2, 1]
+    # What is left is the whole way, and not that to the next pose.
+    distances = [each.distance_remaining for each in navigation.feedback]
+    assert distances[0] > 4.0
+    assert all(later <= earlier + 0.2 for earlier, later in itertools.pairwise(distances))
     speeds = [each.twist.twist.linear.x for each in odometry]
     moving = [speed > 0.05 for speed in speeds]
     assert [is_moving for is_moving, _ in itertools.groupby(moving)].count(True) == 1
@@ -370,14 +374,16 @@ def test_a_drive_through_poses_is_cancelled_on_the_way(navigation: Navigation, c
     assert navigation.result(handle).status == CANCELED
 
 
-def test_a_goal_of_one_action_is_refused_while_one_of_the_other_is_driven_to(navigation: Navigation) -> None:
+def test_a_goal_of_one_action_is_aborted_while_one_of_the_other_is_driven_to(navigation: Navigation) -> None:
     first = navigation.send_through(*ON_THE_WAY)
-    assert not navigation.send(0.5, 0.0).accepted
+    ended = navigation.result(navigation.send(0.5, 0.0))
+    assert (ended.status, ended.result.error_code) == (ABORTED, 0)
     assert navigation.result(first).status == SUCCEEDED
 
 
-def test_no_pose_is_no_goal(navigation: Navigation) -> None:
-    assert not navigation.send_through().accepted
+def test_a_goal_through_no_pose_is_aborted(navigation: Navigation) -> None:
+    ended = navigation.result(navigation.send_through())
+    assert (ended.status, ended.result.error_code) == (ABORTED, 309)
 
 
 def test_a_goal_with_a_tree_that_is_not_there_is_aborted(navigation: Navigation) -> None:
@@ -595,6 +601,18 @@ def test_like_nav2_it_is_told_no_distance_at_first_and_ends_within_the_tolerance
     assert navigation.feedback[0].distance_remaining == 0.0
     assert navigation.feedback[1].distance_remaining > 1.0
     assert 0.1 < simulation.robot_pose().distance_to(Pose2D(-1.0, 1.5)) < 0.3
+
+
+def test_like_nav2_poses_that_were_passed_are_left_out_every_three_seconds(
+    like_nav2: tuple["Simulation", Navigation],
+) -> None:
+    _, navigation = like_nav2
+    assert navigation.result(navigation.send_through(*ON_THE_WAY)).status == SUCCEEDED
+    first, *told = navigation.feedback
+    assert (first.distance_remaining, first.number_of_poses_remaining) == (0.0, 3)
+    for _, group in itertools.groupby(told, key=lambda each: each.number_of_poses_remaining):
+        began = next(group).navigation_time
+        assert (began.sec + began.nanosec / 1e9) % 3.0 < 0.2
 
 
 def test_like_nav2_a_goal_beside_free_ground_is_driven_to_as_near_as_can_be(

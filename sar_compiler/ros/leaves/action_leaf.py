@@ -1,6 +1,7 @@
 """The base class of leaves that call a ROS action."""
 
 from abc import abstractmethod
+from collections.abc import Collection
 from typing import Any, cast
 
 from py_trees.common import Status
@@ -8,7 +9,14 @@ from py_trees.common import Status
 from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
-from sar_compiler.ros.leaves.goals import SUCCEEDED, ActionGoal, ActionPort, describe_status
+from sar_compiler.ros.leaves.goals import (
+    SUCCEEDED,
+    ActionGoal,
+    ActionPort,
+    GoalStatuses,
+    describe_status,
+    goal_statuses_of,
+)
 from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
 from sar_compiler.ros.robot_estimate import RobotEstimate, Standstill, robot_estimate
 from sar_compiler.runtime.clock import clock_text
@@ -24,7 +32,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
     old goal never affect a new one.
 
-    What is not the goal's fault is waited for, RUNNING, before the goal is sent again: another client's goal, and for a leaf that uses
+    What is not the goal's fault is waited for, RUNNING, before the goal is sent again: another client's goal, any goal of `rivals`, and for a leaf that uses
     `Use.nav2()` whatever keeps Nav2 from judging it: no server, no acceptance, silence, a node that is not active or answers
     nothing, transforms that have stopped. When `hold_timeout_sec` is over, the means are not available (`on_unavailable`). After a second attempt that was
     rejected or aborted at once the leaf pauses before the next one, whatever the tree does.
@@ -39,7 +47,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         action_type: `"package/action/Name"`, or the Python class.
         action_name: The action's (relative) name.
         server_timeout_sec: How long to wait for a server before the goal is sent.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted.
+        acceptance_timeout_sec: How long to wait for the goal to be accepted, and for the end of one that this node has sent to a rival.
         feedback_timeout_sec: How long the server may be silent, once it has sent feedback; None for no limit. It
             also limits how long a server without feedback may leave other questions unanswered (None:
             `server_timeout_sec`). Of a leaf that uses Nav2 2 s are enough while `bt_navigator` answers nothing.
@@ -47,6 +55,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is under way.
         hold_timeout_sec: How long to wait, in an activation, for what keeps the server from taking the goal.
         pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
+        rivals: Other actions, by their (relative) names, whose server takes no goal of this one while it works on one of theirs.
         interface: The Python class of the action, once the leaf is set up.
 
     Example:
@@ -72,6 +81,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     absence_timeout_sec: float = 0.5
     hold_timeout_sec: float = 60.0
     pause_sec: float = 1.0
+    rivals: Collection[str] = ()
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -86,6 +96,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._next_feedback = Deadline(0.0, self._clock)
         self._robot: RobotEstimate | None = None
         self._rest: Standstill | None = None
+        self._turn: Deadline | None = None
+        self._rivals: list[GoalStatuses] = []
 
     @abstractmethod
     def goal(self) -> Any:
@@ -155,6 +167,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
 
     def _connect(self) -> None:
         self._port = ActionPort(self.node, self.interface, self.action_name)
+        self._rivals = [goal_statuses_of(self.node, each) for each in self.rivals if each != self.action_name]
         if self._needs_nav2:
             self._robot = robot_estimate(self.node)
             self._robot.driving_nodes.look()
@@ -181,11 +194,27 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
                 f"next attempt in {self._pause.left:.1f} s, after {self._failures} failures"
             )
             return Status.RUNNING
+        for rival in self._rivals:
+            if rival.has_foreign_goal:
+                self._exchange = None
+                return self._hold_on(None, f"another client's goal is under way on '{rival.full_name}'")
+            if self._awaits(rival):
+                self._exchange = None
+                self.feedback_message = f"waiting for the end of its goal on '{rival.full_name}'"
+                return Status.RUNNING
         return super()._begin()
+
+    def _awaits(self, rival: GoalStatuses) -> bool:
+        """Whether a goal that this node has sent to a rival action is waited for: not longer than an acceptance."""
+        if not cast("ActionPort", self._port).goals.drives({rival.full_name}):
+            return False
+        if self._turn is None:
+            self._turn = Deadline(self.acceptance_timeout_sec, self._clock)
+        return not self._turn.passed
 
     def initialise(self) -> None:
         """Start anew; the goal of the last activation is given up."""
-        self._hold = None
+        self._hold = self._turn = None
         super().initialise()
 
     def _judge(self, exchange: ActionGoal) -> Status:
@@ -242,7 +271,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._count_failure(goal)
         return super()._judge(goal)
 
-    def _hold_on(self, goal: ActionGoal, obstacle: str) -> Status:
+    def _hold_on(self, goal: ActionGoal | None, obstacle: str) -> Status:
+        """Wait, within the limit, for what keeps the server from taking a goal that was sent, or one that is to be sent (None)."""
         if self._hold is None:
             self._hold = Deadline(self.hold_timeout_sec, self._clock)
         if self._held is not goal:
@@ -250,9 +280,11 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self.on_hold(obstacle)
         if self._hold.passed:
             self._hold = None
-            cast("ActionPort", self._port).statuses.forget()
+            for statuses in (cast("ActionPort", self._port).statuses, *self._rivals):
+                statuses.forget()
             return self.on_unavailable(f"{obstacle}, for {self.hold_timeout_sec:g} s")
-        self.complain(f"'{self.name}' waits to send its goal again: {obstacle}.")
+        again = " again" if goal is not None else ""
+        self.complain(f"'{self.name}' waits to send its goal{again}: {obstacle}.")
         return Status.RUNNING
 
     def _obstacle(self) -> str | None:

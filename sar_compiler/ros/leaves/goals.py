@@ -88,11 +88,15 @@ class GoalStatuses:
     Args:
         node: The rclpy node.
         action: The action's (relative) name.
+
+    Attributes:
+        full_name: The full name of the action.
     """
 
     def __init__(self, node: "Node", action: str) -> None:
         from action_msgs.msg import GoalStatusArray
 
+        self.full_name = canceled_action(node.resolve_service_name(f"{action}{_CANCEL}"))
         latched = qos_profile(type(self).__name__, "transient_local")
         self._listeners: dict[str, WeakMethod[StatusListener]] = {}
         self._ours: set[str] = set()

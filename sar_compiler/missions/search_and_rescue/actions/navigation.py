@@ -26,6 +26,8 @@ FOR_GOOD = (101, 201, 204, 9001)
 OCCUPIED = 206
 """The code of a goal in an obstacle, of which some can move."""
 _ROBOTS_PLACE = (203, 205)
+OF_PLANNER = range(200, 300)
+"""Codes of goals to which, or through which, no path was found."""
 # What Nav2 says of several poses has the codes of a single one, so much later.
 _OF_SEVERAL, _LATER = {*range(301, 309), *range(9100, 9104)}, 100
 
@@ -54,7 +56,7 @@ _CODES = {
 
 _RANGES = (
     (100, 199, "the controller failed"),
-    (200, 299, "the planner failed"),
+    (OF_PLANNER.start, OF_PLANNER.stop - 1, "the planner failed"),
     (300, 399, "the planner for several poses failed"),
     (400, 499, "the route server failed"),
     (500, 599, "the smoother failed"),
@@ -93,6 +95,7 @@ class NavigateTo(ActionLeaf):
     hold_timeout_sec: Seconds = 60.0
 
     action_type = "nav2_msgs/action/NavigateToPose"
+    rivals = ("navigate_to_pose", "navigate_through_poses")
     # People read no faster, and whoever watches is told of every change.
     feedback_period_sec = 0.4
 
@@ -126,7 +129,7 @@ class NavigateTo(ActionLeaf):
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
         if status != SUCCEEDED:
-            reason, code = describe_end(status, result, self._said()), _code_of(result)
+            reason, code = describe_end(status, result, self._said()), code_of(result)
             if code in (*FOR_GOOD, OCCUPIED):
                 seconds = _OCCUPIED_SEC if code == OCCUPIED else math.inf
                 self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
@@ -269,14 +272,14 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
     Returns:
         Status and error code, each as a number and in words, and Nav2's own reason where it has given one.
     """
-    code = _code_of(result)
+    code = code_of(result)
     own = str(getattr(result, "error_msg", ""))
     words = own or _describe_code(code, aborted=status == _ABORTED)
     quoted = f" ({said})" if said and not own else ""
     return f"{describe_status(status)}, error code {getattr(result, 'error_code', 0)}: {words}{quoted}{_advice(code)}"
 
 
-def _code_of(result: Any) -> int:
+def code_of(result: Any) -> int:
     """Return the code of a result; of several poses, the one that says the same of a single one."""
     code = int(getattr(result, "error_code", 0))
     return code - _LATER if code in _OF_SEVERAL else code

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import SUCCEEDED, Clock, RobotEstimate, RosLeaf, at_least, robot_estimate, sensible
-from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateTo
+from sar_compiler.missions.search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from sar_compiler.missions.search_and_rescue.areas import COVERAGE, Corners
 from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
@@ -309,8 +309,8 @@ class NavigateThroughPieces(NavigateToPiece):
     """Drive through all open pieces of the sweep without a stop, and mark each as swept when it is passed.
 
     RUNNING on the way, SUCCESS when the last one is behind the robot, FAILURE if Nav2 does not get there. FAILURE at once where pieces are to
-    be driven to one by one: nobody serves the action, or an earlier run has searched at the open piece; and on the way where the next piece
-    and the way home would not leave the reserve.
+    be driven to one by one: nobody serves the action, an earlier run has searched at the open piece, or the planner finds no way through all
+    of them, until a piece is left out; and on the way where the next piece and the way home would not leave the reserve.
 
     Args:
         homing: What it takes to come home; counts where the tree asks for it.
@@ -328,10 +328,12 @@ class NavigateThroughPieces(NavigateToPiece):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._end = 0
+        self._refused: tuple[str, int, int] | None = None
 
     def _set_out(self, zone: str, sweep: Sweep, again: str) -> Any:
         served = self._port is not None and self._port.statuses.servers()
-        if not served or self.record.before.has_searched(zone):
+        refused = self._refused == _plan_of(zone, sweep)
+        if not served or refused or self.record.before.has_searched(zone):
             return self._piece_by_piece()
         self._note_start(zone)
         self._end = len(sweep.pieces)
@@ -362,6 +364,8 @@ class NavigateThroughPieces(NavigateToPiece):
         """Return SUCCESS at the end, with all pieces marked; else FAILURE, and log Nav2's reason."""
         self._look()
         if status != SUCCEEDED:
+            if code_of(result) in OF_PLANNER:
+                self._refused = _plan_of(self._zone_id, self.sweeps.of(self._zone_id))
             return super().on_result(status, result)
         self._pass(0)
         self.say(self.sweeps.of(self._zone_id).result(self._zone_id))
@@ -380,6 +384,11 @@ class NavigateThroughPieces(NavigateToPiece):
     def _piece_by_piece(self) -> Status:
         self.feedback_message = "piece by piece"
         return self.answer(Status.FAILURE, "piece by piece")
+
+
+def _plan_of(zone: str, sweep: Sweep) -> tuple[str, int, int]:
+    """Return what distinguishes a zone's plan from others: in all but the pieces that are left out it stays the same."""
+    return zone, sweep.passes, sweep.skipped
 
 
 @dataclass(eq=False, repr=False)
