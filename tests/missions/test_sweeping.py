@@ -284,19 +284,19 @@ class TestLeaves:
     def take(self, stage: "Stage", search: Search, name: str, **ports: Any) -> Any:
         return stage.take(getattr(sweeping, name)(name, search.zones, sweeps=search.sweeps, **ports))
 
-    def walled(self, stage: "Stage", left: float) -> Any:
+    def walled(self, stage: "Stage", left: float, cells: int = 2500) -> Any:
         """Publish a map of 5 x 5 m that is blocked from x = left on."""
         from nav_msgs.msg import OccupancyGrid
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         grid = OccupancyGrid()
         grid.info.resolution, grid.info.width, grid.info.height = 0.1, 50, 50
-        grid.data = [100 if (at % 50) * 0.1 >= left else 0 for at in range(2500)]
+        grid.data = [100 if (at % 50) * 0.1 >= left else 0 for at in range(cells)]
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         publisher = stage.host().node.create_publisher(OccupancyGrid, "map", latched)
         publisher.publish(grid)
         extent = map_extent_of(stage.node)
-        stage.until(lambda: extent.obstacles() is not None, "the map")
+        stage.until(lambda: extent.objection(6.0, 6.0) != "", "the map")
         return publisher
 
     def test_a_sweep_is_planned_beside_the_ticks(self, stage: "Stage") -> None:
@@ -350,6 +350,15 @@ class TestLeaves:
         publisher = self.walled(stage, 2.0)
         assert stage.run(leaf) is Status.SUCCESS
         assert all(x <= 1.75 for x, _ in places(search))
+        assert publisher.topic_name.endswith("map")
+
+    def test_a_map_that_lacks_cells_is_none(self, stage: "Stage") -> None:
+        search = searching()
+        leaf = self.take(stage, search, "PlanSweep", coverage=1.0)
+        publisher = self.walled(stage, 2.0, cells=1000)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert places(search) == PIECES
+        assert stage.warnings == ["No map has come: a is swept as if nothing stood there, or hid anything."]
         assert publisher.topic_name.endswith("map")
 
     def test_ground_that_is_blocked_altogether_cannot_be_swept(self, stage: "Stage") -> None:

@@ -68,7 +68,7 @@ class MapExtent:
             self._info, self._grid, self._obstacles = info, message, None
 
     def obstacles(self) -> "ObstacleMap | None":
-        """Return what nobody sees or drives through: cells that are occupied, or unknown; None while there is no map."""
+        """Return what nobody sees or drives through: cells that are occupied, or unknown; None while there is no map with all its cells."""
         # Only who sweeps needs NumPy.
         import numpy as np
 
@@ -76,6 +76,8 @@ class MapExtent:
 
         if self._grid is not None and self._obstacles is None:
             info = self._grid.info
+            if len(self._grid.data) != info.width * info.height:
+                return None
             cells = np.array(self._grid.data, np.int8).reshape(info.height, info.width)
             origin = info.origin.position.x, info.origin.position.y, yaw_of(info.origin.orientation)
             self._obstacles = ObstacleMap((cells < 0) | (cells >= _OCCUPIED), info.resolution, origin)
