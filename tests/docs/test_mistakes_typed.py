@@ -165,6 +165,8 @@ def test_every_hindrance_to_installing_that_is_explained_is_met():
     )
     extras = re.findall(r"^(\w+) = \[", declared.partition("\n[")[0], re.MULTILINE)
     assert {*extras} - {"ros", "interfaces", "sim", "dev"} == {*EXTRAS}
+    explained_extras = Path("docs/installing.md").read_text(encoding="utf-8").partition("\nThe extras: ")[2]
+    assert {*extras} - {"dev"} <= {*re.findall(r"`(\w+)` ", explained_extras.partition("\n\n")[0])}
 
 
 def said(*words, env=None, expected=2):
