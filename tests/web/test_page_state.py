@@ -10,10 +10,13 @@ from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.situation import Level
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.views.mission_report import report_data
 from sar_compiler.web.page_state import PageState
-from tests.web.conftest import ABOUT
-from tests.web.folding import folded, history
+from tests.chance import rounds
+from tests.web.conftest import ABOUT, KINDS, Patrol
+from tests.web.folding import folded, happen, history, plain
 
 
 def run_of(*told):
@@ -45,6 +48,42 @@ def test_who_comes_between_two_changes_knows_the_same_after_the_next(seed):
             late = folded({}, state.whole())
         if number % 10 == 9:
             assert folded(late, state.change()) == folded({}, state.whole())
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_at_every_moment_page_and_report_show_what_the_mission_itself_says(part):
+    for seed in range(part, rounds(400), 4):
+        mission, page, state = Patrol(), PageState(), MissionState()
+        chance, journal = random.Random(seed), Journal()  # noqa: S311
+        journal.attach(mission, KINDS)
+        journal.listen(page.take)
+        journal.listen(state.take)
+        journal.begin(ABOUT, {})
+        for number in range(12):
+            happen(journal, chance, f"event {number}")
+            so, shown, reported = mission.display(), plain(page.whole()), plain(report_data(state))
+            marks = {
+                (each.kind, each.name): (each.x, each.y, each.state, each.level.name.lower())
+                for each in so.landmarks
+            }
+            assert marks == {
+                (each["kind"], each["name"]): (
+                    each["x"],
+                    each["y"],
+                    each["state"],
+                    Level(each["level"]).name.lower(),
+                )
+                for each in shown["landmarks"].values()
+            }
+            assert marks == {
+                (kind.name, each["name"]): (*each["position"].values(), each["state"], each["level"])
+                for kind in KINDS
+                for each in reported["landmarks"][kind.plural]
+            }
+            figures = [(each.name, each.value) for each in so.figures]
+            assert figures == [(each["name"], each["value"]) for each in shown["figures"]]
+            assert figures == [(each["name"], each["value"]) for each in reported["figures"]]
+            assert shown["condition"]["word"] == reported["outcome"]
 
 
 @pytest.mark.parametrize("seed", range(20))
