@@ -354,12 +354,8 @@ def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for()
     assert (done.stdout, done.stderr) == ("\n", "")
 
 
-HOW_TO_ADD = (
-    Path("docs/architecture.md")
-    .read_text(encoding="utf-8")
-    .partition("\n## How to add\n")[2]
-    .split("\n## ")[0]
-)
+HOUSE = Path("docs/architecture.md").read_text(encoding="utf-8")
+HOW_TO_ADD = HOUSE.partition("\n## How to add\n")[2].split("\n## ")[0]
 # What looks like a file: with a folder, or with an ending.
 NAMED_FILE = re.compile(r"[\w.]+/[\w./-]*|[\w-]+\.(?:py|js|md|toml|yaml|xml|json|css|html)")
 NAMED_MODULE = re.compile(r"([a-z]\w*)((?:\.[a-z]\w*)+)")
@@ -374,6 +370,16 @@ def find_named(name):
         path = PACKAGE.joinpath(*name.split("."))
         return [each for each in (path, path.with_suffix(".py")) if each.exists()]
     return None
+
+
+def test_every_method_that_the_page_of_the_house_names_is_in_the_class_s_module():
+    texts = [path.read_text(encoding="utf-8") for path in FILES]
+    missing = [
+        f"{of}.{name}"
+        for of, name in re.findall(r"`([A-Z]\w+)\.(\w+)", HOUSE)
+        if not any(re.search(rf"^class {of}\b(?s:.*)\b{name}\b", text, re.MULTILINE) for text in texts)
+    ]
+    assert missing == []
 
 
 @pytest.mark.parametrize("entry", HOW_TO_ADD.split("\n### ")[1:], ids=lambda entry: entry.partition("\n")[0])
