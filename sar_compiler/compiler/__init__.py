@@ -448,7 +448,9 @@ class Builder:
         if spec.renamed:
             arguments = {spec.renamed.get(name, name): value for name, value in arguments.items()}
         try:
-            behaviour: Behaviour = _require_initialised(self._maker(bound)(**arguments))
+            behaviour: Behaviour = self._maker(bound)(**arguments)
+            if not hasattr(behaviour, "id"):
+                raise TypeError("its constructor has not called super().__init__(name)")  # noqa: TRY301 - as its own errors are
         except TreeError:
             raise
         except Exception as error:
@@ -498,12 +500,6 @@ class PreviewBuilder(Builder):
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
         """Return nothing: what is shown is the key."""
         return None  # noqa: RET501 - the base class returns a value
-
-
-def _require_initialised(behaviour: Behaviour) -> Behaviour:
-    if not hasattr(behaviour, "id"):
-        raise TypeError("its constructor has not called super().__init__(name)")
-    return behaviour
 
 
 def _stand_in(kind: Kind, /, name: str, **structure: Any) -> Behaviour:
