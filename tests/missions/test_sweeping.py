@@ -437,7 +437,7 @@ class TestLeaves:
         leaf._robot.place = lambda: robot[0]
         stage.until(leaf._port.statuses.servers, "the server")
         stage.tick_until(leaf, lambda: server.goals, "the goal")
-        # Before Nav2 has looked it tells of no pose, which is no end.
+        # A server that has not looked yet tells of no pose, which is no end.
         server.order("0 left", "3 left")
         stage.tick_until(leaf, lambda: search.sweeps.of("a").done, "a piece that was passed")
         assert search.sweeps.of("a").done == 1

@@ -352,7 +352,7 @@ class NavigateThroughPieces(NavigateToPiece):
     def on_feedback(self, feedback: Any) -> Status | None:
         """Keep the remaining distance, and mark what was passed."""
         super().on_feedback(feedback)
-        # 0 is told before Nav2 has looked; of the last one the result tells.
+        # Nav2 leaves the last one in: of that the result tells.
         passed = feedback.number_of_poses_remaining > 0 and self._pass(feedback.number_of_poses_remaining)
         if not (passed and self.homing.is_asked):
             return None
