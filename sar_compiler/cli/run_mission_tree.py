@@ -30,7 +30,7 @@ from sar_compiler.ros.companion import UnfitLeavesError
 from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, send_cancels, tell
 from sar_compiler.ros.executors import suited
 from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.leaves.leaf import declared_types, qos_profile
+from sar_compiler.ros.leaves.leaf import RosLeaf, declared_types, qos_profile
 from sar_compiler.ros.left_goals import LeftGoals
 from sar_compiler.ros.parameter_reader import RunParameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
@@ -291,6 +291,9 @@ class TreeRun:
         return self._conclude_check(route) if self._options.check else self._tick()
 
     def _wait(self) -> None:
+        for each in self.tree.root.iterate():
+            if isinstance(each, RosLeaf):
+                each.require_definition()
         # A check changes nothing on an existing robot.
         # A mission that goes on has a robot somewhere on its way; but a simulated world begins anew.
         is_resumed = self.setup.journal.is_resumed

@@ -2,6 +2,7 @@
 
 import math
 import re
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,10 @@ from sar_compiler.ros.leaves import by_attributes
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
 from sar_compiler.ros.poses import turn_by
 from sar_compiler.runtime.ports import Output
+from tests.processes import BIN
 from tests.ros.conftest import Ros
+from tests.trees import document
+from tests.waiting import SILENCE_SEC
 
 pytestmark = pytest.mark.ros
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -81,12 +85,32 @@ class TestRosService:
             ({"success": "ok"}, "'Switch': there is no field 'ok'"),
         ],
     )
-    def test_a_mistake_in_the_fields_is_told_before_the_first_tick(
+    def test_a_mistake_in_the_fields_is_told_without_a_node_and_when_it_is_set_up(
         self, ros: Ros, attributes: dict[str, Any], said: str
     ) -> None:
-        with pytest.raises(LeafDefinitionError) as raised:
-            self.leaf(**attributes).setup(node=ros.node())
-        assert str(raised.value).startswith(said)
+        leaf = self.leaf(**attributes)
+        for ask in (leaf.require_definition, lambda: leaf.setup(node=ros.node())):
+            with pytest.raises(LeafDefinitionError) as raised:
+                ask()
+            assert str(raised.value).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("leaf", "said"),
+    [
+        ('<RosService service="x" type="std_srvs/srv/SetBol"/>', "did you mean 'std_srvs/srv/SetBool'?"),
+        ('<RosAction action="x" type="nav2_msgs/action/NavigateToPose" goal="ps: {}"/>', "no field 'ps'"),
+        ('<RosTopic topic="x" type="std_msgs/msg/String" field="date" value="{v}"/>', "did you mean 'data'?"),
+    ],
+)
+def test_a_run_tells_a_mistake_before_it_waits_for_a_server_that_nobody_has(
+    leaf: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "call.xml").write_text(document(leaf), encoding="utf-8")
+    words = (BIN / "sar-run", tmp_path / "call.xml", "--model", "ros:jazzy")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=SILENCE_SEC, check=False)
+    assert (done.returncode, "Waiting for" in done.stderr) == (2, False)
+    assert said in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -58,12 +58,16 @@ class RosService(ServiceLeaf):
         self._request, self._success, self._field, self._value = request, success, field, value or Output()
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client, and read the request once, so that a mistake in it is told before the first tick."""
-        require_interfaces(self.name, self.service_type)
+        """Create the client of a type that is one of ROS's interfaces."""
+        self.require_definition()
         super().setup(**kwargs)
-        self.request()
+
+    def require_definition(self) -> None:
+        """Read the request once, and look for the fields of the answer."""
+        interface = _interface_of(self.name, "srv", self.service_name, self.service_type)
+        filled(self.name, interface.Request(), self._request)
         for field in filter(None, (self._success, self._field)):
-            field_of(self.name, self.interface.Response(), field)
+            field_of(self.name, interface.Response(), field)
 
     def request(self) -> Any:
         """Return the request."""
@@ -111,12 +115,16 @@ class RosAction(ActionLeaf):
         self._goal, self._field, self._value = goal, field, value or Output()
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client, and read the goal once, so that a mistake in it is told before the first tick."""
-        require_interfaces(self.name, self.action_type)
+        """Create the client of a type that is one of ROS's interfaces."""
+        self.require_definition()
         super().setup(**kwargs)
-        self.goal()
+
+    def require_definition(self) -> None:
+        """Read the goal once, and look for the field of the result."""
+        interface = _interface_of(self.name, "action", self.action_name, self.action_type)
+        filled(self.name, interface.Goal(), self._goal)
         if self._field:
-            field_of(self.name, self.interface.Result(), self._field)
+            field_of(self.name, interface.Result(), self._field)
 
     def goal(self) -> Any:
         """Return the goal."""
@@ -162,13 +170,15 @@ class RosTopic(TopicLeaf):
         self._field, self._value = field, value or Output()
 
     def setup(self, **kwargs: Any) -> None:
-        """Subscribe to the topic, and look for the field, so that a mistake in it is told before the first tick."""
-        require_interfaces(self.name, self.topic_type)
+        """Subscribe to a topic of a type that is one of ROS's interfaces."""
+        self.require_definition()
         super().setup(**kwargs)
+
+    def require_definition(self) -> None:
+        """Look for the field."""
+        message = _interface_of(self.name, "msg", self.topic_name, self.topic_type)
         if self._field:
-            field_of(
-                self.name, find_interface(self.name, "msg", self.topic_name, self.topic_type)(), self._field
-            )
+            field_of(self.name, message(), self._field)
 
     def on_message(self, message: Any) -> Status:
         """Return SUCCESS, and write the field."""
@@ -269,6 +279,12 @@ class RosTransform(RosLeaf):
     def _on_transforms(self) -> None:
         if self.status is Status.RUNNING and isinstance(self._look_up(), Transform):
             self._wake()
+
+
+def _interface_of(owner: str, kind: str, name: str, written: str) -> Any:
+    """Return the class of a type that a file names."""
+    require_interfaces(owner, written)
+    return find_interface(owner, kind, name, written)
 
 
 def require_interfaces(owner: str, written: str) -> None:

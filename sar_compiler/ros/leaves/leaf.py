@@ -106,6 +106,13 @@ class RosLeaf(Behaviour):
         self._node = kwargs["node"]
         self._wake = kwargs.get("wake", stay_asleep)
 
+    def require_definition(self) -> None:
+        """Check what a file says of it, as far as that takes neither node nor server: before anything is waited for.
+
+        Raises:
+            LeafDefinitionError: If something is wrong with it.
+        """
+
     def shutdown(self) -> None:
         """Release the node."""
         self._node = None
