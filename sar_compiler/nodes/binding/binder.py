@@ -259,7 +259,7 @@ class Binder:
                 self._report_anothers(element, spec)
                 return None
             bound = self._alone(element, tag, spec, variants)
-        if not element.children and bound.is_plain:
+        if bound.spec.is_plain and not (element.children or bound.keys or bound.conditions or bound.oneshot):
             self._current.nodes.append(bound)
             return bound
         self._file_away(bound)

@@ -90,11 +90,6 @@ class BoundNode:
         self.remapping = _APART
 
     @property
-    def is_plain(self) -> bool:
-        """Whether there is nothing about it but its tag and values, which are no scripts, if it has no children either."""
-        return self.spec.is_plain and not (self.keys or self.conditions or self.oneshot)
-
-    @property
     def is_reactive(self) -> bool:
         """Whether it re-evaluates all its children in every tick."""
         return self.spec.semantics.reactive or self.value("memory") is False
