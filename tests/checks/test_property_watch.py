@@ -131,6 +131,7 @@ def broken():
     ]
 
 
+@pytest.mark.unmeasured
 def test_a_tree_that_is_ticked_as_in_a_run_of_the_proof_raises_the_alarm_in_the_tick_that_breaks_the_property(
     broken,
 ):
@@ -140,6 +141,7 @@ def test_a_tree_that_is_ticked_as_in_a_run_of_the_proof_raises_the_alarm_in_the_
     assert len(broken) > 60
 
 
+@pytest.mark.unmeasured
 def test_the_events_of_a_run_raise_the_same_alarms_at_the_same_events_as_the_tree_that_is_ticked(broken):
     count = 0
     for which, case, _, run in broken:

@@ -123,6 +123,7 @@ def held_at_most(read):
         tracemalloc.stop()
 
 
+@pytest.mark.unmeasured
 def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_path):
     def long(count):
         place = tmp_path / f"{count}.journal"

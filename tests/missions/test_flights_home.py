@@ -16,6 +16,9 @@ from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
 from sar_compiler.missions.search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
 from tests.chance import rounds
 
+# Many flights, of code that other tests reach.
+pytestmark = pytest.mark.unmeasured
+
 PRIOR = Rates(per_m=0.0015, per_sec=0.0003)
 SPEED_MPS, RESERVE = 0.4, 0.15
 STEP_SEC = 1.0

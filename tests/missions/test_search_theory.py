@@ -47,6 +47,7 @@ def least_of_all_orders(tour: Tour) -> float:
     return float((ends * finds[_ALL_ORDERS]).sum(axis=1).min() / finds.sum())
 
 
+@pytest.mark.unmeasured
 def test_of_eight_areas_no_order_finds_sooner_than_the_chosen_one() -> None:
     for seed in range(rounds(200)):
         tour, _ = mission(seed, AREAS)
