@@ -13,9 +13,10 @@ from sar_compiler.missions import ParameterError, ParameterReader
 from sar_compiler.missions.search_and_rescue.actions.zones import ChooseZone
 from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.search_and_rescue.record import Standing
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area, PoaMap
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.goals import goals_under_way
 
@@ -276,6 +277,42 @@ def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
     kept.close()
     assert second.zones.hints == {"a": 6.0}
     assert second.zones.poa_map().now()["a"] == pytest.approx(0.6 / 1.5)
+
+
+def test_a_look_whose_find_is_rejected_counts_as_none_until_it_is_confirmed_after_all(journal: Path) -> None:
+    first, second = searching(), searching()
+    kept = open_journal(journal, resume=False)
+    first.keep_in(kept)
+    kept.begin({}, {})
+    first.record.zone_searched("a", (2.0, 1.0))
+    first.record.survivor_named("survivor_1", 2.0, 1.0)
+    looked = first.zones.poa_map()
+    for _ in range(2):
+        first.record.survivor_judged("survivor_1", Standing.REJECTED)
+    assert first.zones.poa_map().now() == searching().zones.poa_map().now()
+    assert first.zones.poa_map().pos() == 0.0
+    first.record.survivor_judged("survivor_1", Standing.CONFIRMED)
+    assert first.zones.poa_map() == looked
+    first.record.survivor_judged("survivor_1", Standing.REJECTED)
+    kept.close()
+    kept = open_journal(journal, resume=True)
+    second.keep_in(kept)
+    kept.close()
+    assert second.zones.poa_map() == first.zones.poa_map()
+
+
+def test_a_rejected_find_leaves_what_a_sweep_has_seen() -> None:
+    search = searching()
+    search.sweeps.grounds["a"] = Ground(((0.0, 0.0), (4.0, 0.0), (0.0, 4.0)), 2.0, 2.0)
+    search.sweeps.plan("a", "parallel", 2.0, [MapPose(x=1.0, y=1.0, yaw=0.0)] * 2)
+    search.sweeps.drive("a", [(1.0, 1.0), (2.0, 1.0)], None)
+    search.sweeps.advance("a", None, 0.5)
+    search.record.zone_searched("a", (2.0, 1.0))
+    search.record.survivor_named("survivor_1", 2.0, 1.0)
+    seen = search.zones.poa_map()
+    assert seen.pos() > 0.0
+    search.record.survivor_judged("survivor_1", Standing.REJECTED)
+    assert search.zones.poa_map() == seen
 
 
 def test_any_number_of_hints_leaves_a_map() -> None:

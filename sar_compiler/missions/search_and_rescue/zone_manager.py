@@ -79,7 +79,7 @@ class ZoneManager:
             `zone_postponed`, `zone_abandoned`.
         areas: What is expected of looks in the zones.
         speed_mps: How fast the robot drives, for estimates of time, m/s.
-        looks: How often it was looked in each zone; a sweep counts as what it has seen.
+        looks: How often it was looked in each zone; a sweep counts as what it has seen, and a look whose find is rejected as none.
         swept: How likely the sweep of each zone has found who is there, 0 to 1.
         hints: How many times likelier all hints on a zone are if somebody is there than if nobody is.
     """
@@ -97,6 +97,10 @@ class ZoneManager:
         self.charging = deepcopy(dict(charging or {}))
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
+        # Of looks that have found somebody: the zone, by the place and by the name of who was found; and what was no find.
+        self._found_at: dict[tuple[float, float], str] = {}
+        self._found_in: dict[str, str] = {}
+        self._rejected: set[str] = set()
         self.swept: dict[str, float] = {}
         self._pieces: dict[str, list[Sequence[float]]] = {}
         self.hints: dict[str, float] = {}
@@ -335,7 +339,10 @@ class ZoneManager:
         self._zones.insert(self._index, self._zones.pop(self._index + left.index(data["zone"])))
 
     def _take_zone_searched(self, data: Mapping[str, Any]) -> None:
-        self.looks[data["zone"]] += data["zone"] not in self.swept
+        if data["zone"] not in self.swept:
+            self.looks[data["zone"]] += 1
+            if data.get("survivor") is not None:
+                self._found_at[position(*data["survivor"])] = data["zone"]
         places = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] == data["zone"])
         self._here = next(places, self._here)
 
@@ -390,6 +397,16 @@ class ZoneManager:
         number = data["survivor"].rpartition("_")[2]
         # A leaf of somebody's own may give other names.
         self._survivors = max(self._survivors, int(number) if number.isdecimal() else 0)
+        if zone := self._found_at.get(position(data["x"], data["y"])):
+            self._found_in[data["survivor"]] = zone
+
+    def _take_survivor_judged(self, data: Mapping[str, Any]) -> None:
+        name = data["survivor"]
+        is_rejected = data["standing"] == "rejected"
+        # The look has ended with what was no find: nobody knows whether it would have found somebody else.
+        if name in self._found_in and is_rejected != (name in self._rejected):
+            self.looks[self._found_in[name]] += -1 if is_rejected else 1
+            self._rejected ^= {name}
 
     def _take_facts_lost(self, data: Mapping[str, Any]) -> None:
         self._survivors = max(self._survivors, int(data["numbers"].get("survivor", 0)))
