@@ -53,6 +53,11 @@ class StatusWatch(VisitorBase):
         self._ticked = [0] * len(self._behaviours)
         # The nodes that are not at rest, and whether they run: one that is skipped stays as it is.
         self._standing: dict[int, bool] = {}
+        # Only what is above a node brings it to rest: so these are asked that are below the nodes that were ticked, or that came to rest, and the root.
+        self._below = [
+            [self._numbers[id(child)] for child in behaviour.children] for behaviour in self._behaviours
+        ]
+        self._asked: list[int] = []
         self._tick = 0
         self._is_ticking = False
         self._noted: set[int] = set()
@@ -78,6 +83,7 @@ class StatusWatch(VisitorBase):
         self._tick += 1
         self._is_ticking = True
         self._noted.clear()
+        self._asked = [0]
 
     def run(self, behaviour: Behaviour) -> None:
         """Watch a node that was ticked."""
@@ -85,13 +91,18 @@ class StatusWatch(VisitorBase):
         if number is not None:
             status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
             now = str(status), behaviour.feedback_message, self._label(behaviour, str(status))
+            self._asked += self._below[number]
             before, self._ticked[number] = self._ticked[number], self._tick
             if self._last[number] != now or number in self._noted or before < self._tick - 1:
                 self._write(number, *now)
 
     def finalise(self) -> None:
         """Watch the nodes that were stopped or reset, and end the tick."""
-        gone = [each for each in self._standing if self._behaviours[each].status is Status.INVALID]
+        gone = set[int]()
+        for number in self._asked:  # which grows by that
+            if number in self._standing and self._behaviours[number].status is Status.INVALID:
+                gone.add(number)
+                self._asked += self._below[number]
         for number in sorted(gone):
             was_running = self._standing.pop(number)
             self._write(number, "HALTED" if was_running else "IDLE", "", last=self._ticked[number])

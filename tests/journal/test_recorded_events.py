@@ -264,3 +264,22 @@ def test_a_tick_in_which_an_assumption_failed_is_told_although_all_was_as_before
         (1, TICKED, "RUNNING"),
         (3, TICKED, "RUNNING"),
     ]
+
+
+@pytest.mark.parametrize("binding", trees(range(800, 800 + rounds(25))))
+def test_a_node_is_at_rest_by_its_last_entry_whenever_it_is_at_rest(binding):
+    simulated = simulated_tree(binding)
+    simulated.policy = ByChance(3)
+    flight = Flight(simulated.root)
+    nodes = list(pre_order(simulated.root))
+    for _ in range(TICKS):
+        with contextlib.suppress(Exception):  # scripts of random trees go wrong
+            flight.tick()
+        written = {
+            entry.data["node"]: entry.data["status"] for entry in flight.stream if entry.kind == "status"
+        }
+        # What was skipped stays as it is.
+        told = {number for number, word in written.items() if word in ("HALTED", "IDLE")}
+        shown = {number for number, node in enumerate(nodes) if node.status is Status.INVALID}
+        skipped = {number for number, word in written.items() if word == "SKIPPED"}
+        assert told - skipped == shown & written.keys() - skipped

@@ -59,6 +59,20 @@ def test_a_node_that_is_stopped_is_written_as_halted(journal):
     assert (2, 2, "HALTED") in watched(journal, root, 2)
 
 
+def test_a_tree_that_is_stopped_from_outside_is_written_down_to_its_leaves(journal):
+    done, runs = leaf("done", Status.SUCCESS), leaf("runs", Status.RUNNING)
+    root = Sequence("root", memory=True, children=[Sequence("inner", memory=True, children=[done]), runs])
+    tree, watch = BehaviourTree(root), StatusWatch(root, journal)
+    tree.add_visitor(watch)
+    tree.tick()
+    watch.initialise()
+    root.stop(Status.INVALID)
+    watch.finalise()
+    journal._write()
+    last = {entry.data["node"]: entry.data["status"] for entry in journal._file.watched("status")}
+    assert last == {0: "HALTED", 1: "IDLE", 2: "IDLE", 3: "HALTED"}
+
+
 def test_what_comes_to_the_same_after_a_tick_without_it_is_written_again(journal):
     first = leaf("first", Status.FAILURE, Status.SUCCESS, Status.FAILURE)
     # py_trees leaves its status as it is: nothing but its being ticked shows that it had a part again.
