@@ -179,13 +179,13 @@ def most_memory() -> int:
     return _memory("VmHWM")
 
 
-def memory_now() -> int:
-    """Return the memory that this process has now, in bytes."""
-    return _memory("VmRSS")
+def memory_now(process: int | str = "self") -> int:
+    """Return the memory that a process, by default this one, has now, in bytes."""
+    return _memory("VmRSS", process)
 
 
-def _memory(field: str) -> int:
-    status = Path("/proc/self/status").read_text(encoding="ascii")
+def _memory(field: str, process: int | str = "self") -> int:
+    status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
     return int(status.partition(f"{field}:")[2].split()[0]) * _KIBIBYTE
 
 

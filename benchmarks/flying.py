@@ -18,18 +18,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
-from benchmarks.figures import Effort, Missing, Result, compared, in_turns, plain
+from benchmarks.figures import Effort, Missing, Result, compared, in_turns, memory_now, plain
 from benchmarks.startup import SCRIPTS, servers
 
 RATES_HZ = (2, 10, 100)
+RATES_WITH_OPTIONS_HZ = (10, 100)
 BARE, LISTENING, BY_EVENTS = (
     "a bare node",
     "a bare node that listens as well",
     "a bare node on EventsExecutor",
 )
+MEMORY = "memory of sar-run, 10 Hz"
 _SINGLE = "--executor single-threaded"
-_OPTIONS: Mapping[str, Sequence[str]] = {
+OPTIONS: Mapping[str, Sequence[str]] = {
     "--journal FILE": ("--new", "--journal", "{0}/mission.journal"),
     "--view web": ("--view", "web", "--web-port", "0"),
     "--publish": ("--publish",),
@@ -100,9 +103,9 @@ def subject(rate_hz: float, option: str = "") -> str:
     return f"sar-run {option}".rstrip() + f", {rate_hz} Hz"
 
 
-def points(option: str) -> str:
+def points(option: str, rate_hz: float) -> str:
     """Return how the figure of what an option adds is called."""
-    return f"{option} adds, 10 Hz"
+    return f"{option} adds, {rate_hz} Hz"
 
 
 def measure(effort: Effort) -> Iterator[Result]:
@@ -116,13 +119,19 @@ def measure(effort: Effort) -> Iterator[Result]:
         with servers(_DOMAIN, "run", f"{folder}/corridor.yaml", "--localised"):
             for rate in RATES_HZ:
                 yield from _at_a_rate(rate, folder, seconds, effort)
-            options = {name: _run(folder, 10, words) for name, words in _OPTIONS.items()}
-            cases = {"": _run(folder, 10), **options}
-            taken = in_turns({name: partial(_share, run, seconds) for name, run in cases.items()}, effort.few)
-    for name in _OPTIONS:
-        added = [with_it - without for with_it, without in zip(taken[name], taken[""], strict=True)]
+            for rate in RATES_WITH_OPTIONS_HZ:
+                yield from _with_options(rate, folder, seconds, effort)
+
+
+def _with_options(rate: int, folder: str, seconds: float, effort: Effort) -> Iterator[Result]:
+    options = {name: _run(folder, rate, words) for name, words in OPTIONS.items()}
+    cases = {"": _run(folder, rate), **options}
+    taken = in_turns({name: partial(_drive, run, seconds) for name, run in cases.items()}, effort.few)
+    for name in OPTIONS:
+        pairs = zip(taken[name], taken[""], strict=True)
+        added = [with_it.share - without.share for with_it, without in pairs]
         # Less is what the same run differs by from turn to turn.
-        yield plain(points(name), max(statistics.median(added), _LEAST), "core")
+        yield plain(points(name, rate), max(statistics.median(added), _LEAST), "core")
 
 
 def _at_a_rate(rate: int, folder: str, seconds: float, effort: Effort) -> Iterator[Result]:
@@ -134,10 +143,14 @@ def _at_a_rate(rate: int, folder: str, seconds: float, effort: Effort) -> Iterat
         "": _run(folder, rate),
         _SINGLE: _run(folder, rate, _SINGLE.split()),
     }
-    taken = in_turns({name: partial(_share, run, seconds) for name, run in cases.items()}, effort.few)
+    drives = in_turns({name: partial(_drive, run, seconds) for name, run in cases.items()}, effort.few)
+    taken = {name: [each.share for each in those] for name, those in drives.items()}
     ours, single = taken.pop(""), taken.pop(_SINGLE)
     yield from compared(subject(rate), ours, taken, "core")
     yield from compared(subject(rate, _SINGLE), single, taken, "core")
+    if rate == RATES_WITH_OPTIONS_HZ[0]:
+        held = {name: [each.memory for each in drives[name]] for name in ("", BARE, LISTENING)}
+        yield from compared(MEMORY, held.pop(""), held, "bytes")
 
 
 def _run(folder: str, rate: int, words: Sequence[str] = ()) -> Iterator[list[str]]:
@@ -157,11 +170,23 @@ def _furnish(folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def _share(commands: Iterator[list[str]], seconds: float) -> float:
-    """Return which share of a core a command takes while the robot drives.
+class Drive(NamedTuple):
+    """What a command takes while the robot drives.
+
+    Attributes:
+        share: Of a core.
+        memory: Bytes.
+    """
+
+    share: float
+    memory: float
+
+
+def _drive(commands: Iterator[list[str]], seconds: float) -> Drive:
+    """Return what a command takes while the robot drives.
 
     Raises:
-        ValueError: If it is none.
+        ValueError: If it is none of a core.
     """
     command = next(commands)
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
@@ -175,6 +200,7 @@ def _share(commands: Iterator[list[str]], seconds: float) -> float:
                 start, cpu = time.monotonic(), _cpu_sec(process.pid)
                 time.sleep(seconds)
                 cpu, passed = _cpu_sec(process.pid) - cpu, time.monotonic() - start
+                memory = memory_now(process.pid)
             finally:
                 late.cancel()
                 process.send_signal(signal.SIGINT)
@@ -182,7 +208,7 @@ def _share(commands: Iterator[list[str]], seconds: float) -> float:
     if cpu <= 0.0:
         message = f"{command} took {cpu} s of CPU: what it is measured with does not work"
         raise ValueError(message)
-    return cpu / passed
+    return Drive(cpu / passed, memory)
 
 
 def _cpu_sec(process: int) -> float:

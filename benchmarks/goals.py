@@ -87,7 +87,11 @@ GOALS = (
             ("mixed", 100, "5.1 to 7.0 x, on other trees", 2.0),
             ("mixed", 1_000, "7.9 to 21.9 x, on other trees", 2.0),
             ("scripts", 1_000, "8.7 to 13 x", 1.0),
+            ("scripts", 10_000, "not measured", 1.0),
+            ("conditions", 1_000, "8.7 to 13 x", 1.0),
             ("ports", 1_000, "4.7 to 5.0 x", 1.0),
+            ("ports", 10_000, "not measured", 1.0),
+            ("Nav2's shape", ticking.OF_NAV2[0], "2.9 x, on Nav2's own twelve", 1.5),
         )
     ),
     Goal(
@@ -263,21 +267,36 @@ GOALS = (
     ),
     *(
         Goal(
-            f"what `{option}` adds to that, 10 ticks a second",
-            before,
+            f"what `{option}` adds to that, {rate} ticks a second",
+            f"{before} points",
             "flight",
-            flying.points(option),
-            {"": limit},
-            "the same run with and without it, in turns",
+            flying.points(option, rate),
+            {"": before / 200},
+            "the same run with and without it, in turns; half of before",
             "core",
         )
-        for option, before, limit in (
-            ("--journal FILE", "1.3 points", 0.0065),
-            ("--view web", "3.5 points", 0.0175),
-            ("--publish", "3.5 points", 0.0175),
-            ("--groot2 PORT", "1.4 points", 0.007),
-            ("--record FILE", "6.5 points", 0.0325),
+        for rate, points in (
+            (10, (1.3, 3.5, 3.5, 1.4, 6.5)),
+            (100, (6.3, 9.9, 9.8, 4.0, 12.4)),
         )
+        for option, before in zip(flying.OPTIONS, points, strict=False)
+    ),
+    Goal(
+        "memory of `sar-run` while it drives",
+        "92 MB; a bare node 68",
+        "flight",
+        flying.MEMORY,
+        {flying.BARE: 1.4},
+        "what it has in memory (VmRSS), 10 ticks a second",
+        "bytes",
+    ),
+    Goal(
+        "a tick that a journal watches, 1,000 leaves of which one runs",
+        "327 µs",
+        "journal",
+        journaling.ONE_RUNS,
+        {"": 50e-6},
+        "no node changes",
     ),
     Goal(
         "10,000 leaves with ports: read, check, compile",

@@ -16,6 +16,7 @@ from py_trees.composites import Sequence
 
 from benchmarks.figures import LOOP, Effort, Result, compared, in_turns, loop, often, timed
 from benchmarks.leaves import Leaf
+from benchmarks.trees import FAN_OUT
 from sar_compiler.journal import database
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
@@ -27,6 +28,7 @@ from sar_compiler.ros.runner import TreeRunner
 NONE = "the same without a journal"
 UNCHAINED = "the same without a chain"
 FACT = "a fact, time that passes"
+ONE_RUNS = "a tick, 1,000 leaves, one runs and no node changes"
 SIZES = (30, 1_000)
 _FACTS = 200
 # A disk takes now more, now less.
@@ -59,6 +61,9 @@ def measure(effort: Effort) -> Iterator[Result]:
                 }
                 taken = in_turns(actions, effort.rounds)
                 yield from compared(f"a tick, {size:,} leaves, {kind}", taken.pop(""), taken)
+        running = {each: _ticks_of(_one_running(effort.size(1_000)), each) for each in (None, journal)}
+        taken = in_turns({NONE: running[None], "": running[journal]}, effort.rounds)
+        yield from compared(ONE_RUNS, taken.pop(""), taken)
         journal.close()
         place, count = Path(folder, "long.journal"), effort.size(_ENTRIES)
         _write(place, count)
@@ -100,8 +105,22 @@ def _no_link(*_: object) -> bytes:
     return b""
 
 
+def _one_running(size: int) -> Behaviour:
+    """Return a tree whose last leaf runs on, with all before it done."""
+    level: list[Behaviour] = [Leaf(f"leaf {number}") for number in range(size - 1)]
+    level.append(Leaf("the last", Status.RUNNING))
+    while len(level) > 1:
+        groups = (level[start : start + FAN_OUT] for start in range(0, len(level), FAN_OUT))
+        level = [Sequence("group", memory=True, children=group) for group in groups]
+    return level[0]
+
+
 def _ticks(leaf: type[Behaviour], size: int, journal: Journal | None) -> Callable[[], float]:
-    root = Sequence("root", memory=False, children=[leaf(f"leaf {number}") for number in range(size)])
+    leaves: list[Behaviour] = [leaf(f"leaf {number}") for number in range(size)]
+    return _ticks_of(Sequence("root", memory=False, children=leaves), journal)
+
+
+def _ticks_of(root: Behaviour, journal: Journal | None) -> Callable[[], float]:
     runner = TreeRunner(root)
     if journal is not None:
         runner.add_visitor(StatusWatch(root, journal))

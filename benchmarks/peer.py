@@ -94,6 +94,8 @@ def built(path: str) -> Made:
         }
         if element.tag not in makers:
             raise LookupError(f"py_trees has no {element.tag}")
+        if condition := next((each for each in element.attrib if each.startswith("_")), None):
+            raise LookupError(f"py_trees has no {condition}")
         return makers[element.tag]()
 
     root = build(ET.parse(path).getroot()[0][0])  # noqa: S314 - a file of our own

@@ -32,6 +32,8 @@ SIZES = (100, 1_000, 10_000)
 # Tree files are nested no deeper than 200 elements.
 LEVELS = (100, 190)
 MANY = 100_000
+# As many leaves as trees of Nav2 have.
+OF_NAV2 = (12, 30)
 # Shapes that are measured with so many leaves as well.
 LARGE = ("balanced", "one leaf runs")
 # What the leaves of the shipped tree answer; those that are not named succeed.
@@ -56,11 +58,15 @@ def measure(effort: Effort) -> Iterator[Result]:
         for engine in {COMPILED, COMPILED_WITH_PYTHON, PY_TREES} - others.keys():
             yield Missing("", engine, "it is not installed")
         for shape in SHAPES:
-            sizes = LEVELS if shape == "deep" else (*SIZES, MANY) if shape in LARGE else SIZES
-            for size in sizes:
+            for size in _sizes(shape):
                 path = Path(folder, "tree.xml")
                 path.write_text(document(SHAPES[shape](effort.size(size))), encoding="utf-8")
                 yield from _of_file(subject(shape, size), path, others, effort)
+
+
+def _sizes(shape: str) -> tuple[int, ...]:
+    special = {"deep": LEVELS, "Nav2's shape": OF_NAV2, **dict.fromkeys(LARGE, (*SIZES, MANY))}
+    return special.get(shape, SIZES)
 
 
 def _in_situation(situation: str, answers: Mapping[str, Status], effort: Effort) -> Iterator[Result]:

@@ -71,6 +71,25 @@ def one_running(count: int) -> str:
     return balanced([*leaves(count - 1), around("KeepRunningUntilFailure", leaves(1))])
 
 
+def skippable(count: int) -> str:
+    """Return leaves of which each asks first whether it is to be skipped, and is not."""
+    asked = (f'<Leaf name="n{number}" _skipIf="battery == 0"/>' for number in range(count - 1))
+    return balanced(['<Script code="battery := 7"/>', *asked])
+
+
+def navigating(count: int) -> str:
+    """Return what Nav2's trees are like: a path is followed, with recoveries behind it; so many leaves in all.
+
+    Nav2's own controls are BehaviorTree.CPP's that come nearest, so that both engines have them.
+    """
+    recoveries = [sequence(leaves(max(2, count - 6))), *leaves(1)]
+    path = around("Fallback", [*leaves(1), *leaves(1)])
+    follow = around("Fallback", [around("KeepRunningUntilFailure", leaves(1)), *leaves(1)])
+    drive = around("ReactiveSequence", [path, follow])
+    tries = around("Fallback", [drive, around("ReactiveFallback", recoveries)])
+    return around('RetryUntilSuccessful num_attempts="6"', [tries])
+
+
 _WRAPPERS = (
     "Inverter",
     "ForceSuccess",
@@ -126,6 +145,8 @@ SHAPES: Mapping[str, Callable[[int], str]] = {
     "deep": deep,
     "ports": lambda count: balanced(copies(count)),
     "scripts": lambda count: balanced(scripts(count)),
+    "conditions": skippable,
+    "Nav2's shape": navigating,
     "parallel": lambda count: around(_PARALLEL, leaves(count)),
     "parallel, all running": lambda count: around(
         _PARALLEL, [around("KeepRunningUntilFailure", [leaf]) for leaf in leaves(count)]
