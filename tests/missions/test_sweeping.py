@@ -378,16 +378,21 @@ class TestLeaves:
         assert leaf.feedback_message == "a: what was missed is too scattered to be swept, or on no map"
         assert (stage.warnings, publisher.topic_name[-3:]) == ([], "map")
 
-    @pytest.mark.parametrize(("seconds", "metres"), [(1.0, 0.0), (5.0, 3.0)])
-    def test_who_is_far_away_has_driven_there_only_where_there_was_time_for_it(
-        self, seconds: float, metres: float, stage: "Stage"
-    ) -> None:
+    def driving(self, stage: "Stage", search: Search) -> tuple[Any, ManualClock]:
+        """Return a leaf that drives to the first piece, with the robot at (0, 1), and its clock."""
         server = stage.nav_server()
-        search = planned(searching())
         leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
         leaf._clock = clock = ManualClock()
         leaf._robot.place = lambda: (0.0, 1.0, 0.0)
         stage.tick_until(leaf, lambda: server.goals, "the goal")
+        return leaf, clock
+
+    @pytest.mark.parametrize(("seconds", "metres"), [(1.0, 0.0), (5.0, 3.0)])
+    def test_who_is_far_away_has_driven_there_only_where_there_was_time_for_it(
+        self, seconds: float, metres: float, stage: "Stage"
+    ) -> None:
+        search = planned(searching())
+        leaf, clock = self.driving(stage, search)
         clock.advance(seconds)
         leaf._robot.place = lambda: (3.0, 1.0, 0.0)
         leaf.tick_once()
@@ -397,12 +402,8 @@ class TestLeaves:
     def test_a_place_that_was_not_known_for_long_is_no_drive_to_where_it_is_known_again(
         self, stage: "Stage"
     ) -> None:
-        server = stage.nav_server()
         search = planned(searching())
-        leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
-        leaf._clock = clock = ManualClock()
-        leaf._robot.place = lambda: (0.0, 1.0, 0.0)
-        stage.tick_until(leaf, lambda: server.goals, "the goal")
+        leaf, clock = self.driving(stage, search)
         for place in (None, (3.0, 1.0, 0.0)):
             clock.advance(5.0 if place is None else 0.1)
             leaf._robot.place = lambda place=place: place
