@@ -8,6 +8,7 @@ from benchmarks import (
     flying,
     journaling,
     large_files,
+    ordering,
     paging,
     pipeline,
     predicting,
@@ -129,6 +130,19 @@ GOALS = (
         {"": 4e9},
         "resilient mission, eight zones, more than 10^6 states: the most that the process has had",
         "bytes",
+    ),
+    *(
+        Goal(what, "a beam search: 200 zones 55 s and 583 MB", "order", what, {"": most}, how, unit)
+        for count in ordering.COUNTS
+        for what, most, how, unit in (
+            (ordering.subject(count), 2.0, "`expected_find`, straight lines as ways, CPU time", "s"),
+            (
+                f"{ordering.subject(count)}: memory",
+                200e6,
+                "the most that a process has that does it",
+                "bytes",
+            ),
+        )
     ),
     Goal(
         "what its chain adds to a fact of the journal",

@@ -1,10 +1,12 @@
 """Zones with probabilities: their parameters, the choice of the next one, and what looks make of the map."""
 
+import itertools
 import math
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from py_trees.common import Status
 
@@ -16,7 +18,7 @@ from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.search_and_rescue.record import Standing
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.search_theory import Area, PoaMap
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MOST_PLANNED, MapPose, ZoneManager
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.goals import goals_under_way
 
@@ -31,6 +33,12 @@ def searching(areas: dict[str, Area] | None = None) -> Search:
     """Return a search of three zones, 1, 2 and 3 m from the base station in this order."""
     plan = [{"id": name, "x": float(x), "y": 0.0, "yaw": 0.0} for x, name in enumerate("abc", 1)]
     return Search(ZoneManager(plan, BASE, areas=AREAS if areas is None else areas, speed_mps=0.5))
+
+
+def many_zones(count: int, chance: np.random.Generator) -> list[dict[str, Any]]:
+    """Return zones by chance, in 50 m around the base station."""
+    xs, ys = chance.uniform(-50.0, 50.0, (2, count)).tolist()
+    return [{"id": f"zone_{at}", "x": xs[at], "y": ys[at], "yaw": 0.0} for at in range(count)]
 
 
 def order(zones: ZoneManager) -> str:
@@ -194,7 +202,54 @@ def test_a_way_that_is_planned_is_as_long_in_both_directions() -> None:
     assert (zones.way_m(a, c), zones.way_m(c, {"x": a["x"], "y": a["y"], "yaw": 1.0})) == (9.0, 9.0)
     assert (zones.way_m(a, b), zones.knows_way(a, b), zones.knows_way(c, a)) == (1.5, False, True)
     tour = zones.tour([a, c])
-    assert (tour.from_start, tour.between) == ([3.0, 9.0], [[0.0, 18.0], [18.0, 0.0]])
+    assert tour.from_start == [3.0, 9.0]
+    assert np.array_equal(tour.between, [[0.0, 18.0], [18.0, 0.0]])
+
+
+def test_the_times_between_zones_are_those_of_their_ways_planned_or_not() -> None:
+    chance = np.random.default_rng(4)
+    zones = many_zones(12, chance)
+    # Two zones in one place, as their poses may be.
+    zones[5] |= {"x": zones[3]["x"], "y": zones[3]["y"]}
+    manager = ZoneManager(zones, BASE, speed_mps=0.4)
+    places = [manager.base_pose(), *manager.remaining_zones()]
+    for one, other in itertools.combinations(places, 2):
+        if chance.random() < 0.5:
+            manager.learn_way(one, other, chance.uniform(1.0, 90.0))
+    tour = manager.tour(manager.remaining_zones())
+    expected = [[manager.way_m(one, other) / 0.4 for other in places[1:]] for one in places[1:]]
+    assert np.allclose(tour.between, expected)
+
+
+def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_most() -> None:
+    zones = many_zones(200, np.random.default_rng(5))
+    # The last ones are likely, and the one before them is where the robot is.
+    poa = {zone["id"]: 0.001 for zone in zones} | {zone["id"]: 0.02 for zone in zones[-10:]}
+    zones[-11] |= {"x": BASE["x"], "y": BASE["y"]}
+    areas = {name: Area(each, 0.9, 5.0) for name, each in poa.items()}
+    manager = ZoneManager(zones, BASE, areas=areas)
+    chosen = manager.most_rewarding(manager.remaining_zones())
+    assert len(chosen) == MOST_PLANNED
+    assert chosen[-11:] == manager.remaining_zones()[-11:]
+    # One of them is where the robot is.
+    assert len(manager.ways(chosen)) == math.comb(MOST_PLANNED, 2)
+    nearest = sorted(
+        manager.remaining_zones(), key=lambda zone: math.dist((zone["x"], zone["y"]), (BASE["x"], BASE["y"]))
+    )
+    without = ZoneManager(zones, BASE)
+    assert {zone["id"] for zone in without.most_rewarding(without.remaining_zones())} == {
+        zone["id"] for zone in nearest[:MOST_PLANNED]
+    }
+
+
+def test_the_plan_of_many_zones_says_how_they_are_ordered_in_twenty_lines() -> None:
+    zones = many_zones(60, np.random.default_rng(6))
+    areas = {zone["id"]: Area(0.01, 0.9, 5.0) for zone in zones}
+    head, *lines = Search(ZoneManager(zones, BASE, areas=areas)).greeting()[2:]
+    assert head.endswith("; 60 zones are ordered by probability per second):")
+    assert len(lines) == 20
+    assert lines[-2] == "  … 41 more zones …"
+    assert lines[-1].endswith("POS 54%")
 
 
 def test_each_way_is_needed_once_and_none_from_a_place_to_itself() -> None:
@@ -259,7 +314,7 @@ def test_a_resumed_search_has_the_same_map_and_the_same_zone(journal: Path) -> N
     assert second.zones.poa_map() == first.zones.poa_map()
     assert order(second.zones) == order(first.zones) == "ba"
     tours = [each.zones.tour(each.zones.remaining_zones()) for each in (first, second)]
-    assert tours[0] == tours[1]
+    assert len({(*tour.from_start, *np.ravel(tour.between), *tour.finds) for tour in tours}) == 1
 
 
 def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
@@ -414,6 +469,18 @@ class TestChooseZone:
         assert stage.run(self.take(stage, search, order="expected_find")) is Status.SUCCESS
         assert order(search.zones) == "cab"
         assert stage.lines == ["Next zone by expected_find: c."]
+
+    def test_that_many_zones_are_not_in_the_best_order_is_logged_once(self, stage: "Stage") -> None:
+        zones = many_zones(60, np.random.default_rng(1))
+        areas = {zone["id"]: Area(0.01, 0.5, 5.0) for zone in zones}
+        leaf = self.take(stage, Search(ZoneManager(zones, BASE, areas=areas)), order="expected_find")
+        for _ in range(2):
+            assert stage.run(leaf) is Status.SUCCESS
+        first, *others = stage.lines
+        assert first == (
+            "'ChooseZone': 60 zones are ordered by probability per second, which is near the best order."
+        )
+        assert [line.partition(":")[0] for line in others] == ["Next zone by expected_find"] * 2
 
     def test_the_nearest_is_chosen(self, stage: "Stage") -> None:
         search = searching()

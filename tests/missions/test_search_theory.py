@@ -15,7 +15,15 @@ from sar_compiler.missions.search_and_rescue.search_theory import (
     pod_at_random,
     pod_of_parallel_sweep,
 )
-from sar_compiler.missions.search_and_rescue.zone_order import EXACT_UP_TO, beam, exact, ordered
+from sar_compiler.missions.search_and_rescue.zone_order import (
+    BEAM_UP_TO,
+    EXACT_UP_TO,
+    approximation,
+    beam,
+    by_index,
+    exact,
+    ordered,
+)
 from tests.chance import rounds
 
 SIGMAS = 4
@@ -72,6 +80,42 @@ def test_a_beam_that_keeps_one_beginning_is_mended_to_an_order_of_all_areas() ->
         chosen = beam(tour, width=1)
         assert sorted(chosen) == list(range(AREAS))
         assert tour.expected_find(chosen) <= 1.1 * least_of_all_orders(tour), seed
+
+
+def test_by_the_index_rule_eight_areas_are_ordered_at_most_a_tenth_worse_than_by_the_best_order() -> None:
+    for seed in range(rounds(20)):
+        tour, _ = mission(seed, AREAS)
+        chosen = by_index(tour)
+        assert sorted(chosen) == list(range(AREAS))
+        assert tour.expected_find(chosen) <= 1.1 * least_of_all_orders(tour), seed
+
+
+def test_by_the_index_rule_no_area_stands_better_elsewhere() -> None:
+    for seed in range(rounds(5)):
+        tour, _ = mission(seed, 20)
+        chosen = by_index(tour)
+        least = tour.expected_find(chosen) * (1 - 1e-6)
+        for area, at in itertools.product(chosen, range(len(chosen))):
+            moved = [each for each in chosen if each != area]
+            moved.insert(at, area)
+            assert tour.expected_find(moved) >= least, (seed, area, at)
+
+
+def test_more_areas_than_a_beam_can_search_are_ordered_by_the_index_rule() -> None:
+    sizes = {EXACT_UP_TO: exact, EXACT_UP_TO + 1: beam, BEAM_UP_TO + 1: by_index}
+    for count, method in sizes.items():
+        tour, _ = mission(count, count)
+        assert ordered("expected_find", tour) == method(tour), count
+        assert (method is exact) == (not approximation(count))
+    assert approximation(BEAM_UP_TO) == "a beam search"
+    tour, _ = mission(3, 300)
+    assert sorted(ordered("expected_find", tour)) == list(range(300))
+
+
+def test_the_index_rule_orders_areas_without_a_way_and_a_single_one() -> None:
+    assert by_index(Tour([0.0], [[0.0]], [0.0], [0.5])) == [0]
+    no_ways = Tour([0.0] * 3, [[0.0] * 3] * 3, [0.0] * 3, [0.1, 0.3, 0.2])
+    assert sorted(by_index(no_ways)) == [0, 1, 2]
 
 
 def test_forty_areas_are_ordered_better_than_by_the_nearest() -> None:

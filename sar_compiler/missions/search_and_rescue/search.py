@@ -52,6 +52,8 @@ KINDS = (
 """What a search shows on the map."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
 """What it shows as well where there are such."""
+# Of an order of visits in the log.
+_MOST_LINES = 20
 # As of a log line: it comes home, and means to go on.
 _WARNING = 30
 BASE = "base station"
@@ -116,10 +118,10 @@ class Search(MissionRun):
     def _order_of_visits(self) -> list[str]:
         """Return the order that `ChooseZone order="expected_find"` begins with: when each look ends, and what it brings."""
         # Where no probabilities are given, nobody needs NumPy to begin.
-        from sar_compiler.missions.search_and_rescue.zone_order import ordered
+        from sar_compiler.missions.search_and_rescue.zone_order import approximation, ordered
 
-        zones = list[Zone]()
-        for group in self.zones.by_urgency():
+        zones, groups = list[Zone](), self.zones.by_urgency()
+        for group in groups:
             tour = self.zones.tour(group, zones[-1] if zones else None)
             zones += [group[area] for area in ordered("expected_find", tour)]
         tour, order = self.zones.tour(zones), range(len(zones))
@@ -127,8 +129,12 @@ class Search(MissionRun):
         for area, end in enumerate(tour.ends(order)):
             pos += tour.finds[area]
             lines.append(f"  {zones[area]['id']}: searched after {end:.0f} s, POS {pos:.0%}")
+        if len(lines) > _MOST_LINES:
+            lines[_MOST_LINES - 2 : -1] = [f"  … {len(lines) - _MOST_LINES + 1} more zones …"]
         soon = f"{tour.expected_find(order):.0f} s to the first find, if there is one"
-        return [f"By expected_find ({soon}; ways are straight lines times {DETOUR:g}):", *lines]
+        largest = max(map(len, groups), default=0)
+        how = f"; {largest} zones are ordered by {found}" if (found := approximation(largest)) else ""
+        return [f"By expected_find ({soon}; ways are straight lines times {DETOUR:g}{how}):", *lines]
 
     def identity(self) -> dict[str, object]:
         """Return the zones in their order, with their probabilities if there are any, and the base station."""

@@ -7,7 +7,11 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 ROUNDING = 1e-9
 """How much above 1 a sum of probabilities may be."""
@@ -112,7 +116,7 @@ class PoaMap:
         return math.fsum(poa * (1.0 - self.missed(area)) for area, poa in self.poa.items())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tour:
     """What there is to choose an order by.
 
@@ -124,14 +128,14 @@ class Tour:
     """
 
     from_start: Sequence[float]
-    between: Sequence[Sequence[float]]
+    between: "Sequence[Sequence[float]] | npt.NDArray[np.float64]"
     looks: Sequence[float]
     finds: Sequence[float]
 
     def ends(self, order: Sequence[int]) -> list[float]:
         """Return when each look of an order ends, seconds from now."""
         steps = [self.from_start[order[0]]] if order else []
-        steps += [self.between[before][after] for before, after in itertools.pairwise(order)]
+        steps += [float(self.between[before][after]) for before, after in itertools.pairwise(order)]
         return list(
             itertools.accumulate(step + self.looks[area] for step, area in zip(steps, order, strict=True))
         )

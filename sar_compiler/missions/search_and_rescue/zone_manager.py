@@ -17,6 +17,9 @@ from sar_compiler.missions import (
 from sar_compiler.missions.search_and_rescue.search_theory import ROUNDING, Area, PoaMap, Tour
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from sar_compiler.missions.search_and_rescue.areas import Ground
 
 _GEOFENCE = "geofence"
@@ -27,6 +30,9 @@ _LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 DETOUR = 1.5
 """How many times as long as the straight line a way is taken to be that nobody has planned."""
 _LARGEST_RATIO, _MOST_TOGETHER = 1000.0, 1e9
+MOST_PLANNED = 30
+"""The most zones for which one choice asks the planner: 30 zones are 495 ways."""
+_SHORTEST_SEC = 1e-3
 MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
 
@@ -132,7 +138,7 @@ class ZoneManager:
 
     def remaining_zones(self) -> list[Zone]:
         """Return the zones left to be visited, the current one first."""
-        return deepcopy(self._zones[self._index :])
+        return [zone.copy() for zone in self._zones[self._index :]]
 
     def knows(self, zone_id: str) -> bool:
         """Return whether there is, or was, a zone of this name."""
@@ -189,20 +195,53 @@ class ZoneManager:
             zones: The zones.
             start: Where it begins; where the robot has looked last, or the base station, if None.
         """
-        now = self.poa_map().now()
-        areas = [self.areas.get(zone["id"], Area(0.0, 0.0)) for zone in zones]
         return Tour(
             [self._travel_sec(start or self._here, zone) for zone in zones],
-            [[self._travel_sec(before, after) for after in zones] for before in zones],
-            [area.look_sec for area in areas],
-            [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)],
+            self._travels_sec(zones),
+            *self._expected(zones),
         )
+
+    def _expected(self, zones: Sequence[Zone]) -> tuple[list[float], list[float]]:
+        """Return how long a look in each zone takes, seconds, and how likely it finds somebody."""
+        now = self.poa_map().now()
+        areas = [self.areas.get(zone["id"], Area(0.0, 0.0)) for zone in zones]
+        finds = [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)]
+        return [area.look_sec for area in areas], finds
+
+    def _travels_sec(self, zones: Sequence[Zone]) -> "npt.NDArray[np.float64]":
+        """Return how long the way from each zone (row) to each other takes, seconds: of 1,000 zones, a million ways."""
+        # A laptop that proves trees needs no NumPy.
+        import numpy as np
+
+        at = defaultdict[tuple[float, float], list[int]](list)
+        for number, zone in enumerate(zones):
+            at[zone["x"], zone["y"]].append(number)
+        places = np.array([(zone["x"], zone["y"]) for zone in zones], dtype=float).reshape(-1, 2)
+        metres = DETOUR * np.hypot(*(places[:, None] - places[None]).T)
+        for ends, length in self._ways.items():
+            if ends <= at.keys():
+                one, other = (at[end] for end in (min(ends), max(ends)))
+                metres[np.ix_(one, other)] = metres[np.ix_(other, one)] = length
+        seconds: npt.NDArray[np.float64] = metres / self.speed_mps
+        return seconds
+
+    def most_rewarding(self, zones: Sequence[Zone]) -> list[Zone]:
+        """Return the zones whose ways a planner is asked for, in their order: all up to `MOST_PLANNED`.
+
+        Of more zones, those of the highest probability per second of way and look; where no probabilities are given, the nearest ones.
+        """
+        looks, finds = self._expected(zones)
+        if not any(finds):
+            finds = [1.0] * len(zones)
+        seconds = [self._travel_sec(self._here, zone) + look for zone, look in zip(zones, looks, strict=True)]
+        ranked = sorted(range(len(zones)), key=lambda at: -finds[at] / max(seconds[at], _SHORTEST_SEC))
+        return [zones[at] for at in sorted(ranked[:MOST_PLANNED])]
 
     def ways(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
         """Return the ways by which some zones are put in an order, and those home and to charging places, each in one direction.
 
         Args:
-            zones: The zones, or pieces of a sweep.
+            zones: The zones, or pieces of a sweep. Between them are as many ways as the square of their number.
             between: Whether those from zone to zone are among them, or only those from where the robot has looked last.
         """
         places = list(self.charging.values())

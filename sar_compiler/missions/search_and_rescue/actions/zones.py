@@ -46,7 +46,8 @@ class ChooseZone(RosLeaf):
     in which the expected time to the first find is least, by the probabilities as they are now. Zones that were postponed come again
     when all others have been tried as often.
 
-    First the planner is asked for the ways that are not known yet. Those that it does not give count as straight lines times 1.5, which is told.
+    First the planner is asked for the ways that are not known yet, of more than 30 zones for those of the 30 that reward their time most. Those
+    that it does not give count as straight lines times 1.5, which is logged.
 
     Args:
         zone_manager: The mission's zones, and where somebody may be.
@@ -75,6 +76,7 @@ class ChooseZone(RosLeaf):
         self._ways: PlannedWays | None = None
         self._among: list[Zone] = []
         self._choice: Future[list[int]] | None = None
+        self._approximation = ""
 
     def setup(self, **kwargs: Any) -> None:
         """Make the clients of the planner, if it is to be asked."""
@@ -98,7 +100,8 @@ class ChooseZone(RosLeaf):
         zones = self._zones.eligible_zones()
         if self._among != zones:
             self._among, self._choice = zones, None
-            self._ways.ask(self._zones.ways(zones, between=self._order != "nearest"))
+            planned = self._zones.most_rewarding(zones)
+            self._ways.ask(self._zones.ways(planned, between=self._order != "nearest"))
         if self._choice is None and not self._ways.are_awaited():
             if news := self._ways.news():
                 self.complain(f"'{self.name}': {news}.")
@@ -161,8 +164,12 @@ class ChooseZone(RosLeaf):
 
     def _begin(self, zones: list[Zone]) -> Future[list[int]]:
         # A laptop that proves trees needs no NumPy.
-        from sar_compiler.missions.search_and_rescue.zone_order import ordered
+        from sar_compiler.missions.search_and_rescue.zone_order import approximation, ordered
 
+        how = approximation(len(zones)) if self._order == "expected_find" else ""
+        if how and how != self._approximation:
+            self.say(f"'{self.name}': {len(zones)} zones are ordered by {how}, which is near the best order.")
+        self._approximation = how
         return begin_beside(self._wake, ordered, self._order, self._zones.tour(zones))
 
 
