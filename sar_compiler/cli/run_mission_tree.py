@@ -32,6 +32,7 @@ from sar_compiler.ros.executors import suited
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, declared_types, qos_profile
 from sar_compiler.ros.left_goals import LeftGoals
+from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.parameter_reader import RunParameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
@@ -309,6 +310,8 @@ class TreeRun:
         wait_until_ready(self.executor, readiness, limit_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self._node.get_logger().info("Nav2 is active.")
+            for line in nav2_parameters(self._node).advice():
+                self._node.get_logger().warning(f"Nav2's parameters: {line}.")
 
     @readable_ros_errors()
     def _readiness(self, *, with_pose: bool) -> Readiness:

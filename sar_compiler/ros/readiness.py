@@ -25,6 +25,7 @@ from sar_compiler.ros.lifecycle import (
     nav2_log,
     with_full_name,
 )
+from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.poses import estimated_pose, turn_by
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.tree.showing import in_one_line
@@ -400,6 +401,7 @@ class Readiness:
 
     def _wait_for_nav2(self, initial_pose: InitialPose | None, begins_anew: bool) -> None:
         localizer, navigator = NAV2_NODES
+        self._parameters = nav2_parameters(self.node)
         if initial_pose is not None:
             self._closing.append(Localised(self.node, initial_pose, begins_anew=begins_anew))
             self._steps.append(self._closing[-1].missing)
@@ -428,13 +430,19 @@ class Readiness:
         """Take the next step, and return what is missing, one readable line each."""
         first = {each: line for each in self._first if (line := each.missing()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
-        return list(first.values()) or [line for step in self._steps if (line := step()) is not None]
+        lines = list(first.values()) or [line for step in self._steps if (line := step()) is not None]
+        # Nav2's nodes declare most of their parameters while they are configured.
+        if not lines and self.uses_nav2 and self._parameters.are_awaited():
+            return ["the parameters of Nav2: no answer yet"]
+        return lines
 
     def close(self) -> None:
         """Destroy the clients and subscriptions on the node, when the wait is given up."""
         closing, self._closing, self._steps, self._servers = self._closing, [], [], []
         for each in closing:
             each.close()
+        if self.uses_nav2:
+            self._parameters.close()
 
 
 def wait_until_ready(

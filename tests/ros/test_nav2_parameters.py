@@ -1,0 +1,174 @@
+"""The parameters of Nav2's nodes, as their parameter services have them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from sar_compiler.ros.nav2_parameters import Nav2Parameters
+    from tests.ros.conftest import Ros
+
+pytestmark = pytest.mark.ros
+
+FILE = "in Nav2's parameter file, and start Nav2 again"
+
+
+def nav2_node(ros: Ros, name: str, **values: Any) -> Any:
+    """Make a node with parameters; a dot in a name is written `__`."""
+    node = ros.node(name)
+    for key, value in values.items():
+        node.declare_parameter(key.replace("__", "."), value)
+    return node
+
+
+def asked(ros: Ros, node: Any) -> Nav2Parameters:
+    """Ask until all nodes have answered, of which at least one is there."""
+    from sar_compiler.ros.nav2_parameters import nav2_parameters
+
+    parameters = nav2_parameters(node)
+    ros.spin_until(parameters.are_awaited, "a node of Nav2")
+    ros.spin_until(lambda: not parameters.are_awaited(), "the parameters")
+    return parameters
+
+
+def test_time_outs_that_abort_goals_are_named_with_the_line_to_write(ros: Ros) -> None:
+    nav2_node(ros, "bt_navigator", default_server_timeout=20, wait_for_service_timeout=499, other=1)
+    assert asked(ros, ros.node()).advice() == [
+        f"{key} of bt_navigator is {value} ms: it aborts a goal whenever another node of Nav2 answers later: "
+        f"write `{key}: 1000` under `bt_navigator: ros__parameters:` {FILE}"
+        for key, value in (("default_server_timeout", 20), ("wait_for_service_timeout", 499))
+    ]
+
+
+def test_time_outs_of_half_a_second_and_no_time_outs_at_all_are_no_matter(ros: Ros) -> None:
+    nav2_node(ros, "bt_navigator", default_server_timeout=500)
+    nav2_node(ros, "controller_server")
+    assert asked(ros, ros.node()).advice() == []
+
+
+def test_the_shipped_parameter_file_is_taken_without_advice(ros: Ros) -> None:
+    from sar_compiler import resources
+    from sar_compiler.ros.parameter_file import read_parameter_file
+
+    file = resources.shipped("config", "nav2_params.yaml")
+    for name in ("bt_navigator", "controller_server", "behavior_server", "velocity_smoother"):
+        values = read_parameter_file(file, f"/{name}")
+        node = ros.node(name)
+        for key, value in values.items():
+            node.declare_parameter(key, value)
+    mission = ros.node()
+    has_robot(ros, mission, "TwistStamped")
+    odometry(ros, mission, "odometry/filtered")
+    assert asked(ros, mission).advice() == []
+
+
+@pytest.mark.parametrize(
+    ("values", "tolerance"),
+    [
+        (
+            {"goal_checker_plugins": ["near"], "near__xy_goal_tolerance": 0.4, "far__xy_goal_tolerance": 2.0},
+            0.4,
+        ),
+        ({"goal_checker_plugins": ["a", "b"], "a__xy_goal_tolerance": 0.1, "b__xy_goal_tolerance": 0.6}, 0.6),
+        ({"goal_checker_plugins": ["a"], "a__xy_goal_tolerance": float("nan")}, 0.25),
+        ({"goal_checker_plugins": ["a"]}, 0.25),
+        ({}, 0.25),
+    ],
+)
+def test_the_tolerance_of_a_goal_is_that_of_the_goal_checkers_in_use(
+    ros: Ros, values: dict[str, Any], tolerance: float
+) -> None:
+    nav2_node(ros, "controller_server", **values)
+    assert asked(ros, ros.node()).goal_tolerance == tolerance
+
+
+def test_without_nav2_nothing_is_waited_for(ros: Ros) -> None:
+    from sar_compiler.ros.nav2_parameters import nav2_parameters
+
+    parameters = nav2_parameters(ros.node())
+    assert not parameters.are_awaited()
+    assert (parameters.goal_tolerance, parameters.advice()) == (0.25, [])
+
+
+def test_a_node_that_does_not_answer_is_given_up(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sar_compiler.ros import nav2_parameters as module
+
+    monkeypatch.setattr(module, "_ANSWER_SEC", 0.3)
+    frozen = nav2_node(ros, "bt_navigator", default_server_timeout=20)
+    ros.executor.remove_node(frozen)
+    assert asked(ros, ros.node()).advice() == []
+    frozen.destroy_node()
+
+
+def has_robot(ros: Ros, mission: Any, kind: str) -> None:
+    """Make a robot's base that takes velocity commands of a type."""
+    import geometry_msgs.msg
+
+    base = ros.node("base")
+    base.create_subscription(getattr(geometry_msgs.msg, kind), "cmd_vel", lambda _: None, 1)
+    ros.spin_until(lambda: mission.count_subscribers("cmd_vel"), "the robot")
+
+
+def odometry(ros: Ros, mission: Any, topic: str) -> None:
+    """Make a node that publishes odometry on a topic."""
+    from nav_msgs.msg import Odometry
+
+    ros.node("odometer").create_publisher(Odometry, topic, 1)
+    ros.spin_until(lambda: mission.count_publishers(topic), "the odometry")
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_stamped", "line"),
+    [("TwistStamped", False, "true"), ("Twist", True, "false")],
+)
+def test_velocity_commands_of_another_type_than_the_robots_are_named(
+    ros: Ros, kind: str, is_stamped: bool, line: str
+) -> None:
+    nav2_node(ros, "controller_server", enable_stamped_cmd_vel=not is_stamped)
+    nav2_node(ros, "behavior_server", enable_stamped_cmd_vel=is_stamped)
+    mission = ros.node()
+    has_robot(ros, mission, kind)
+    assert asked(ros, mission).advice() == [
+        (
+            f"the robot takes {kind} on cmd_vel, and behavior_server sends the other type: "
+            f"write `enable_stamped_cmd_vel: {line}` under `behavior_server: ros__parameters:` {FILE}"
+        )
+    ]
+
+
+def test_odometry_that_only_the_mission_finds_is_named_with_the_line_to_write(ros: Ros) -> None:
+    nav2_node(ros, "bt_navigator", odom_topic="odom")
+    mission = ros.node()
+    odometry(ros, mission, "odometry/filtered")
+    assert asked(ros, mission).advice() == [
+        (
+            "bt_navigator reads odometry from /odom, which no node publishes: "
+            f"write `odom_topic: odometry/filtered` under `bt_navigator: ros__parameters:` {FILE}"
+        )
+    ]
+
+
+def test_odometry_that_only_nav2_finds_is_named_with_the_remapping(ros: Ros) -> None:
+    nav2_node(ros, "bt_navigator", odom_topic="odom")
+    nav2_node(ros, "controller_server", odom_topic="odom")
+    mission = ros.node()
+    odometry(ros, mission, "odom")
+    assert asked(ros, mission).advice() == [
+        (
+            "no node publishes /odometry/filtered, and bt_navigator reads odometry from /odom: "
+            "add `--ros-args -r odometry/filtered:=odom` to the command"
+        )
+    ]
+
+
+def test_the_wait_before_the_first_tick_asks_for_them(ros: Ros) -> None:
+    from sar_compiler.nodes.spec import Use
+    from sar_compiler.ros.nav2_parameters import nav2_parameters
+    from tests.ros.test_readiness import FakeNav2, readiness, wait
+
+    FakeNav2(nav2_node(ros, "bt_navigator", default_server_timeout=20))
+    node = ros.node()
+    wait(ros, readiness(node, Use.nav2()))
+    assert "default_server_timeout" in nav2_parameters(node).advice()[0]
