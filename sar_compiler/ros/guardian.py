@@ -1,11 +1,13 @@
-"""A guardian: a small process of its own, which cancels the goals that a mission leaves behind when it dies.
+"""A guardian: a small process of its own, which cancels the goals of a mission that dies or whose ticks stop.
 
 A mission that is killed (SIGKILL, the kernel's own when memory is short, a crash) can cancel nothing, and a robot
-drives on to its goal. The mission tells its guardian through a pipe which goals it sends and which have ended; the
-system closes the pipe, however the mission ends, and the guardian then cancels, by their ids, those that have not,
-and waits for their ends. A guardian that ends while its mission lives is replaced.
+drives on to its goal. The mission reports to its guardian through a pipe which goals it sends, which have ended, and a heartbeat
+of the thread that ticks the tree; the system closes the pipe, however the mission ends, and the guardian then cancels, by their
+ids, those that have not, and waits for their ends. It does the same when heartbeats stop: `ros.tick_watch` does so within the
+process, but a leaf that keeps Python's interpreter lock stops that as well. A guardian that ends while its mission lives is replaced.
 """
 
+import math
 import os
 import signal
 import subprocess
@@ -14,7 +16,8 @@ import threading
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from functools import partial
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from sar_compiler.ros.companion import Companion
@@ -30,12 +33,12 @@ if TYPE_CHECKING:
 ADRIFT_SIGN = b"!"
 """What a guardian writes to who supervises its mission where it has not seen the end of a goal."""
 
-_SENT, _OVER = "+", "-"
+# The first word of a line: a goal is sent, has ended; the executor turns, and must again within the limit that follows, or need not.
+_SENT, _OVER, _BEAT, _REST = "+", "-", ".", "="
 # How long the guardian tries to have the goals ended, seconds.
 _TRYING_SEC = 10.0
-# How long a server must say that it does not know a goal: it may be accepted only after its client's death; seconds.
-_UNKNOWN_SEC = 3.0
-_TURN_SEC = 0.1
+# How often heartbeats are looked for, seconds; a look that comes later by as much as the other was this process's own standstill.
+_LOOK_SEC, _OWN_PAUSE_SEC = 0.25, 1.0
 # How long an orderly end waits for the guardian's, seconds; one that still has goals to cancel needs no mission.
 _ENDING_SEC = 1.0
 # A guardian that has ended so many times, each within so many seconds of its beginning, cannot be had.
@@ -75,6 +78,18 @@ class Guardian(Companion):
                 self._active[news.goal_id] = news.action
             self._write(_OVER if news.is_over else _SENT, news.goal_id, news.action)
 
+    def beat(self, limit_sec: float) -> None:
+        """Report that the executor turns, and will again within a limit, in steady seconds; never blocks."""
+        self._report(_BEAT, f"{limit_sec:g}")
+
+    def rest(self) -> None:
+        """Report that nothing is ticked from here on."""
+        self._report(_REST)
+
+    def _report(self, *words: str) -> None:
+        with self._lock:
+            self._write(*words)
+
     def end(self, *, has_begun: bool) -> None:  # noqa: ARG002
         """Let the guardian end; it first cancels what was not seen to end."""
         with self._lock:
@@ -101,9 +116,9 @@ class Guardian(Companion):
         self._minder = threading.Thread(target=self._mind, name="guardian", daemon=True)
         self._minder.start()
 
-    def _write(self, sign: str, goal_id: str, action: str) -> None:
+    def _write(self, *words: str) -> None:
         with suppress(OSError, ValueError):  # one that has ended is replaced, and told of what is active then
-            os.write(self._pipe.fileno(), f"{sign} {goal_id} {action}\n".encode())
+            os.write(self._pipe.fileno(), f"{' '.join(words)}\n".encode())
 
     def _mind(self) -> None:
         """Wait for the guardian's end; where the mission has not asked for it, begin another one."""
@@ -133,57 +148,102 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.node import Node
-    from rclpy.signals import SignalHandlerOptions
-
     from sar_compiler.ros.middleware import leave
+    from sar_compiler.ros.left_goals import Canceller
 
-    context = Context()
-    arguments = ["--ros-args", *security] if security else []
-    rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
-    name = f"sar_guardian_{os.getpid()}"
-    node = Node(name, context=context, start_parameter_services=False, enable_rosout=False)
-    if not _cancel(node, _goals_left(node, sys.stdin)):
+    node = Canceller(f"sar_guardian_{os.getpid()}", security).node
+    wards = _Wards(node)
+    wards.follow(sys.stdin)
+    if not wards.cancel("the mission is gone"):
         for descriptor in signs:
             os.write(descriptor, ADRIFT_SIGN)
     leave(0, node.destroy_node)
 
 
-def _goals_left(node: "Node", lines: Iterable[str]) -> list["LeftGoal"]:
-    """Track the goals to the end of the mission; return those that have not ended.
+class _Wards:
+    """The goals of a mission as its guardian knows them.
 
-    Each is made as it is sent, so that it has found its server when that is needed.
+    Args:
+        node: The guardian's node.
     """
-    from sar_compiler.ros.left_goals import LeftGoal
 
-    def tell_end(action: str, status: int) -> None:
-        words = f"the mission is gone: {action} was told to cancel its goal, which {end_in_words(status)}"
-        node.get_logger().warning(words)
+    def __init__(self, node: "Node") -> None:
+        self._node = node
+        self._active: dict[str, LeftGoal] = {}
+        self._limit_sec = self._heard_at = math.inf
+        self._why = ""
 
-    active: dict[str, LeftGoal] = {}
-    for line in lines:
-        sign, goal_id, action = line.split()
-        if sign == _OVER:
-            active.pop(goal_id, None)
+    def follow(self, lines: Iterable[str]) -> None:
+        """Track the goals to the end of the mission; cancel them when its heartbeats stop."""
+        came: SimpleQueue[str] = SimpleQueue()
+        Thread(target=_pass_on, args=(lines, came), name="mission", daemon=True).start()
+        while True:
+            looked_at = time.monotonic()
+            try:
+                line = came.get(timeout=_LOOK_SEC)
+            except Empty:
+                line = None
+            now = time.monotonic()
+            if now - looked_at > _OWN_PAUSE_SEC:  # neither did anybody else run, perhaps
+                self._heard_at = max(self._heard_at, now)
+            if line == _END:
+                return
+            if line is not None:
+                self._take(line)
+            elif now - self._heard_at > self._limit_sec:
+                self._on_silence()
+
+    def _take(self, line: str) -> None:
+        sign, *words = line.split()
+        if sign == _BEAT:
+            self._limit_sec, self._heard_at = float(words[0]), time.monotonic()
+        elif sign == _REST:
+            self._limit_sec = math.inf
+        elif sign == _OVER:
+            self._active.pop(words[0], None)
         else:
-            goal = GoalNews(goal_id, action)
-            active[goal_id] = LeftGoal(node, goal, partial(tell_end, action), _UNKNOWN_SEC)
-    return [*active.values()]
+            self._add(GoalNews(words[0], words[1]))
 
+    def _add(self, goal: GoalNews) -> None:
+        """Take a goal as it is sent, so that its server is found when it has to be canceled."""
+        from sar_compiler.ros.left_goals import UNKNOWN_SEC, LeftGoal
 
-def _cancel(node: "Node", left: Sequence["LeftGoal"]) -> bool:
-    """Cancel what is left, until the ends are seen; return whether all were."""
-    from rclpy.executors import SingleThreadedExecutor
+        def report_end(status: int) -> None:
+            words = f"{self._why}: {goal.action} was told to cancel its goal, which {end_in_words(status)}"
+            self._node.get_logger().warning(words)
 
-    executor = SingleThreadedExecutor(context=node.context)
-    executor.add_node(node)
-    deadline = time.monotonic() + _TRYING_SEC
-    while (missing := [goal for goal in left if goal.missing()]) and time.monotonic() < deadline:
-        executor.spin_once(_TURN_SEC)
-    for goal in missing:
-        node.get_logger().warning(
-            f"the mission is gone, and {goal.action} does not end its goal: the robot may still be moving"
+        self._active[goal.goal_id] = LeftGoal(self._node, goal, on_end=report_end, patience_sec=UNKNOWN_SEC)
+
+    def _on_silence(self) -> None:
+        """Cancel the goals of a mission whose executor does not turn; it may turn again later, and say itself what has ended."""
+        silence_sec, self._limit_sec = self._limit_sec, math.inf
+        self._node.get_logger().error(
+            f"the mission has ticked nothing for {silence_sec:g} s, and does not report where it is stuck"
         )
-    return not missing
+        self.cancel(f"nothing was ticked for {silence_sec:g} s")
+
+    def cancel(self, why: str) -> bool:
+        """Cancel what is active, until the ends are seen; return whether all were.
+
+        Args:
+            why: What the log says of the reason.
+        """
+        from sar_compiler.ros.left_goals import cancel_goals
+
+        self._why = why
+        active = cancel_goals([*self._active.values()], self._node, _TRYING_SEC)
+        for goal in active:
+            self._node.get_logger().warning(
+                f"{why}, and {goal.action} does not end its goal: the robot may still be moving"
+            )
+        return not active
+
+
+# What comes after the last line.
+_END = ""
+
+
+def _pass_on(lines: Iterable[str], queue: "SimpleQueue[str]") -> None:
+    for line in lines:
+        queue.put(line)
+    queue.put(_END)

@@ -2,28 +2,43 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
+from typing import Any
 
+import rclpy
 from action_msgs.srv import CancelGoal
+from rclpy.client import Client
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from sar_compiler.errors import SarError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT
 from sar_compiler.ros.leaves.goals import (
+    FINAL,
     UNKNOWN,
     GoalNews,
     cancel_client,
     cancel_request,
     goal_statuses_of,
     goals_under_way,
+    uuid_message,
 )
-from sar_compiler.ros.leaves.leaf import of_node
+from sar_compiler.ros.leaves.leaf import find_interface, of_node
 from sar_compiler.ros.readiness import Requirement
 
-# A cancel that is not answered, or not followed, is repeated after so many seconds of the steady clock.
+# A request to cancel that was answered and not followed is repeated after so many seconds of the steady clock.
 _PERIOD_SEC = 1.0
+# A server that has answered neither question for so long has perhaps not found these clients' readers, to which it then sends nothing.
+_RENEWAL_SEC = 5.0
+# How long a server must say that it does not know a goal: one that was sent just before its client's death may be accepted after it.
+UNKNOWN_SEC = 3.0
+_TURN_SEC = 0.05
 
 
 def note_goals(node: Node, journal: Journal) -> None:
@@ -52,7 +67,9 @@ class LeftGoals(Requirement):
 
     def __init__(self, node: Node, journal: Journal) -> None:
         self._goals = [
-            LeftGoal(node, GoalNews(goal.goal_id, goal.action), partial(_watch_end, journal, goal.goal_id))
+            LeftGoal(
+                node, GoalNews(goal.goal_id, goal.action), on_end=partial(_watch_end, journal, goal.goal_id)
+            )
             for goal in journal.goals_left()
         ]
 
@@ -61,30 +78,92 @@ class LeftGoals(Requirement):
         return next((line for line in [goal.missing() for goal in self._goals] if line is not None), None)
 
 
-class LeftGoal:
-    """A goal of a process that is gone.
+class CancelClients:
+    """A node's clients that cancel goals of one action and ask for their results, made anew where a server does not answer them.
 
-    It has ended when the status topic says so, or when its server does not know it: it has been restarted, or the goal never came.
+    Use `of_node`: the goals of one action share them.
+
+    Args:
+        node: The node.
+        action: The action's name.
+    """
+
+    def __init__(self, node: Node, action: str) -> None:
+        self._node, self._action = node, action
+        self._unheard_since: float | None = None
+        self._connect()
+
+    def _connect(self) -> None:
+        self.canceller = cancel_client(self._node, self._action)
+        self._prober: Client | None = None
+
+    def renew_if_unheard(self) -> None:
+        """Make the clients anew if no request to cancel was answered for long: a server drops the answers to a reader that it has not found."""
+        if self._unheard_since is None or time.monotonic() - self._unheard_since < _RENEWAL_SEC:
+            return
+        for client in filter(None, (self.canceller, self._prober)):
+            self._node.destroy_client(client)
+        self._unheard_since = None
+        self._connect()
+
+    def on_answer(self) -> None:
+        """Note that the server has answered."""
+        self._unheard_since = None
+
+    def cancel(self, goal_id: str) -> Future:
+        """Send the request to cancel a goal; return its answer to come."""
+        self._unheard_since = self._unheard_since or time.monotonic()
+        return self.canceller.call_async(cancel_request(goal_id))
+
+    def prober(self) -> Client | None:
+        """Return the client that asks for results; None while there is no such service, or its type is not installed."""
+        if self._prober is None:
+            self._prober = self._result_client()
+        return self._prober if self._prober is not None and self._prober.service_is_ready() else None
+
+    def _result_client(self) -> Client | None:
+        # Only the graph knows the type of an action of which nothing is left but a name.
+        name = f"{self._action}/_action/get_result"
+        types = dict(self._node.get_service_names_and_types()).get(self._node.resolve_service_name(name), [])
+        for written in types:
+            with suppress(SarError):  # its package is not installed: two other sources are left
+                action_type = written.removesuffix("_GetResult")
+                interface: Any = find_interface("", "action", self._action, action_type)
+                return self._node.create_client(interface.Impl.GetResultService, name)
+        return None
+
+
+class LeftGoal:
+    """A goal of a process that is gone, or that can no longer cancel it: canceled from here, until its end is seen.
+
+    Three sources say that it has ended: the status topic, the answer to a question for its result, and a server that does not know
+    it (it was restarted, or the goal never came). Each can fail to arrive, so all are asked, and no answer is given up.
 
     Args:
         node: The node to cancel it from.
         goal: Which it is.
         on_end: Called with its final status; 0 where the server does not know it any more, or how it has ended.
-        patience_sec: How long a server must say that it does not know the goal: one that was sent just before its
-            client's death may be accepted after it.
+        on_request: Called when the first request to cancel it was sent.
+        patience_sec: How long a server must say that it does not know the goal, steady seconds.
     """
 
     def __init__(
-        self, node: Node, goal: GoalNews, on_end: Callable[[int], None], patience_sec: float = 0.0
+        self,
+        node: Node,
+        goal: GoalNews,
+        *,
+        on_end: Callable[[int], None] = lambda _: None,
+        on_request: Callable[[], None] = lambda: None,
+        patience_sec: float = 0.0,
     ) -> None:
         self._id, self.action = goal.goal_id, goal.action
-        self._client = of_node(node, (cancel_client, self.action), lambda: cancel_client(node, self.action))
+        self._clients = of_node(node, (CancelClients, self.action), lambda: CancelClients(node, self.action))
         self._statuses = goal_statuses_of(node, self.action)
-        self._on_end, self._patience_sec = on_end, patience_sec
+        self._on_end, self._on_request, self._patience_sec = on_end, on_request, patience_sec
         self._is_over = False
         self._asked_at = -math.inf
         self._unknown_since: float | None = None
-        self._future: Future | None = None
+        self._questioned: Client | None = None
 
     def missing(self) -> str | None:
         """Cancel it if that is due; return why it may be active, None once it has ended."""
@@ -93,20 +172,37 @@ class LeftGoal:
             self._end(status)
         if self._is_over:
             return None
-        if not self._client.service_is_ready():
+        self._clients.renew_if_unheard()
+        if not self._clients.canceller.service_is_ready():
             return f"action {self.action}: no server, to cancel the goal that was left active"
         if time.monotonic() - self._asked_at >= _PERIOD_SEC:
+            is_first = self._asked_at == -math.inf
             self._asked_at = time.monotonic()
-            self._ask()
+            self._clients.cancel(self._id).add_done_callback(self._on_cancel_answer)
+            if is_first:
+                self._on_request()
+            self._ask_for_result()
         return f"action {self.action}: the goal that was left active has not ended; the robot may be moving"
 
-    def _ask(self) -> None:
-        if self._future is not None:
-            self._client.remove_pending_request(self._future)
-        self._future = self._client.call_async(cancel_request(self._id))
-        self._future.add_done_callback(self._on_answer)
+    def _ask_for_result(self) -> None:
+        """Ask for the result, once by each client: a server answers when the goal ends, or at once that it does not know it."""
+        prober = self._clients.prober()
+        if prober is None or prober is self._questioned:
+            return
+        self._questioned = prober
+        request = prober.srv_type.Request()
+        request.goal_id = uuid_message(self._id)
+        prober.call_async(request).add_done_callback(self._on_result)
 
-    def _on_answer(self, future: Future) -> None:
+    def _on_result(self, future: Future) -> None:
+        status = int(future.result().status)
+        if status in FINAL:
+            self._end(status)
+        else:
+            self._questioned = None
+
+    def _on_cancel_answer(self, future: Future) -> None:
+        self._clients.on_answer()
         code, now = future.result().return_code, time.monotonic()
         if code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
             self._unknown_since = None
@@ -120,3 +216,62 @@ class LeftGoal:
         if not self._is_over:
             self._is_over = True
             self._on_end(status)
+
+
+def cancel_goals(goals: Sequence[LeftGoal], node: Node, limit_sec: float) -> list[LeftGoal]:
+    """Cancel goals until their ends are seen; return those that may still be active.
+
+    Args:
+        goals: The goals.
+        node: Their node, which is not spun by others.
+        limit_sec: How long to try, steady seconds.
+    """
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    deadline = time.monotonic() + limit_sec
+    while (active := [goal for goal in goals if goal.missing()]) and time.monotonic() < deadline:
+        executor.spin_once(_TURN_SEC)
+    executor.shutdown()
+    return active
+
+
+class Canceller:
+    """Cancels goals in a ROS context of its own: where the run's executor is blocked, or its context is shut down.
+
+    Args:
+        name: The name of the node.
+        security: The ROS arguments that a second participant of this run needs (`--enclave`).
+        domain_id: The ROS domain; by default that of the environment.
+    """
+
+    def __init__(self, name: str, security: Sequence[str] = (), domain_id: int | None = None) -> None:
+        self.context = Context()
+        arguments = ["--ros-args", *security] if security else []
+        rclpy.init(
+            args=arguments,
+            context=self.context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self.node = Node(name, context=self.context, start_parameter_services=False, enable_rosout=False)
+
+    def cancel(
+        self, goals: Iterable[GoalNews], limit_sec: float, on_request: Callable[[GoalNews], None]
+    ) -> list[str]:
+        """Cancel goals until their ends are seen; return the actions of those that may still be active.
+
+        Args:
+            goals: The goals.
+            limit_sec: How long to try, steady seconds.
+            on_request: Called with each goal once the first request to cancel it was sent.
+        """
+        left = [
+            LeftGoal(self.node, goal, on_request=partial(on_request, goal), patience_sec=UNKNOWN_SEC)
+            for goal in goals
+        ]
+        return [goal.action for goal in cancel_goals(left, self.node, limit_sec)]
+
+    def close(self) -> None:
+        """Take the context down."""
+        self.node.destroy_node()
+        self.context.try_shutdown()

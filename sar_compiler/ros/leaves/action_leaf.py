@@ -350,9 +350,17 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._wake()
 
     def _cancel(self) -> None:
-        if self._exchange is not None and self._exchange.in_flight:
+        goal = self._exchange
+        if goal is None or not goal.in_flight:
+            return
+        goal.abandon()
+        if goal.was_withdrawn:
             self.say(f"Canceling the goal of '{self.name}'.")
-            self._exchange.abandon()
+            return
+        why = "its server is not there" if cast("ActionPort", self._port).usable else "ROS is shut down here"
+        self.complain(
+            f"The goal of '{self.name}' could not be canceled, because {why}: the robot may still be moving."
+        )
 
     def _drop(self) -> None:
         self._rest_no_longer()

@@ -443,8 +443,8 @@ class ActionGoal(Exchange):
         self._doubt: Deadline | None = None
         self._absence: Deadline | None = None
         self._pulse: Pulse | None = None
-        self._cancel: Future | None = None
-        self._questions: list[Future] = []
+        self._questions: list[tuple[Client, Future]] = []
+        self._was_withdrawn = False
         self._granted = False
         self._chased: Deadline | None = None
         self._refused = False
@@ -455,6 +455,11 @@ class ActionGoal(Exchange):
     def in_flight(self) -> bool:
         """Whether the server has or may have the goal, and it has not been given up."""
         return self.sent and not self.over and not self._abandoned
+
+    @property
+    def was_withdrawn(self) -> bool:
+        """Whether a request to cancel it was sent."""
+        return self._was_withdrawn
 
     @property
     def is_accepted(self) -> bool:
@@ -529,16 +534,12 @@ class ActionGoal(Exchange):
         """Ask for the result once more: a server that does not know the goal, or not any more, answers at once."""
         self._chased = self._limit(_CHASE_SEC)
         prober = self._port.prober
-        if not self._port.usable or not prober.service_is_ready():
-            return
-        self._drop_questions()
-        self._request_result()
+        if self._port.usable and prober.service_is_ready():
+            self._request_result()
 
     def _drop_questions(self) -> None:
-        pending = [(self._port.prober, question) for question in self._questions]
-        if self._cancel is not None:
-            pending.append((self._port.canceller, self._cancel))
-        self._questions, self._cancel = [], None
+        """Await no answer any more; before its end is seen none is given up, since each may be the one that tells of it."""
+        pending, self._questions = self._questions, []
         for client, question in pending if self._port.usable else ():
             # Without this the client would wait for the answer, and keep the goal, for good.
             client.remove_pending_request(question)
@@ -559,9 +560,11 @@ class ActionGoal(Exchange):
         # By its own id, which works before the acceptance has come, if the server has the goal already; if not, it
         # answers that it does not know it, and the goal is cancelled when its acceptance arrives.
         self._chased = self._limit(_CHASE_SEC)
-        self._drop_questions()
-        self._cancel = self._port.canceller.call_async(cancel_request(self._id))
-        self._cancel.add_done_callback(self._on_cancel_answer)
+        canceller = self._port.canceller
+        answer = canceller.call_async(cancel_request(self._id))
+        answer.add_done_callback(self._on_cancel_answer)
+        self._questions.append((canceller, answer))
+        self._was_withdrawn = True
 
     def _watch(self) -> None:
         if self._final is not None:
@@ -638,7 +641,7 @@ class ActionGoal(Exchange):
         request.goal_id = uuid_message(self._id)
         question = self._port.prober.call_async(request)
         question.add_done_callback(self._on_result)
-        self._questions.append(question)
+        self._questions.append((self._port.prober, question))
 
     def _on_feedback(self, message: bytes) -> None:
         self._feedback, self._heard_at = message, AWAKE.now()

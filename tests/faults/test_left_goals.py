@@ -1,0 +1,135 @@
+"""A goal that a dead process has left is known to have ended by any of three sources, and no answer about it is given up."""
+
+import threading
+import time
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+GOAL = "0123456789abcdef" * 2
+UNKNOWN_GOAL, CANCELED = 2, 5
+# Longer than the period in which a request to cancel is repeated.
+SLOW_SEC = 1.6
+
+
+@pytest.fixture
+def left(ros):
+    """Make a goal that was left, beside services of an action that answer as a test says; they have no status topic."""
+    from action_msgs.srv import CancelGoal
+    from nav2_msgs.action import NavigateToPose
+
+    from sar_compiler.ros.leaves.goals import GoalNews
+    from sar_compiler.ros.left_goals import LeftGoal
+    from tests.missions.mission_stage import Host
+
+    hosts = []
+
+    def make(cancel, result=None):
+        host = Host("navigator", "/left", ros.context)
+        hosts.append(host)
+        names = {"cancel_goal": (CancelGoal, cancel)}
+        if result is not None:
+            names["get_result"] = (NavigateToPose.Impl.GetResultService, result)
+        for name, (kind, answer) in names.items():
+            full = f"navigate_to_pose/_action/{name}"
+            host.node.create_service(kind, full, answer, callback_group=host.group)
+        node = ros.node("mission", namespace="/left")
+        ends: list[int] = []
+        goal = LeftGoal(node, GoalNews(GOAL, "/left/navigate_to_pose"), on_end=ends.append)
+        return host, goal, ends
+
+    yield make
+    for host in hosts:
+        host.close()
+
+
+async def never(_request, _response):
+    """Answer nothing."""
+    from rclpy.task import Future
+
+    await Future()
+
+
+def test_an_answer_that_comes_after_the_next_request_is_not_given_up(ros, left):
+    asked, answered = [], []
+
+    def slow(request, response):
+        asked.append(request)
+        time.sleep(SLOW_SEC)
+        response.return_code = UNKNOWN_GOAL
+        answered.append(request)
+        return response
+
+    _, goal, ends = left(slow)
+    ros.spin_until(lambda: goal.missing() is None, "the end of the goal", 20.0)
+    ros.spin_until(lambda: len(answered) == len(asked), "the last answer")
+    assert ends == [0]
+
+
+def test_the_result_tells_of_the_end_where_neither_cancel_nor_status_does(ros, left):
+    canceled = threading.Event()
+
+    async def ignore(request, response):
+        canceled.set()
+        return await never(request, response)
+
+    def result(request, response):
+        assert bytes(request.goal_id.uuid).hex() == GOAL
+        canceled.wait(20.0)
+        response.status = CANCELED
+        return response
+
+    _, goal, ends = left(ignore, result)
+    ros.spin_until(lambda: goal.missing() is None, "the end of the goal", 20.0)
+    assert ends == [CANCELED]
+
+
+def test_a_server_that_answers_only_new_clients_is_asked_by_new_ones(ros, left):
+    from sar_compiler.ros import left_goals
+
+    def readers():
+        topic = "rr/left/navigate_to_pose/_action/cancel_goalReply"
+        there = host.node.get_subscriptions_info_by_topic(topic, no_mangle=True)
+        return {bytes(each.endpoint_gid) for each in there}
+
+    first: set[bytes] = set()
+
+    async def deaf(request, response):
+        first.update(first or readers())
+        if not readers() - first:
+            return await never(request, response)
+        response.return_code = UNKNOWN_GOAL
+        return response
+
+    host, goal, ends = left(deaf)
+    began = time.monotonic()
+    ros.spin_until(lambda: goal.missing() is None, "the end of the goal", 30.0)
+    assert ends == [0]
+    assert time.monotonic() - began >= left_goals._RENEWAL_SEC
+
+
+def test_goals_are_canceled_in_a_context_of_their_own_and_what_does_not_end_is_named(ros, serve):
+    from nav2_msgs.action import NavigateToPose
+    from rclpy.action import ActionClient
+
+    from sar_compiler.ros.leaves.goals import GoalNews
+    from sar_compiler.ros.left_goals import Canceller
+
+    server = serve("navigation", goals=[{"drive": None, "cancel": "ignore"}, {"drive": None}])
+    client = ActionClient(ros.node("mission"), NavigateToPose, "navigate_to_pose")
+    ros.spin_until(client.server_is_ready, "the server")
+    goals = []
+    for _ in range(2):
+        sent = client.send_goal_async(NavigateToPose.Goal())
+        ros.spin_until(sent.done, "the acceptance")
+        goals.append(GoalNews(bytes(sent.result().goal_id.uuid).hex(), "/navigate_to_pose"))
+    requested: list[GoalNews] = []
+    apart = Canceller("canceller")
+    try:
+        assert apart.cancel(goals, 3.0, requested.append) == ["/navigate_to_pose"]
+    finally:
+        apart.close()
+    assert requested == goals
+    server.wait_for("ended", number=2, how="cancel")
+    assert server.active == 1
