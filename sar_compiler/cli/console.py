@@ -10,10 +10,11 @@ import signal
 import sys
 from functools import partial
 from types import FrameType
+from typing import NoReturn
 
 
-def _command(module: str, function: str = "main", *, is_server: bool = False) -> int:
-    """Import a command and run it; Ctrl-C before and after that ends the process at once.
+def _command(module: str, function: str = "main", *, is_server: bool = False) -> NoReturn:
+    """Import a command, run it, and end the process with its status; Ctrl-C before and after that ends it at once.
 
     Args:
         module: The module, in this package.
@@ -28,11 +29,24 @@ def _command(module: str, function: str = "main", *, is_server: bool = False) ->
         signal.signal(signal.SIGINT, leave)
     if os.environ.get("PYTHONPATH"):
         _leave_current_folder()
-    command = getattr(importlib.import_module(f"sar_compiler.{module}"), function)
+    status = _status_of(module, function)
+    from sar_compiler.process_end import end_process
+
+    end_process(status, name=os.path.basename(sys.argv[0]))  # noqa: PTH119 - pathlib takes a moment to import
+
+
+def _status_of(module: str, function: str) -> int:
+    """Return the exit status of a command, however it ends."""
     try:
-        return int(command())
-    finally:
-        signal.signal(signal.SIGINT, leave)
+        return int(getattr(importlib.import_module(f"sar_compiler.{module}"), function)())
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            sys.stderr.write(f"{end.code}\n")
+            return 1
+        return end.code or 0
+    except BaseException:  # noqa: BLE001 - the interpreter would do the same, and then wait for others' threads
+        sys.excepthook(*sys.exc_info())
+        return 1
 
 
 def _leave_current_folder() -> None:

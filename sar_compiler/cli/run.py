@@ -24,9 +24,10 @@ from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
 from sar_compiler.cli.supervision import Supervision, own_supervision
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, add_version, print_error, run
+from sar_compiler.process_end import end_process, shut_down
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
-from sar_compiler.ros.middleware import leave, require_middleware, shut_down
+from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
 from sar_compiler.tree.diagnostic import TreeError
@@ -45,7 +46,7 @@ def command() -> NoReturn:
     """Be `sar-run`: the process ends with its exit status, however ROS is taken down."""
     with ExitStack() as ros:
         status = run_in(sys.argv[1:], ros)
-        leave(status, ros.pop_all().close)
+        end_process(status, ros.pop_all().close, PROG)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

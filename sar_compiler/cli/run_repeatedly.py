@@ -10,7 +10,7 @@ from typing import IO
 
 from sar_compiler.cli import run
 from sar_compiler.commands import USAGE
-from sar_compiler.ros.middleware import shut_down
+from sar_compiler.process_end import shut_down
 
 
 def serve() -> int:

@@ -148,7 +148,7 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    from sar_compiler.ros.middleware import leave
+    from sar_compiler.process_end import end_process
     from sar_compiler.ros.left_goals import Canceller
 
     node = Canceller(f"sar_guardian_{os.getpid()}", security).node
@@ -157,7 +157,7 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     if not wards.cancel("the mission is gone"):
         for descriptor in signs:
             os.write(descriptor, ADRIFT_SIGN)
-    leave(0, node.destroy_node)
+    end_process(0, node.destroy_node)
 
 
 class _Wards:

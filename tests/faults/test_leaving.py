@@ -17,14 +17,14 @@ CRASHES = {
 }
 LEAVES = """
 import atexit, ctypes, os, sys, threading
-from sar_compiler.ros.middleware import leave
+from sar_compiler.process_end import end_process
 
 def take_down():
     {crash}
 
 atexit.register(print, "tidied up")
 print("all is written")
-leave(7, take_down)
+end_process(7, take_down)
 """
 RUNS = """
 import ctypes, rclpy.node
@@ -54,14 +54,56 @@ def test_a_process_ends_with_its_status_where_what_is_taken_down_crashes(crash):
 def test_a_process_waits_for_what_its_other_threads_have_to_finish():
     program = (
         "import sys, threading\n"
-        "from sar_compiler.ros.middleware import leave\n"
+        "from sar_compiler.process_end import end_process\n"
         "over = threading.Event()\n"
         "threading.Thread(target=lambda: (over.wait(), print('finished'))).start()\n"
         "threading.Timer(0.2, over.set).start()\n"
-        "leave(3, lambda: None)\n"
+        "end_process(3, lambda: None)\n"
     )
     done = run(program)
     assert (done.returncode, done.stdout, done.stderr) == (3, "finished\n", "")
+
+
+STAYS = """
+import threading, sys
+
+def recharge():
+    threading.Event().wait(600)
+
+threading.Thread(target=recharge, name="charger").start()
+"""
+
+
+@pytest.mark.parametrize("command", ["sar_compile", "sar_run"])
+def test_a_thread_that_does_not_end_is_named_and_keeps_no_command(command):
+    program = f"{STAYS}sys.argv = ['a-command', '--version']\nfrom sar_compiler.cli import console\nconsole.{command}()\n"
+    done = run(program)
+    assert done.returncode == 0
+    assert (
+        "a-command: thread 'charger' is still running in <string>:5, in recharge; the process ends"
+        in done.stderr
+    )
+
+
+def test_an_exit_function_that_does_not_end_keeps_no_process():
+    program = (
+        "import atexit, threading\n"
+        "from sar_compiler.process_end import end_process\n"
+        "atexit.register(threading.Event().wait, 600)\n"
+        "end_process(3)\n"
+    )
+    assert run(program).returncode == 3
+
+
+def test_a_signal_ends_a_process_that_waits_for_a_thread_with_its_own_status():
+    program = (
+        f"{STAYS}import os, signal\n"
+        "from sar_compiler.process_end import end_process\n"
+        "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "end_process(3)\n"
+    )
+    done = run(program)
+    assert (done.returncode, done.stderr) == (3, "")
 
 
 @pytest.mark.ros
