@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher as Groot2Publisher
     from sar_compiler.nodes.registry import Registry as Registry
     from sar_compiler.nodes.registry import RegistryError as RegistryError
+    from sar_compiler.opener import UnreadableFileError as UnreadableFileError
     from sar_compiler.project import LoadedTree as LoadedTree
     from sar_compiler.project import load as load
     from sar_compiler.project.simulated import Simulated as Simulated
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import Diagnostic as Diagnostic
     from sar_compiler.tree.diagnostic import Severity as Severity
     from sar_compiler.tree.diagnostic import TreeError as TreeError
-    from sar_compiler.tree.diagnostic import UnreadableFileError as UnreadableFileError
 
 # What was named here before there were groups; until the next minor version.
 _MOVED = {

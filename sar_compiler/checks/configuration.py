@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes.btcpp import NEWEST, VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
+from sar_compiler.opener import SETTINGS, NamedPath, read_file
 from sar_compiler.resources import shipped_root
-from sar_compiler.tree.content import as_written, read_bytes, real_path
+from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span
 from sar_compiler.tree.model import NO_SPANS
 
@@ -93,7 +94,7 @@ def configuration_for(
             path = folder / name
             # What is there and is no file (a named pipe, a folder) cannot be read, and that is told of the project's own.
             is_there = path.is_file() if table else path.exists()
-            if not is_there or (table and not _OWN_WORD.search(read_bytes(path))):
+            if not is_there or (table and not _OWN_WORD.search(read_file(path, SETTINGS).data)):
                 continue
             if not _counts(path, tree_file):
                 passed_over(path)
@@ -105,6 +106,17 @@ def configuration_for(
 def repository_of(folder: Path) -> Path | None:
     """Return the repository that a folder is in; None if it is in none."""
     return next((each for each in (folder, *folder.parents) if (each / ".git").exists()), None)
+
+
+def enclosing_folder(folder: Path) -> Path:
+    """Return the folder that no file in a folder may lead out of: its repository, or where there is none the folder itself.
+
+    A shipped file may name other shipped ones.
+    """
+    own = real_path(folder)
+    if (repository := repository_of(own)) is not None:
+        return repository
+    return shipped_root() if own.is_relative_to(shipped_root()) else own
 
 
 def _counts(configuration: Path, tree_file: Path) -> bool:
@@ -182,20 +194,17 @@ def path_inside(
 
     Args:
         document: The file.
-        folder: Its folder, which counts where there is no repository. A shipped file may name other shipped ones.
+        folder: Its folder, which counts where there is no repository.
         value: The path.
         name: The key that it is the value of.
         otherwise: What else can be done about it, for the hint.
     """
-    text, own = str(value.data), real_path(folder)
-    repository = repository_of(own)
-    around = own if repository is None else repository
-    if repository is None and own.is_relative_to(shipped_root()):
-        around = shipped_root()
+    text, around = str(value.data), enclosing_folder(folder)
     # Links are followed; what goes round in a circle is complained of when it is read.
     if "\0" not in text and real_path(folder / text).is_relative_to(around):
-        return folder / text
-    where = "folder" if repository is None else "repository"
+        # Asked again of the file that is opened: until then the path may come to lead elsewhere.
+        return NamedPath.within(folder / text, (around,))
+    where = "folder" if repository_of(around) is None else "repository"
     message = f"{name}: '{text}' lies outside the {where} of this file"
     document.report("setting-outside", message, value, hint=f"put it into the {where}{otherwise}")
     return None

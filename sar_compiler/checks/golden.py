@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from sar_compiler.errors import SarError
-from sar_compiler.tree.content import read_bytes
+from sar_compiler.opener import RECORDED_OUTPUT, read_file
 
 RENEW = "SAR_RENEW_GOLDEN"
 """The environment variable that has such files written anew."""
@@ -26,7 +26,7 @@ def compare_golden(path: Path, text: str, what: str) -> str | None:
         return None
     if not path.is_file():
         return f"there is no golden file {path} yet: run with {RENEW}=1, then review and commit it"
-    expected = read_bytes(path).decode("utf-8", "replace")
+    expected = read_file(path, RECORDED_OUTPUT).data.decode("utf-8", "replace")
     if text == expected:
         return None
     lines = difflib.unified_diff(

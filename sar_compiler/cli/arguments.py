@@ -30,7 +30,7 @@ class ArgumentKind:
 
 def _tree_input(name: str) -> str:
     """Return the name of a tree file as it is read: for `-` that of standard input."""
-    from sar_compiler.tree.content import STANDARD_INPUT
+    from sar_compiler.opener import STANDARD_INPUT
 
     return str(STANDARD_INPUT) if name == "-" else name
 

@@ -8,8 +8,8 @@ from sar_compiler.cli.arguments import TREE_INPUT
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.writing import write_bytes
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
-from sar_compiler.tree.content import STANDARD_INPUT, read_bytes
-from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, read_file
+from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gathering import path_named, read_tree_file
 
 
@@ -53,7 +53,7 @@ def _format(name: str, *, write: bool) -> bool:
     path = path_named(name)
     tree_file = read_tree_file(path)
     data = canonical_bytes(tree_file)
-    differs = read_bytes(path) != data
+    differs = read_file(path, TREE).data != data
     if write and path == STANDARD_INPUT:
         sys.stdout.buffer.write(data)
     elif write and differs:

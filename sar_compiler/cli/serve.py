@@ -7,6 +7,7 @@ import time
 from argparse import Namespace
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -57,12 +58,14 @@ class ServedTree(NamedTuple):
         tree_id: Its ID in there.
         node: The name of the node on which its mission runs.
         verbs: What can be ordered of its mission.
+        path_parameters: Those of its parameters that are paths of files.
     """
 
     path: Path
     tree_id: str
     node: str
     verbs: "tuple[Verb, ...]"
+    path_parameters: AbstractSet[str]
 
 
 class ServedTreesError(SarError):
@@ -132,7 +135,7 @@ class Runs:
             ServedTreesError: If it has errors.
             FaultError: If `--fault` names one that is not of its mission.
         """
-        from sar_compiler.missions.beginning import node_name, parse_faults
+        from sar_compiler.missions.beginning import node_name, parse_faults, path_parameters
 
         found, ros = [], self._options.ros
         try:
@@ -150,11 +153,19 @@ class Runs:
                 node = _given_name(ros) or node_name(mission)
                 files = parameter_files(ros, self._options.params)
                 verbs = _verbs_of(mission, binding, files, f"/{node}")
-                found.append(ServedTree(loaded.path, tree_id, node, verbs))
+                paths = path_parameters(mission, binding)
+                found.append(ServedTree(loaded.path, tree_id, node, verbs, paths))
         except TreeError as error:
             said = findings_as_text(error.findings, sys.stderr)
             raise ServedTreesError(f"{name} cannot be run like this:\n{said}") from error
         return found
+
+    def why_not(self, tree: str, parameters: Mapping[str, object]) -> str:
+        """Return why a run of a tree cannot be started with some parameters: who can send a goal must not choose which files are read."""
+        paths = sorted(self._trees[tree].path_parameters & parameters.keys())
+        if not paths:
+            return ""
+        return f"the payload cannot set {paths[0]}, which is the path of a file: start the server with -p {paths[0]}:=PATH"
 
     def start(
         self,

@@ -94,6 +94,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
     from sar_compiler.checks.simulate.scenario_files import read_scenario
     from sar_compiler.checks.sweep import SweptRow
     from sar_compiler.documents.yaml_files import read_yaml
+    from sar_compiler.opener import SCENARIO
     from sar_compiler.project.swept import ScenarioRuns, change_scenario, content_of
 
     tree = workspace(arguments).load(arguments.file)
@@ -107,7 +108,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
         if path is not None:
             if not arguments.vary:
                 read_scenario(path, stage)  # mistakes in it are said at their places
-            scenario = read_yaml(path, "").root.data
+            scenario = read_yaml(path, SCENARIO, "").root.data
         for unusual, labels, changes in _combinations(arguments):
             own = {key: value for key, value in {**fixed, **changes}.items() if value}
             if arguments.tree and "tree" not in scenario:

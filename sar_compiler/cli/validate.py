@@ -20,8 +20,9 @@ from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.writing import WriteError, write_bytes
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
-from sar_compiler.tree.content import STANDARD_INPUT, bytes_of, read_bytes, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
+from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, read_file
+from sar_compiler.tree.content import bytes_of, real_path
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
 from sar_compiler.tree.showing import visible
 
@@ -312,6 +313,6 @@ def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
     from sar_compiler.checks.fixing import apply_fixes
 
     path, source = tree.path, tree.source
-    if bytes_of(source, source.text) != read_bytes(path):
+    if bytes_of(source, source.text) != read_file(path, TREE).data:
         raise WriteError(f"{path} is not mended: it has changed meanwhile, or its encoding has no way back")
     write_bytes(path, bytes_of(source, apply_fixes(source.text, chosen)))

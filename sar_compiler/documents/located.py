@@ -177,9 +177,6 @@ def _series(words: Iterable[str], last: str) -> str:
     return f"{', '.join(front)} {last} {end}" if front else end
 
 
-MAX_BYTES = 2**20
-"""Larger files are refused: somebody reads these, and each value takes some thousand times its letters in memory."""
-
 _CONSTANTS: dict[str, bool | None] = {"true": True, "false": False, "": None}
 
 

@@ -5,8 +5,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sar_compiler.documents.located import MAX_BYTES, Document, Value
-from sar_compiler.tree.content import read_bytes, source_of
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.opener import SETTINGS, read_file
+from sar_compiler.tree.content import source_of
 from sar_compiler.tree.diagnostic import Diagnostic, Source, TreeError
 from sar_compiler.tree.model import NO_SPANS
 
@@ -35,9 +36,9 @@ def read_toml(path: Path, shown: str) -> Document:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: If it is not TOML, not text, or too large.
     """
-    data = read_bytes(path, MAX_BYTES)
+    data = read_file(path, SETTINGS).data
     source = (
-        source_of(data, shown, NO_SPANS, None, "", MAX_BYTES) if data.strip() else Source(shown, "", NO_SPANS)
+        source_of(data, shown, NO_SPANS, None, "", SETTINGS) if data.strip() else Source(shown, "", NO_SPANS)
     )
     document = Document(source)
     try:

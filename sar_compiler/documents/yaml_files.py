@@ -10,9 +10,10 @@ from typing import Any
 
 import yaml
 
-from sar_compiler.documents.located import MAX_BYTES, Document, Value, meaning_of
+from sar_compiler.documents.located import Document, Value, meaning_of
 from sar_compiler.errors import SarError
-from sar_compiler.tree.content import read_bytes, source_of
+from sar_compiler.opener import DOCUMENT, FileKind, read_file
+from sar_compiler.tree.content import source_of
 from sar_compiler.tree.diagnostic import Diagnostic, Span, TreeError
 from sar_compiler.tree.yaml_events import Events
 from sar_compiler.tree.yaml_spans import YamlSpans
@@ -22,14 +23,14 @@ class DataError(SarError):
     """Data of Python that a file cannot have."""
 
 
-def read_yaml(path: str | Path, empty_hint: str) -> Document:
-    """Read a file.
+def read_yaml(path: str | Path, kind: FileKind, empty_hint: str) -> Document:
+    """Read a file of a kind.
 
     Raises:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: As `parse_yaml`.
     """
-    return parse_yaml(read_bytes(path, MAX_BYTES), str(path), empty_hint)
+    return parse_yaml(read_file(path, kind).data, str(path), empty_hint)
 
 
 def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
@@ -38,7 +39,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
     Raises:
         TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.
     """
-    document = Document(source_of(data, path, YamlSpans(), None, empty_hint, MAX_BYTES))
+    document = Document(source_of(data, path, YamlSpans(), None, empty_hint, DOCUMENT))
     events = Events(document.source)
     events.take()  # the stream begins
     if not isinstance(events.next, yaml.DocumentStartEvent):

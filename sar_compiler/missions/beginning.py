@@ -1,6 +1,7 @@
 """Beginning a run: what the parameters of its node say of the mission, of the run and of the tree."""
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.missions.mission import Mission, MissionRun
@@ -51,6 +52,10 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     run = mission.begin(reader) if mission is not None else MissionRun()
     parameters = read_run(reader)
     reader.complain()
+    if mission is not None and (unlisted := reader.files.keys() - set(mission.path_parameters)):
+        raise TypeError(
+            f"the mission '{mission.name}' reads the file of {min(unlisted)}: list it in path_parameters"
+        )
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in _keys(binding))
     slips = lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *keys), reader.place_of)
@@ -65,6 +70,17 @@ def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:
     """
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     return [parse_fault(text, targets) for text in texts]
+
+
+def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
+    """Return the parameters that are paths of files: those of the mission, and those that leaves have for a path (`{@photos}`)."""
+    ports = (
+        key.removeprefix("@")
+        for bound in binding.nodes()
+        for name, key in bound.keys.items()
+        if key.startswith("@") and bound.spec.parameters[name].value_type.python is Path
+    )
+    return {*(mission.path_parameters if mission is not None else ()), *ports}
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:

@@ -269,6 +269,8 @@ class Mission(ABC):
         name: Its name, for `--mission` and for its node unless that is remapped.
         context_types: The types of its context objects; a tree with a leaf that requires one is a tree of this mission.
         parameter_names: The parameters that it reads, of a group the first part; used to detect misspellings.
+        path_parameters: Those of its parameters that are paths of files (`ParameterReader.read_file`): who gives a goal to
+            `sar-run --serve` cannot set them.
         faults: The faults that `--fault` can inject into its servers, of `drop`, `delay` and `refuse`, by service.
         default_tree: A shipped tree's name, or a file; None if a tree must be named.
         is_resumable: Whether a run keeps facts in its journal (`MissionRun.keep_in`), so that another can go on with it. On
@@ -278,6 +280,7 @@ class Mission(ABC):
     name: str
     context_types: Collection[type] = ()
     parameter_names: Collection[str] = ()
+    path_parameters: Collection[str] = ()
     faults: Mapping[str, Collection[str]] = {}
     default_tree: str | None = None
     is_resumable: bool = False

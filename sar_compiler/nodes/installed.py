@@ -22,8 +22,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from sar_compiler.tree.content import read_bytes
-from sar_compiler.tree.diagnostic import UnreadableFileError
+from sar_compiler.opener import METADATA, UnreadableFileError, read_file
 
 _OWN_FOLDER = Path(__file__).resolve().parents[2]
 _METADATA = (".dist-info", ".egg-info")
@@ -177,8 +176,8 @@ def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tup
         if not os.path.exists(f"{folder}/{each}/{file}"):  # noqa: PTH110 - as most do not, and this is quick
             continue
         name = each.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
-        with suppress(UnreadableFileError, UnicodeError):
-            found.append((name, read_bytes(Path(folder, each, file)).decode("utf-8")))
+        with suppress(UnreadableFileError):
+            found.append((name, read_file(Path(folder, each, file), METADATA).text()))
     return found
 
 

@@ -11,6 +11,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.installed import entry_points, import_installed, look_in_current_folder
 from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.spec import MARK, NodeSpec
+from sar_compiler.opener import MODULE, read_file
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -244,7 +245,9 @@ def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
     """Find the modules of a package that register leaves, by their text, without an import."""
     for folder in getattr(package, "__path__", ()):
         for path in sorted(Path(folder).glob("*.py")):
-            if path.stem.isidentifier() and _REGISTERS.search(path.read_text("utf-8", errors="replace")):
+            if path.stem.isidentifier() and _REGISTERS.search(
+                read_file(path, MODULE).data.decode("utf-8", "replace")
+            ):
                 yield f"{package.__name__}.{path.stem}"
 
 

@@ -25,10 +25,11 @@ from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_
 from sar_compiler.nodes.models import described_specs, read_models, supplements
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
+from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, read_file
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.content import as_written, read_bytes, real_path
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, TreeError, UnreadableFileError
+from sar_compiler.tree.content import as_written, real_path
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, TreeError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
 from sar_compiler.tree.gathering import files_meant, find_tree, palettes_beside, read_tree_file
 from sar_compiler.tree.model import Element, FileBeginning, TreeFile
@@ -237,9 +238,9 @@ class Project:
         for folder, pattern in self.configuration.trees:
             for path in map(as_written, files_meant(folder, pattern)):
                 if not path.exists():
-                    read_bytes(path, 0)  # says why
+                    read_file(path, TREE)  # says why
                 if real_path(path).is_relative_to(self.checkout):
-                    yield path
+                    yield NamedPath.within(path, (self.checkout,))
 
     @property
     def include_path(self) -> tuple[Path, ...]:

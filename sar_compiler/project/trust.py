@@ -24,6 +24,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 
 from sar_compiler.errors import SarError
+from sar_compiler.opener import MODULE, read_file
 from sar_compiler.resources import state_folder
 
 _COMPILED = "__pycache__"
@@ -81,7 +82,7 @@ class Content:
         digest = hashlib.sha256()
         for path in sorted((self.configuration, *self.files)):
             digest.update(hashlib.sha256(str(path).encode()).digest())
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
+            digest.update(hashlib.sha256(read_file(path, MODULE).whole()).digest())
         return trust_folder() / digest.hexdigest()
 
     def make_importable(self) -> None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from sar_compiler.errors import SarError
-from sar_compiler.tree.content import read_bytes
+from sar_compiler.opener import PARAMETERS, read_file
 from sar_compiler.tree.showing import in_one_line, shortened
 
 _SECTION = "ros__parameters"
@@ -24,8 +24,6 @@ _SECTION = "ros__parameters"
 _LOADER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _PART = r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"
 _NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
-# Room for some 30,000 parameters.
-_MAX_BYTES = 2**20
 _MAX_DEPTH = 64
 _SIGNS = re.compile("[:?]")
 
@@ -188,9 +186,9 @@ def _is_for(section: str, node: str) -> bool:
 
 
 def _text_of(file: Path) -> str:
-    data = read_bytes(file, _MAX_BYTES)
-    wrong = f"is larger than {_MAX_BYTES // 2**20} MiB, which no parameter file is"
-    if len(data) <= _MAX_BYTES:
+    data = read_file(file, PARAMETERS).data
+    wrong = f"is larger than {PARAMETERS.limit // 2**20} MiB, which no parameter file is"
+    if len(data) <= PARAMETERS.limit:
         try:
             return data.decode("utf-8-sig")
         except UnicodeDecodeError as error:

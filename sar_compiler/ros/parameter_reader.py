@@ -11,8 +11,10 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from sar_compiler.checks.configuration import enclosing_folder
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
+from sar_compiler.opener import FileContent, FileKind, NamedPath, OutsideError, UnreadableFileError, read_file
 from sar_compiler.ros.parameter_file import ParameterPlaces, sections_elsewhere
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
@@ -104,6 +106,7 @@ class ParameterReader:
         elsewhere: The note.
         problems: All mistakes found so far.
         notes: Notes on valid but surprising parameters, such as a point that is never visited.
+        files: The files that parameters name, as they were read, by the parameters' names.
     """
 
     def __init__(
@@ -113,6 +116,7 @@ class ParameterReader:
         self._places = places
         self.problems: list[Problem] = []
         self.notes: list[str] = []
+        self.files: dict[str, FileContent] = {}
         self.elsewhere = elsewhere
 
     @classmethod
@@ -254,6 +258,44 @@ class ParameterReader:
                 self.report(key, f"must be a list of finite numbers, holds {_describe(entry)}")
                 return []
         return [float(entry) for entry in entries]
+
+    def read_file(self, key: str, noun: str, most_bytes: int) -> str | None:
+        """Return the text of the file that a parameter names, in UTF-8.
+
+        The path is relative to the parameter file, which it may not lead out of: the file must lie in the repository of the
+        parameter file, or where there is none in its folder. A path on the command line may lead anywhere. Goals of
+        `sar-run --serve` cannot give such a parameter; a mission lists it in its `path_parameters`.
+
+        Args:
+            key: The parameter; it must be there.
+            noun: What the file is, for messages.
+            most_bytes: How large it may be.
+
+        Returns:
+            The text; None if there is no such file, which is then a mistake in the parameter.
+        """
+        value = self.parameters[key]
+        if not isinstance(value, str) or not value:
+            self.report(key, f"must be the path of a {noun}, is {value!r:.60}")
+            return None
+        given_in = self.place_of(key).rsplit(":", 2)[0]
+        path = Path(given_in).parent / value
+        if given_in:
+            # What is installed with links to its sources lies in two folders.
+            folders = {enclosing_folder(Path(each).parent) for each in (given_in, Path(given_in).resolve())}
+            path = NamedPath.within(path, sorted(folders))
+        try:
+            content = read_file(path, FileKind(noun, most_bytes))
+            text = content.text()
+        except OutsideError as error:
+            there = f"put it beside {given_in}, or name it on the command line: -p {key}:=PATH"
+            self.report(key, f"{path} cannot be read: {error.reason}; {there}")
+            return None
+        except UnreadableFileError as error:
+            self.report(key, f"{path} cannot be read: {error.reason}")
+            return None
+        self.files[key] = content
+        return text
 
     def complain(self) -> None:
         """Raise an error with all mistakes, if there are any.

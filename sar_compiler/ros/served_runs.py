@@ -1,8 +1,9 @@
 """Runs that are started for others: what their server asks of who starts them, and what comes with a goal."""
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, NoReturn, Protocol
 
 from sar_compiler.errors import SarError
 
@@ -12,6 +13,9 @@ if TYPE_CHECKING:
 
 # How many names of a parameter stand below each other, at most.
 _DEEPEST = 20
+# How a parameter is called, with those above it before dots.
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]+)*")
+_SHOWN = 60
 
 
 class PayloadError(SarError):
@@ -61,6 +65,9 @@ class RunStarter(Protocol):
             SarError: If one of them cannot be flown.
         """
 
+    def why_not(self, tree: str, parameters: Mapping[str, object]) -> str:
+        """Return why a run of a tree cannot be started with some parameters; empty if it can."""
+
     def start(
         self,
         tree: str,
@@ -90,7 +97,7 @@ def parameters_of(payload: str) -> Mapping[str, object]:
     if not payload.strip():
         return {}
     try:
-        found = json.loads(payload)
+        found = json.loads(payload, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise PayloadError(f"the payload is no JSON: {error}") from error
     if not isinstance(found, dict):
@@ -100,10 +107,19 @@ def parameters_of(payload: str) -> Mapping[str, object]:
     return dict(_flat(found, "", _DEEPEST))
 
 
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number of JSON")
+
+
 def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tuple[str, object]]:
     if not levels:
         raise PayloadError("the payload is nested too deeply for parameters")
     for name, value in found.items():
+        # ROS would take `node:name` for a parameter of another node.
+        if not _NAME.fullmatch(name):
+            raise PayloadError(
+                f"the payload names a parameter {name[:_SHOWN]!r}: a name has letters, digits and _ alone"
+            )
         if isinstance(value, dict):
             yield from _flat(value, f"{before}{name}.", levels - 1)
         else:

@@ -260,10 +260,9 @@ class TreeExecutionServer(LifecycleNode):
         if self._is_taken:
             return "a mission is under way"
         try:
-            parameters_of(str(goal.payload))
+            return self._starter.why_not(tree, parameters_of(str(goal.payload)))
         except PayloadError as error:
             return str(error)
-        return ""
 
     def _take_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
         self.stop_run()

@@ -13,7 +13,7 @@ from PIL import Image
 from sar_compiler.checks.configuration import path_inside
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
-from sar_compiler.tree.content import read_bytes
+from sar_compiler.opener import IMAGE, MAP, read_file
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # The grey values that map_saver writes for the three.
@@ -21,7 +21,6 @@ _PIXELS = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 _OCCUPIED_THRESH = 0.65
 # Below the darkness of 205 (50/255 = 0.19608): with map_saver's own 0.25 map_server reads unknown cells as free.
 _FREE_THRESH = 0.196
-_MAX_IMAGE_BYTES = 64 * 2**20
 # 70 m x 70 m with cells of 5 cm: about as much as the planner takes in within a gigabyte.
 _MAX_CELLS = 2_000_000
 # What map_saver writes and everybody draws. Others of Pillow's decoders start programs, or have seen less use.
@@ -76,7 +75,7 @@ def read_map(path: Path) -> OccupancyMap:
         TreeError: If the description has mistakes, or requires unsupported features, or its image is none, damaged, too
             large, or outside the repository; carries all findings.
     """
-    document = read_yaml(path, "write what nav2_map_server reads: image, resolution, origin, ...")
+    document = read_yaml(path, MAP, "write what nav2_map_server reads: image, resolution, origin, ...")
     said = document.validate("map").data
     named = document.root.mapping.get("image")
     image = path_inside(document, path.parent, named, "image") if named and "image" in said else None
@@ -127,9 +126,9 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
         UnreadableFileError: If the file does not exist or cannot be read.
         _ImageError: If it is no image of these formats, is damaged, or too large.
     """
-    data = read_bytes(path, _MAX_IMAGE_BYTES)
-    if len(data) > _MAX_IMAGE_BYTES:
-        raise _ImageError(f"the image has more than {_MAX_IMAGE_BYTES // 2**20} MiB")
+    data = read_file(path, IMAGE).data
+    if len(data) > IMAGE.limit:
+        raise _ImageError(f"the image has more than {IMAGE.limit // 2**20} MiB")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # judged below

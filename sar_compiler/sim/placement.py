@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sar_compiler.errors import SarError
+from sar_compiler.opener import POSES, MissingFileError, UnreadableFileError, read_file
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 
 _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
@@ -108,9 +109,6 @@ def _number(text: str, part: str) -> float:
 RobotPlaces = Mapping[str, tuple[Pose2D, Pose2D]]
 """Of each robot, by its name: its pose in `map`, and that by its odometry."""
 
-# Larger files are none of ours.
-_LARGEST = 1_000_000
-
 
 class KeptPlacesError(SarError):
     """The file cannot be read or written, or is for something else.
@@ -142,18 +140,17 @@ class KeptPlaces:
             KeptPlacesError: If it is no such file, or for another world.
         """
         try:
-            with self._path.open(encoding="utf-8") as file:
-                said: Any = json.loads(file.read(_LARGEST))
+            said: Any = json.loads(read_file(self._path, POSES).text())
             places = {
                 str(name): (Pose2D(*map(float, pose)), Pose2D(*map(float, odometry)))
                 for name, (pose, odometry) in said["robots"].items()
             }
             world = said["world"]
-        except FileNotFoundError:
+        except MissingFileError:
             return {}
-        except OSError as error:
-            raise KeptPlacesError(self._path, f"cannot be read: {error.strerror}") from error
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except UnreadableFileError as error:
+            raise KeptPlacesError(self._path, f"cannot be read: {error.reason}") from error
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise KeptPlacesError(self._path, "holds no places of robots; name another file") from error
         if world != self._world:
             raise KeptPlacesError(

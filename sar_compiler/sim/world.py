@@ -16,6 +16,7 @@ from sar_compiler import resources
 from sar_compiler.checks.configuration import path_inside
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
+from sar_compiler.opener import WORLD
 from sar_compiler.sim.battery import BatteryKind
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D
 
@@ -184,7 +185,7 @@ def load_world(path: Path) -> World:
         UnreadableFileError: If the file does not exist or cannot be read.
         TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
     """
-    document = read_yaml(path, _EMPTY_HINT)
+    document = read_yaml(path, WORLD, _EMPTY_HINT)
     said = document.validate("world").data
     map_path = (
         path_inside(document, path.parent, document.root.mapping["map"], "map") if "map" in said else None

@@ -1,17 +1,11 @@
 """From the bytes of a file to its text, whatever form the text has."""
 
 import codecs
-import errno
 import os
-import sys
-from functools import cache
 from pathlib import Path
-from typing import TextIO
 
-from sar_compiler.tree.diagnostic import Diagnostic, Form, Source, Span, Spans, TreeError, UnreadableFileError
-
-MAX_BYTES = 32 * 1024 * 1024
-"""Larger files are refused; 100,000 leaves need about a third of this."""
+from sar_compiler.opener import TREE, FileKind
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Source, Span, Spans, TreeError
 
 MAX_DEPTH = 200
 """Deeper nesting is refused: py_trees stops a tree by recursion, two frames for each level."""
@@ -22,9 +16,6 @@ MAX_ELEMENTS = 300_000
 MAX_ATTRIBUTES = 1000
 """An element with more attributes is refused, before they are understood: each unknown one is a finding, with what was meant."""
 
-STANDARD_INPUT = Path("<stdin>")
-"""The path under which standard input is read, once, and is called in findings."""
-
 _START = Span(1, 1, 1, 1)
 _MARK = "\ufeff"
 _BYTE_ORDER_MARKS = [
@@ -32,35 +23,6 @@ _BYTE_ORDER_MARKS = [
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 ]
-
-
-def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
-    """Return the content of a file, at most one byte more than the limit, which is that of tree files.
-
-    Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
-    """
-    if path == STANDARD_INPUT:
-        return _read_once(sys.stdin, limit)
-    try:
-        # A pipe of the shell's (`<(...)`) leads to no path, and has a writer; a named one may never have any.
-        real = real_path(Path(path))
-        if real.is_fifo() or real.is_socket():
-            raise OSError(errno.EINVAL, "it is a pipe, not a file")  # noqa: TRY301 - told as the others are
-        if real.is_char_device() or real.is_block_device():
-            raise OSError(errno.EINVAL, "it is a device, not a file")  # noqa: TRY301
-        # One byte more than allowed is enough to know, whatever is at the other end of the path.
-        with Path(path).open("rb") as stream:
-            return stream.read(limit + 1)
-    except OSError as error:
-        raise UnreadableFileError(f"cannot read {path}: {error.strerror or error}") from error
-
-
-@cache
-def _read_once(stream: TextIO | None, limit: int) -> bytes:
-    if stream is None:
-        raise UnreadableFileError("cannot read standard input: it is closed")
-    return stream.buffer.read(limit + 1)
 
 
 def real_path(path: Path) -> Path:
@@ -75,7 +37,7 @@ def as_written(path: Path) -> Path:
 
 
 def source_of(
-    data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str, limit: int = MAX_BYTES
+    data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str, kind: FileKind = TREE
 ) -> Source:
     """Make the source of a file's content.
 
@@ -85,13 +47,13 @@ def source_of(
         spans: Finds parts of elements in the text.
         declared: The encoding that the content itself names.
         empty_hint: What to write in an empty file.
-        limit: The most bytes, or characters, that it may have.
+        kind: The kind of the file, whose limit counts for bytes, or characters.
 
     Raises:
         TreeError: If the content is too large, empty, or not text.
     """
-    if len(data) > limit:
-        message = f"the file is larger than {limit // 2**20} MiB"
+    if len(data) > kind.limit:
+        message = f"the file is larger than {kind.limit // 2**20} MiB"
         raise TreeError([Diagnostic("file-too-large", message, Source(path, "", spans), _START)])
     encoding = _encoding_of(data, declared) if isinstance(data, bytes) else "utf-8"
     text = data if isinstance(data, str) else _decode(data, path, spans, encoding)

@@ -302,7 +302,3 @@ class TreeError(SarError):
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self.findings, self.beginning)
-
-
-class UnreadableFileError(SarError):
-    """A file does not exist, or cannot be read."""

@@ -7,8 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from sar_compiler.opener import NamedPath, UnreadableFileError
 from sar_compiler.tree.content import as_written, real_path
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import FORMS
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
@@ -336,7 +337,7 @@ class _Loader:
             self.full = True
             return
         try:
-            tree_file = self.read(as_written(target))
+            tree_file = self.read(NamedPath.within(as_written(target), self.folders))
         except UnreadableFileError as error:
             near = self._near(element, target)
             self.findings.append(

@@ -7,8 +7,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from sar_compiler import resources
-from sar_compiler.tree.content import STANDARD_INPUT, read_bytes
-from sar_compiler.tree.diagnostic import Form, UnreadableFileError
+from sar_compiler.opener import (
+    STANDARD_INPUT,
+    TREE,
+    MissingFileError,
+    UnreadableFileError,
+    folder_entries,
+    read_file,
+)
+from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import TreeFile
 
 FORMS = {".xml": Form.XML, ".yaml": Form.YAML, ".yml": Form.YAML}
@@ -24,7 +31,7 @@ def read_tree_file(path: str | Path) -> TreeFile:
         UnreadableFileError: If the file is not there or cannot be read.
         TreeError: If it cannot be understood at all.
     """
-    return parse_tree(read_bytes(path), str(path))
+    return parse_tree(read_file(path, TREE).data, str(path))
 
 
 def parse_tree(data: bytes | str, path: str) -> TreeFile:
@@ -59,8 +66,8 @@ def _form_of(path: Path, content: bytes | str) -> Form:
 SKIPPED = ("build", "install", "log")
 """The folders that are not looked into, besides hidden ones: what colcon makes."""
 
-_BEGINNING = 65_536
-"""The number of bytes that tell what a file is."""
+_BEGINNING = TREE._replace(limit=65_536)
+"""As much of a file as tells what it is."""
 
 # The first element, after the declaration, comments, a DOCTYPE and text; the first key, after comments.
 _FIRST_ELEMENT = re.compile(rb"(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)", re.DOTALL)
@@ -102,7 +109,7 @@ def palettes_in(folder: Path, trees: Iterable[Path]) -> list[Path]:
 def palettes_beside(tree_file: Path) -> list[Path]:
     """Return the palettes, as `palettes_in`, in the folder of a tree file itself, as far as they can be read."""
     try:
-        beside = sorted(path for path in tree_file.parent.iterdir() if path.is_file() and path != tree_file)
+        beside = [path for path in folder_entries(tree_file.parent) if path.is_file() and path != tree_file]
         return [path for path in beside if _describes(path) and (_is_project(path) or not _has(path, _TREE))]
     except (OSError, UnreadableFileError):
         return []
@@ -117,7 +124,7 @@ def _describes(path: Path) -> bool:
 
 
 def _has(path: Path, what: re.Pattern[bytes]) -> bool:
-    return what.search(read_bytes(path).replace(b"\0", b"")) is not None
+    return what.search(read_file(path, TREE).data.replace(b"\0", b"")) is not None
 
 
 def files_meant(folder: Path, pattern: str) -> list[Path]:
@@ -150,7 +157,7 @@ def is_tree_file(path: Path) -> bool:
     if form is None or not path.is_file():
         return False
     # A byte order mark, and the zero bytes of UTF-16, do not matter here.
-    data = read_bytes(path, _BEGINNING).lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
+    data = read_file(path, _BEGINNING).data.lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
     if form is Form.YAML:
         return _FIRST_KEY.match(data) is not None and _SECTIONS.search(data) is not None
     first = _FIRST_ELEMENT.match(data)
@@ -163,7 +170,7 @@ def is_tree_file(path: Path) -> bool:
 
 def is_of_another_kind(text: str, form: Form) -> bool:
     """Return whether a text begins as no tree file does, nor what is on its way to one."""
-    data = text[:_BEGINNING].lstrip("\ufeff").encode("utf-8", "replace")
+    data = text[: _BEGINNING.limit].lstrip("\ufeff").encode("utf-8", "replace")
     if form is Form.YAML:
         return bool(data.strip()) and _FIRST_KEY.match(data) is None
     first = _FIRST_ELEMENT.match(data)
@@ -181,11 +188,7 @@ def _files_in(folder: Path) -> Iterator[Path]:
         if place in seen:
             continue
         seen.add(place)
-        try:
-            entries = sorted(here.iterdir())
-        except OSError as error:
-            raise UnreadableFileError(f"cannot read {here}: {error.strerror or error}") from error
-        for entry in entries:
+        for entry in folder_entries(here):
             if entry.name.startswith("."):
                 continue
             if entry.is_dir():
@@ -201,7 +204,7 @@ def path_named(name: str) -> Path:
         UnreadableFileError: If *name* is empty, which would mean the current folder.
     """
     if not name:
-        raise UnreadableFileError("the name of a tree file is empty")
+        raise UnreadableFileError(Path(), "its name is empty", "the name of a tree file is empty")
     return Path(name)
 
 
@@ -221,5 +224,5 @@ def find_tree(name: str) -> Path:
         return STANDARD_INPUT
     path = resources.find("trees", name, ".xml")
     if resources.is_bare_word(name) and not path.exists():
-        raise UnreadableFileError(resources.not_found("trees", name, ".xml"))
+        raise MissingFileError(path, "there is no such file", resources.not_found("trees", name, ".xml"))
     return path

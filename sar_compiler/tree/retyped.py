@@ -5,7 +5,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 from xml.parsers import expat
 
-from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_BYTES
+from sar_compiler.opener import TREE
+from sar_compiler.tree.content import MAX_ATTRIBUTES
 from sar_compiler.tree.diagnostic import Form, Source
 from sar_compiler.tree.gathering import parse_tree
 from sar_compiler.tree.gc_pause import gc_paused
@@ -96,7 +97,7 @@ def retyped(before: TreeFile, text: str) -> TreeFile | None:
         The file, equal to what `parse_tree` returns; None if more is different, or that cannot be told.
     """
     source = before.source
-    if source.form is not Form.XML or before.findings or source.bom or len(text) > MAX_BYTES:
+    if source.form is not Form.XML or before.findings or source.bom or len(text) > TREE.limit:
         return None
     edit = edit_between(source.text, text)
     went, came = source.text[edit.start : edit.end], text[edit.start : edit.start + edit.length]

@@ -18,12 +18,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from sar_compiler.errors import SarError
 from sar_compiler.journal import condition, mission_state, situation
 from sar_compiler.journal.database import JournalFile, StreamPlace, is_locked
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.journal.reserve import SUFFIX
 from sar_compiler.journal.situation import CHANGED
+from sar_compiler.opener import CHECKPOINTS, read_file
 from sar_compiler.resources import cache_folder
 from sar_compiler.web import page_state
 from sar_compiler.web.page_state import PageState, all_changes
@@ -278,8 +280,8 @@ class _CacheFile:
 
     def read(self) -> tuple[Mapping[str, Any], list[Checkpoint]] | None:
         """Return the checkpoints of the journal as it is now; None if there are none, or the file is damaged."""
-        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            read = self._path.read_bytes()
+        with suppress(SarError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            read = read_file(self._path, CHECKPOINTS).whole()
             end = read.index(b"\n")
             known, packed = json.loads(read[:end]), memoryview(read)[end + 1 :]
             if known["key"] == self._key and known["digest"] == hashlib.sha256(packed).hexdigest():

@@ -4,15 +4,24 @@ import re
 from pathlib import Path
 from threading import Event
 
+import py_trees
 import pytest
+from py_trees.common import Status
 
 from sar_compiler.cli.serve import ended_run, holder
+from sar_compiler.compiler import bind_main
+from sar_compiler.leaves import Kind, register
+from sar_compiler.missions.beginning import path_parameters
 from sar_compiler.missions.choosing import find_mission
 from sar_compiler.missions.mission import Verb
 from sar_compiler.missions.verb_calls import VerbCalls
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import MARK
+from sar_compiler.project import Workspace
 from sar_compiler.ros.parameter_reader import RUN_PARAMETER_NAMES
 from sar_compiler.ros.served_runs import EndedRun, PayloadError, parameters_of
 from tests.ros.conftest import make_ros, ros
+from tests.trees import document
 
 __all__ = ["make_ros", "ros"]
 
@@ -73,11 +82,43 @@ def test_without_a_payload_there_are_no_parameters(payload):
         ("[" * 100_000, "the payload is no JSON"),
         ("[1]", "the payload is a JSON object"),
         ('{"a": ' * 900 + "1" + "}" * 900, "the payload is nested too deeply"),
+        ('{"a": NaN}', "the payload is no JSON: NaN is no number of JSON"),
+        ('{"a": {"b": [Infinity]}}', "the payload is no JSON: Infinity is no number of JSON"),
+        (
+            '{"a\\u0000b": 1}',
+            r"the payload names a parameter 'a\\x00b': a name has letters, digits and _ alone",
+        ),
+        ('{"a\\ud800": 1}', "the payload names a parameter "),
+        ('{"search_and_rescue:areas_file": "/etc/passwd"}', "the payload names a parameter "),
+        ('{"/**": {"areas_file": "/etc/passwd"}}', r"the payload names a parameter '/\*\*'"),
+        ('{"a b": 1}', "the payload names a parameter 'a b'"),
+        ('{"": 1}', "the payload names a parameter ''"),
+        ('{"a": {"-p": 1}}', "the payload names a parameter '-p'"),
     ],
 )
 def test_a_payload_that_is_none_is_refused(payload, said):
     with pytest.raises(PayloadError, match=said):
         parameters_of(payload)
+
+
+@register("Photographer", kind=Kind.ACTION, outcomes=[Status.SUCCESS])
+class Photographer(py_trees.behaviour.Behaviour):
+    """A leaf with a path among its ports."""
+
+    def __init__(self, name: str, folder: Path, note: str) -> None:
+        super().__init__(name)
+
+
+def test_the_parameters_that_are_paths_are_the_mission_s_and_those_that_leaves_have_for_one(tmp_path):
+    (tmp_path / "tree.xml").write_text(
+        document('<Sequence><Photographer folder="{@photos}" note="{@note}"/><ZonesRemaining/></Sequence>'),
+        encoding="utf-8",
+    )
+    registry = Registry([*default_registry().specs(), getattr(Photographer, MARK)])
+    tree = Workspace().load(tmp_path / "tree.xml")
+    binding = bind_main(tree.forest, registry)
+    assert path_parameters(None, binding) == {"photos"}
+    assert path_parameters(find_mission("search_and_rescue"), binding) == {"photos", "areas_file"}
 
 
 @pytest.mark.ros

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from sar_compiler import opener
 from sar_compiler.checks import MOST, check
 from sar_compiler.checks.document import INCLUDE_ATTRIBUTES, ROOT_ATTRIBUTES
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
@@ -73,7 +74,7 @@ def limits():
 
 def test_the_limits_are_those_of_the_code():
     figures = [
-        content.MAX_BYTES // 2**20,
+        opener.TREE.limit // 2**20,
         content.MAX_ELEMENTS,
         content.MAX_ATTRIBUTES,
         content.MAX_DEPTH,

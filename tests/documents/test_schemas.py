@@ -10,6 +10,7 @@ import yaml
 
 from sar_compiler.documents.toml_files import read_toml
 from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
+from sar_compiler.opener import DOCUMENT
 from sar_compiler.testing import RENEW
 from sar_compiler.tree.kinds import ERRORS, KINDS
 from tests.checks.test_json_schema import FRAGMENT, references_in, target_of
@@ -112,7 +113,7 @@ def test_the_kinds_of_findings_in_the_settings_schema_are_as_reviewed():
 
 @pytest.mark.parametrize("path", SHIPPED, ids=str)
 def test_a_shipped_file_keeps_to_its_schema(path):
-    document = read_yaml(path, "")
+    document = read_yaml(path, DOCUMENT, "")
     document.validate(SHIPPED[path])
     assert document.findings == []
 

@@ -19,6 +19,7 @@ SHORT = document(
     main="Short",
 )
 LONG = document('<Sequence name="Wait"><Sleep msec="1000000"/></Sequence>', main="Long")
+ZONES = document("<ZonesRemaining/>", main="Zones")
 FAILING = document("<AlwaysFailure/>", main="Failing")
 TIMED = document('<Sleep msec="{@patience_msec}"/>', main="Timed")
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
@@ -156,11 +157,15 @@ def test_a_goal_that_is_cancelled_ends_its_run(client, serve):
 
 
 def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
-    server = serve(LONG, SHORT)
+    server = serve(LONG, SHORT, ZONES)
     assert not client.ask("Shrt").accepted
     server.wait_for("Goal refused: there is no tree 'Shrt'; did you mean 'Short'?")
     assert not client.ask("Short", "patience: 3").accepted
     server.wait_for("Goal refused: the payload is no JSON")
+    assert not client.ask("Short", json.dumps({"a\0b": 1})).accepted
+    server.wait_for("Goal refused: the payload names a parameter 'a\\x00b': a name has letters")
+    assert not client.ask("Zones", json.dumps({"areas_file": "/etc/passwd"})).accepted
+    server.wait_for("Goal refused: the payload cannot set areas_file, which is the path of a file")
     assert client.ask("Long").accepted
     assert not client.ask("Short").accepted
     server.wait_for("Goal refused: a mission is under way")

@@ -7,8 +7,10 @@ from typing import Any
 
 import pytest
 
+from sar_compiler import load
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.missions import ParameterError, ParameterReader
+from sar_compiler.missions.beginning import begin_run
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.search_and_rescue.search import Search
 
@@ -81,6 +83,76 @@ def test_a_path_is_relative_to_the_file_with_the_parameter(tmp_path: Path) -> No
     reader = ParameterReader.of_files({**flat, "areas_file": "areas.geojson"}, [params], "/search_and_rescue")
     assert [zone["id"] for zone in MISSION.begin(reader).zones.remaining_zones()] == ["north"]
     assert reader.problems == []
+
+
+def problems_of(folder: Path, value: str) -> list[str]:
+    """Return what is wrong with a file of areas that a parameter file names."""
+    params = folder / "params.yaml"
+    place = ", ".join(f"{key}: {each}" for key, each in PLACE._asdict().items())
+    params.write_text(
+        f"/**:\n  ros__parameters:\n    areas_file: {json.dumps(value)}\n    georeference: {{{place}}}\n",
+        encoding="utf-8",
+    )
+    flat = {f"georeference.{key}": each for key, each in PLACE._asdict().items()}
+    reader = ParameterReader.of_files({**flat, "areas_file": value}, [params], "/search_and_rescue")
+    with pytest.raises(ParameterError):
+        MISSION.begin(reader)
+    return [problem.text for problem in reader.problems]
+
+
+@pytest.mark.parametrize("path", ["../secret", "{above}/secret", "link"])
+def test_no_parameter_file_leads_to_areas_outside_its_folder(tmp_path: Path, path: str) -> None:
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    (tmp_path / "secret").write_text("never shown", encoding="utf-8")
+    (folder / "link").symlink_to(tmp_path / "secret")
+    [problem] = problems_of(folder, path.format(above=tmp_path))
+    assert f"cannot be read: it lies outside {folder}; put it beside " in problem
+    assert problem.endswith("or name it on the command line: -p areas_file:=PATH")
+
+
+def test_a_parameter_file_that_is_a_link_may_name_what_lies_beside_the_link_and_beside_the_file(
+    tmp_path: Path,
+) -> None:
+    """As `colcon build --symlink-install` installs them."""
+    (tmp_path / "sources").mkdir()
+    (tmp_path / "installed").mkdir()
+    text = json.dumps({"type": "FeatureCollection", "features": [feature()]})
+    (tmp_path / "sources" / "areas.geojson").write_text(text, encoding="utf-8")
+    place = ", ".join(f"{key}: {value}" for key, value in PLACE._asdict().items())
+    (tmp_path / "sources" / "params.yaml").write_text(
+        f"/**:\n  ros__parameters:\n    areas_file: areas.geojson\n    georeference: {{{place}}}\n",
+        encoding="utf-8",
+    )
+    for name in ("areas.geojson", "params.yaml"):
+        (tmp_path / "installed" / name).symlink_to(tmp_path / "sources" / name)
+    flat = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
+    given = {**flat, "areas_file": "areas.geojson"}
+    reader = ParameterReader.of_files(given, [tmp_path / "installed" / "params.yaml"], "/search_and_rescue")
+    assert [zone["id"] for zone in MISSION.begin(reader).zones.remaining_zones()] == ["north"]
+    assert reader.files["areas_file"].real_path == tmp_path / "sources" / "areas.geojson"
+
+
+def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_path: Path) -> None:
+    """Else a goal of `sar-run --serve` could set it."""
+
+    class Unlisted(type(MISSION)):  # type: ignore[misc]
+        path_parameters = ()
+
+    (tmp_path / "areas.geojson").write_text(
+        json.dumps({"type": "FeatureCollection", "features": [feature()]}), encoding="utf-8"
+    )
+    given: dict[str, object] = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
+    given["areas_file"] = str(tmp_path / "areas.geojson")
+    binding = load("search_and_rescue").binding()
+    assert begin_run(MISSION, ParameterReader(given), binding).notes == ()
+    with pytest.raises(TypeError, match="reads the file of areas_file: list it in path_parameters"):
+        begin_run(Unlisted(), ParameterReader(given), binding)
+
+
+def test_more_areas_than_anybody_searches_are_refused_before_they_are_understood(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="areas_file: has 10,001 areas, and 10,000 are the most"):
+        begun(tmp_path, [{"geometry": {"type": "Polygon"}}] * 10_001)
 
 
 def test_a_ring_that_is_left_open_and_a_layer_of_qgis_have_all_of_their_corners(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.search_and_rescue.zone_manager import read_survivors
+from sar_compiler.opener import UnreadableFileError
 from sar_compiler.resources import shipped_root
 from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.ros.parameter_reader import (
@@ -26,7 +27,6 @@ from sar_compiler.ros.parameter_reader import (
     lookalikes,
     read_run,
 )
-from sar_compiler.tree.diagnostic import UnreadableFileError
 
 MISSION_NAMES = (*RUN_PARAMETER_NAMES, *MISSION.parameter_names)
 HEAD = "/**:\n  ros__parameters:\n"

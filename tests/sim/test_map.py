@@ -8,11 +8,12 @@ import pytest
 from PIL import Image
 
 from sar_compiler.cli.sim import main
+from sar_compiler.opener import UnreadableFileError
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, map_files, read_map
 from sar_compiler.sim.survey import Mapper, SurveyError, survey
 from sar_compiler.sim.world import Lidar, World, find_world
-from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import TreeError
 
 
 @pytest.mark.parametrize("name", ["disaster_zone", pytest.param("offices", marks=pytest.mark.slow)])

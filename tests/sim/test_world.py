@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sar_compiler.opener import UnreadableFileError
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D, normalise_angle
 from sar_compiler.sim.world import Lidar, Solid, World, WorldError, cast, find_world, load_world
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 
 coordinates = st.floats(-10.0, 10.0)
 angles = st.floats(-math.pi, math.pi)

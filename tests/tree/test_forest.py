@@ -8,8 +8,9 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.nodes.binding.tree_ids import find_main_tree
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.opener import UnreadableFileError
 from sar_compiler.tree import forest
-from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import MAX_FILES, MAX_INCLUDE_DEPTH, load_forest
 from sar_compiler.tree.gathering import read_tree_file
 from tests.trees import write

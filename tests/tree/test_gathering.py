@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.tree.diagnostic import UnreadableFileError
+from sar_compiler.opener import UnreadableFileError
 from sar_compiler.tree.gathering import files_meant, is_tree_file, tree_files_in
 
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="A"><AlwaysSuccess/></BehaviorTree></root>'

@@ -4,7 +4,8 @@ import os
 
 import pytest
 
-from sar_compiler.tree.diagnostic import Form, UnreadableFileError
+from sar_compiler.opener import UnreadableFileError
+from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.gathering import read_tree_file
 
 XML = "<root/>"

@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
-from sar_compiler.tree.diagnostic import Span, TreeError, UnreadableFileError
+from sar_compiler.opener import TREE, UnreadableFileError
+from sar_compiler.tree.content import MAX_DEPTH
+from sar_compiler.tree.diagnostic import Span, TreeError
 from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.xml import parse_xml
@@ -121,8 +122,8 @@ def test_elements_nested_too_deep_are_refused_where_the_limit_is_passed():
 def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
     path = tmp_path / "large.xml"
     with path.open("wb") as stream:
-        stream.truncate(MAX_BYTES + 1)
-    with pytest.raises(TreeError, match=f"larger than {MAX_BYTES // 2**20} MiB"):
+        stream.truncate(TREE.limit + 1)
+    with pytest.raises(TreeError, match=f"larger than {TREE.limit // 2**20} MiB"):
         read_tree_file(path)
 
 

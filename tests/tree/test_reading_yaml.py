@@ -5,9 +5,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sar_compiler.opener import TREE, UnreadableFileError
 from sar_compiler.tree import yaml_events
-from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
-from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.content import MAX_DEPTH
+from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
@@ -224,7 +225,7 @@ def test_a_file_of_nothing_but_brackets_ends_at_the_limit(opening):
 def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
     path = tmp_path / "large.yaml"
     with path.open("wb") as stream:
-        stream.truncate(MAX_BYTES + 1)
+        stream.truncate(TREE.limit + 1)
     with pytest.raises(TreeError, match="larger than"):
         read_tree_file(path)
 

@@ -20,6 +20,7 @@ from sar_compiler.documents.located import Document, Value
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.opener import SCENARIO
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.evaluation import Program
 from sar_compiler.runtime.expressions import Script
@@ -341,7 +342,7 @@ def read_scenario(path: str | Path, stage: Stage) -> Play:
         UnreadableFileError: If the file is not there or cannot be read.
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
     """
-    return understand(read_yaml(path, _EMPTY_HINT), stage)
+    return understand(read_yaml(path, SCENARIO, _EMPTY_HINT), stage)
 
 
 def understand(document: Document, stage: Stage) -> Play:

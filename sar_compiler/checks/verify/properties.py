@@ -11,6 +11,7 @@ from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
 from sar_compiler.errors import SarError, UndecidableError
+from sar_compiler.opener import PROPERTIES
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
@@ -373,7 +374,7 @@ def read_property_file(path: str | Path) -> PropertyFile:
         UnreadableFileError: If it is not there or cannot be read.
         TreeError: If nothing of it can be used; carries the findings.
     """
-    return _understood(read_yaml(path, _EMPTY_HINT))
+    return _understood(read_yaml(path, PROPERTIES, _EMPTY_HINT))
 
 
 def parse_property_file(text: str, path: str = "<text>") -> PropertyFile:

@@ -3,18 +3,22 @@
 import json
 import math
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from sar_compiler.missions import ParameterReader
 from sar_compiler.missions.search_and_rescue.areas import AREA_KEYS, pose_inside
+
+if TYPE_CHECKING:
+    from pyproj import Geod
 
 AREAS_FILE = "areas_file"
 """The parameter."""
 _ORDER = "zone_order"
 _GEOREFERENCE = tuple(f"georeference.{name}" for name in ("lat", "lon", "heading"))
 _NAMES = ("name", "title")
-_LARGEST_BYTES = 10_000_000
+_MOST_BYTES = 10 * 2**20
+_MOST_AREAS = 10_000
 # Nobody drives farther from the origin of a map.
 _FARTHEST_M = 50_000.0
 _MOST_DEGREES = (180.0, 90.0)
@@ -42,11 +46,12 @@ def take_areas_file(reader: ParameterReader) -> None:
     if AREAS_FILE not in reader.parameters:
         return
     try:
-        features = _features(_text(reader))
+        features = _features(reader)
         areas = {at: each for at, each in enumerate(features, 1) if _kind(each) not in _NO_AREAS}
         zones = dict(_zones(areas, _origin(reader)))
     except _AreasFileError as error:
-        reader.report(AREAS_FILE, str(error))
+        if str(error):
+            reader.report(AREAS_FILE, str(error))
         if _ORDER not in reader.parameters:
             # That no zones are given is no mistake besides.
             reader.complain()
@@ -61,21 +66,10 @@ def take_areas_file(reader: ParameterReader) -> None:
     reader.parameters = {**drawn, **reader.parameters}
 
 
-def _text(reader: ParameterReader) -> str:
-    value = reader.parameters[AREAS_FILE]
-    if not isinstance(value, str) or not value:
-        raise _AreasFileError(f"must be the path of a GeoJSON file, is {value!r}")
-    beside = Path(reader.place_of(AREAS_FILE).rsplit(":", 2)[0]).parent
-    path = beside / value
-    try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise _AreasFileError(f"{path} has more than {_LARGEST_BYTES // 1_000_000} MB")
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise _AreasFileError(f"{path} cannot be read: {error}") from error
-
-
-def _features(text: str) -> list[Mapping[str, Any]]:
+def _features(reader: ParameterReader) -> list[Mapping[str, Any]]:
+    text = reader.read_file(AREAS_FILE, "GeoJSON file", _MOST_BYTES)
+    if text is None:  # which is reported
+        raise _AreasFileError
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -116,6 +110,8 @@ def _zones(
     Raises:
         _AreasFileError: At the first feature that is none of a zone.
     """
+    if len(features) > _MOST_AREAS:
+        raise _AreasFileError(f"has {len(features):,} areas, and {_MOST_AREAS:,} are the most that are read")
     names = set[str]()
     for number, feature in features.items():
         properties = _inside(feature, "properties")
@@ -148,15 +144,13 @@ def _ring(geometry: Mapping[str, Any], where: str) -> list[Any]:
 
 def _placed(corner: Any, origin: tuple[float, float, float], where: str) -> tuple[float, float]:
     """Return a position of longitude and latitude in the frame `map`, metres."""
-    from pyproj import Geod
-
     degrees = corner[:2] if isinstance(corner, list) else []
     if not (len(degrees) == len(_MOST_DEGREES) and all(isinstance(each, int | float) for each in degrees)):
         raise _AreasFileError(f"{where} has a corner that is no [longitude, latitude]: {corner!r:.60}")
     if not all(abs(each) <= most for each, most in zip(degrees, _MOST_DEGREES, strict=True)):
         raise _AreasFileError(f"{where} is not in degrees: GeoJSON has longitude and latitude, not metres")
     lat, lon, heading = origin
-    bearing, _, far = Geod(ellps="WGS84").inv(lon, lat, degrees[0], degrees[1])
+    bearing, _, far = _ellipsoid().inv(lon, lat, degrees[0], degrees[1])
     if far > _FARTHEST_M:
         km = f"{far / 1000:.0f} km from the origin of the map"
         raise _AreasFileError(
@@ -164,6 +158,13 @@ def _placed(corner: Any, origin: tuple[float, float, float], where: str) -> tupl
         )
     turn = math.radians(heading - bearing)
     return round(far * math.cos(turn), 3), round(far * math.sin(turn), 3)
+
+
+@cache
+def _ellipsoid() -> "Geod":
+    from pyproj import Geod
+
+    return Geod(ellps="WGS84")
 
 
 def _pose(corners: list[tuple[float, float]]) -> dict[str, object]:

@@ -48,6 +48,7 @@ class SearchAndRescue(Mission):
         HIDDEN,
         AREAS_FILE,
     )
+    path_parameters = (AREAS_FILE,)
     faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
     default_tree = "search_and_rescue"
     is_resumable = True

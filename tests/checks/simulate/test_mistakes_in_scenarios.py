@@ -3,7 +3,8 @@
 import pytest
 
 from sar_compiler.checks.simulate.scenario_files import read_scenario
-from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.opener import UnreadableFileError
+from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.simulate.stage import read, stage
 
 

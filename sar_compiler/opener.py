@@ -1,0 +1,353 @@
+"""The one way into a file that a file, a payload, an agent, an editor or the environment names.
+
+A stranger may have made such a file, may have chosen its name, and may exchange it at any moment. So nothing is asked of a
+path and then believed of what stands there later: `read_file` first gets hold of the file without opening it (`O_PATH`, which
+wakes no device and waits for no writer of a pipe), asks the system what that is and where it lies, and then opens and
+reads that same file, whatever stands under its name by now. `tests/test_house.py` forbids other ways.
+"""
+
+import errno
+import os
+import stat
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    _PathBase = Path
+else:
+    _PathBase = type(Path())  # before Python 3.12 only the class of this system's paths can be derived from
+
+STANDARD_INPUT = Path("<stdin>")
+"""The path under which standard input is read, once, and is called in findings."""
+
+_MIB = 2**20
+# Where Linux says of each descriptor which file it is.
+_DESCRIPTORS = Path("/proc/self/fd")
+_HANDLE_ONLY: int | None = getattr(os, "O_PATH", None) if _DESCRIPTORS.is_dir() else None
+_NOT_BLOCKING: int = getattr(os, "O_NONBLOCK", 0)
+_ATTEMPTS = 10
+"""How often a file is sought again that is exchanged in the very moment in which it is opened, as editors do when they save."""
+
+
+class UnreadableFileError(SarError):
+    """A file that does not exist, or cannot or may not be read.
+
+    Attributes:
+        path: The file, as it was named.
+        reason: Why.
+    """
+
+    def __init__(self, path: Path, reason: str, message: str = "") -> None:
+        self.path, self.reason = path, reason
+        super().__init__(message or f"cannot read {path}: {reason}")
+
+
+class OutsideError(UnreadableFileError):
+    """A file that lies outside the folders from which it may be read."""
+
+
+class MissingFileError(UnreadableFileError):
+    """A file that does not exist."""
+
+
+class FileKind(NamedTuple):
+    """A kind of file.
+
+    Attributes:
+        name: What a message calls it.
+        limit: The most bytes that are read of one.
+        is_installed: Whether it belongs to an installed package, so that a confined process may read it too.
+    """
+
+    name: str
+    limit: int
+    is_installed: bool = False
+
+
+TREE = FileKind("tree file", 32 * _MIB)
+"""A tree file or a palette; 100,000 leaves need about a third of this."""
+DOCUMENT = FileKind("file beside a tree", _MIB)
+"""Somebody reads these, and each value takes some thousand times its letters in memory."""
+SETTINGS = DOCUMENT._replace(name="settings file")
+PROPERTIES = DOCUMENT._replace(name="file of properties")
+SCENARIO = DOCUMENT._replace(name="scenario")
+WORLD = DOCUMENT._replace(name="world")
+MAP = DOCUMENT._replace(name="map")
+PARAMETERS = FileKind("parameter file", _MIB)
+"""There is room for some 30,000 parameters."""
+IMAGE = FileKind("image of a map", 64 * _MIB)
+RECORDED_OUTPUT = FileKind("recorded output", 32 * _MIB)
+APPROVAL = FileKind("record of an approval", 4 * _MIB)
+POSES = FileKind("file of poses", _MIB)
+CHECKPOINTS = FileKind("cache of a replay", 1024 * _MIB)
+MODULE = FileKind("module of leaves", 32 * _MIB, is_installed=True)
+METADATA = FileKind("package metadata", _MIB, is_installed=True)
+
+
+class FileIdentity(NamedTuple):
+    """Which file was read, and in which state: equal for two reads of one file that was not written to in between.
+
+    Attributes:
+        device: The number of the file system.
+        inode: The file's number in it.
+        size: Its size, bytes.
+        modified_ns: When it was written last, nanoseconds since 1970.
+    """
+
+    device: int
+    inode: int
+    size: int
+    modified_ns: int
+
+
+@dataclass(frozen=True)
+class FileContent:
+    """The content of a file, as it was read.
+
+    Attributes:
+        path: The file's path, as its user or a file names it.
+        real_path: Where it lies, with links followed.
+        data: Its bytes, at most one more than its kind's limit.
+        identity: Which file it is; None for standard input.
+        kind: Its kind.
+    """
+
+    path: Path
+    real_path: Path
+    data: bytes = field(repr=False)
+    identity: FileIdentity | None
+    kind: FileKind
+
+    def whole(self) -> bytes:
+        """Return the bytes of the whole file.
+
+        Raises:
+            UnreadableFileError: If it is larger than its kind's limit.
+        """
+        if len(self.data) > self.kind.limit:
+            limit = f"{self.kind.limit // _MIB} MiB"
+            raise UnreadableFileError(
+                self.path, f"it is larger than {limit}, the most for a {self.kind.name}"
+            )
+        return self.data
+
+    def text(self) -> str:
+        """Return the text of a file in UTF-8, without its byte order mark.
+
+        Raises:
+            UnreadableFileError: If it is larger than its kind's limit, or not UTF-8.
+        """
+        try:
+            return self.whole().decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise UnreadableFileError(self.path, f"it is not UTF-8 text (byte {error.start})") from error
+
+
+class NamedPath(_PathBase):
+    """A path that a file or a payload names: the file must lie below certain folders when it is read, links followed.
+
+    It is a path like any other, and carries the folders from where it is checked to where it is opened. Paths that are made
+    of it (`parent`, `/`) carry none.
+
+    Attributes:
+        beneath: The folders; None for any.
+    """
+
+    beneath: tuple[Path, ...] | None = None
+
+    @classmethod
+    def within(cls, path: Path, folders: Iterable[Path]) -> "NamedPath":
+        """Return a path of a file that must lie below one of some folders."""
+        named = cls(path)
+        named.beneath = tuple(folders)
+        return named
+
+    def __reduce__(self) -> Any:
+        # pathlib's own leaves the folders out, and another process would read anything.
+        return _named_path, (str(self), self.beneath)
+
+
+def _named_path(path: str, beneath: tuple[Path, ...] | None) -> NamedPath:
+    named = NamedPath(path)
+    named.beneath = beneath
+    return named
+
+
+class _Confinement(NamedTuple):
+    """Below which folders a file must lie, and how a message says so."""
+
+    folders: tuple[Path, ...]
+    said: str
+
+
+_confinement: _Confinement | None = None
+
+
+def confine(folders: Iterable[Path], said: str) -> None:
+    """Let this process read files below some folders only, to its end; what is installed is excepted.
+
+    Args:
+        folders: The folders, or single files, with links followed.
+        said: How a message calls them.
+    """
+    global _confinement  # noqa: PLW0603 - there is no way back, and no two confinements in one process
+    _confinement = _Confinement(tuple(folders), said)
+
+
+def read_file(path: str | Path, kind: FileKind) -> FileContent:
+    """Read a file.
+
+    Args:
+        path: The file; a `NamedPath` must lie below its folders. `STANDARD_INPUT` is read once.
+        kind: Its kind.
+
+    Raises:
+        OutsideError: If it lies outside the folders below which it must lie.
+        UnreadableFileError: If it does not exist, is no regular file, or cannot be read.
+    """
+    named = path if isinstance(path, Path) else Path(path)
+    if named == STANDARD_INPUT:
+        return FileContent(named, named, _read_once(sys.stdin, kind.limit), None, kind)
+    with _opened(named, kind) as (descriptor, real):
+        about = os.fstat(descriptor)
+        # To the end of the file and not to its size: it may grow, and files of the system have none.
+        parts, left = [], kind.limit + 1
+        while left and (part := os.read(descriptor, min(left, _MIB))):
+            parts.append(part)
+            left -= len(part)
+    identity = FileIdentity(about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns)
+    return FileContent(named, real, b"".join(parts), identity, kind)
+
+
+def require_regular(path: str | Path) -> None:
+    """Require that a file that another library opens, such as SQLite, is one.
+
+    Raises:
+        UnreadableFileError: If it does not exist, is no regular file, or cannot be read.
+    """
+    with _opened(Path(path), _OF_ANOTHER_LIBRARY):
+        pass
+
+
+_OF_ANOTHER_LIBRARY = FileKind("file", 0)
+
+
+def folder_entries(folder: Path) -> list[Path]:
+    """Return what is in a folder, in the order of the names.
+
+    Raises:
+        OutsideError: If it lies outside the folders to which this process is confined.
+        UnreadableFileError: If it is no folder, or cannot be read.
+    """
+    with _words(folder):
+        if _confinement is None:
+            return sorted(folder.iterdir())
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            _require_beneath(folder, _place_of(handle) or _place_by_name(folder, handle), _confinement)
+            return sorted(folder / name for name in os.listdir(handle))  # noqa: PTH208 - of a descriptor
+        finally:
+            os.close(handle)
+
+
+@cache
+def _read_once(stream: TextIO | None, limit: int) -> bytes:
+    if stream is None:
+        raise UnreadableFileError(Path("standard input"), "it is closed")
+    return stream.buffer.read(limit + 1)
+
+
+@contextmanager
+def _words(path: Path) -> Iterator[None]:
+    """Raise errors of the system as errors about a file."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise MissingFileError(path, error.strerror or str(error)) from error
+    except OSError as error:
+        raise UnreadableFileError(path, error.strerror or str(error)) from error
+    except ValueError as error:  # a zero byte, or half of a character
+        raise UnreadableFileError(path, f"no file can have this name ({error})") from error
+
+
+@contextmanager
+def _opened(path: Path, kind: FileKind) -> Iterator[tuple[int, Path]]:
+    """Have a regular file open for reading; yield its descriptor, and where it lies."""
+    limits = [] if kind.is_installed or _confinement is None else [_confinement]
+    if isinstance(path, NamedPath) and path.beneath is not None:
+        limits.append(_Confinement(path.beneath, ", ".join(dict.fromkeys(map(str, path.beneath)))))
+    with _words(path):
+        descriptor, real = _open(path, limits)
+        try:
+            yield descriptor, real
+        finally:
+            os.close(descriptor)
+
+
+def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
+    for _ in range(_ATTEMPTS):
+        try:
+            handle = os.open(path, os.O_RDONLY | _NOT_BLOCKING | (_HANDLE_ONLY or 0))
+        except OSError:
+            # Whether there is a file, and of which kind, is nobody's business either where it may not be read.
+            for each in limits:
+                _require_beneath(path, Path(os.path.realpath(path)), each)
+            raise
+        try:
+            mode = os.fstat(handle).st_mode
+            place = _place_of(handle) or _place_by_name(path, handle)
+            if place is None:  # it is exchanged just now
+                continue
+            for each in limits:
+                _require_beneath(path, place, each)
+            # A pipe of the shell's (`<(...)`) has no name, and a writer; one with a name may never have a writer.
+            is_pipe_of_the_shell = stat.S_ISFIFO(mode) and not place.is_absolute()
+            if not is_pipe_of_the_shell:
+                _require_file(mode)
+            if _HANDLE_ONLY is None:
+                return os.dup(handle), place
+            descriptor = os.open(_DESCRIPTORS / str(handle), os.O_RDONLY | _NOT_BLOCKING)
+            if is_pipe_of_the_shell:
+                os.set_blocking(descriptor, True)
+            return descriptor, place
+        finally:
+            os.close(handle)
+    raise OSError(errno.EBUSY, "it is exchanged again and again while it is opened")
+
+
+def _place_of(handle: int) -> Path | None:
+    """Return where an open file lies, as the system says: without a folder for pipes; None if it has been deleted, or the system does not say."""
+    try:
+        # The path may end with "(deleted)" for two reasons: that it is, or that somebody named it so.
+        if not os.fstat(handle).st_nlink:
+            return None
+        return (_DESCRIPTORS / str(handle)).readlink()
+    except FileNotFoundError:
+        return None
+
+
+def _place_by_name(path: Path, handle: int) -> Path | None:
+    """Return where an open file lies, where no `/proc` says it; None if something else lies there by now."""
+    real = Path(os.path.realpath(path))
+    return real if os.path.samestat(real.stat(), os.fstat(handle)) else None
+
+
+def _require_beneath(path: Path, place: Path | None, limit: _Confinement) -> None:
+    if place is None or not any(place.is_relative_to(folder) for folder in limit.folders):
+        raise OutsideError(path, f"it lies outside {limit.said}")
+
+
+def _require_file(mode: int) -> None:
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        is_device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
+        what = "device" if is_device else "socket" if stat.S_ISSOCK(mode) else "pipe"
+        raise OSError(errno.EINVAL, f"it is a {what}, not a file")

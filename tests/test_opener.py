@@ -1,0 +1,222 @@
+"""The one way into files: what is read is what was checked, whatever stands under the name by then."""
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from sar_compiler import opener
+from sar_compiler.opener import (
+    DOCUMENT,
+    FileKind,
+    MissingFileError,
+    NamedPath,
+    OutsideError,
+    UnreadableFileError,
+    folder_entries,
+    read_file,
+    require_regular,
+)
+
+SMALL = FileKind("small file", 10)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "secret").write_text("secret", encoding="utf-8")
+    (tmp_path / "inside" / "file").write_text("open", encoding="utf-8")
+    return tmp_path
+
+
+def test_a_content_comes_with_where_it_lies_and_which_file_it_is(folder):
+    Path("link").symlink_to("inside/file")
+    first, second = read_file("link", DOCUMENT), read_file("inside/file", DOCUMENT)
+    assert (first.path, first.real_path, first.data) == (Path("link"), folder / "inside" / "file", b"open")
+    assert first.identity == second.identity
+    Path("inside/file").write_text("changed", encoding="utf-8")
+    assert read_file("link", DOCUMENT).identity != first.identity
+
+
+def test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on():
+    Path("file").write_bytes(b"x" * 10)
+    assert read_file("file", SMALL).whole() == b"x" * 10
+    Path("file").write_bytes(b"x" * 1000)
+    content = read_file("file", SMALL)
+    assert len(content.data) == 11
+    with pytest.raises(
+        UnreadableFileError, match=r"cannot read file: it is larger than 0 MiB, the most for a small file"
+    ):
+        content.whole()
+
+
+def test_a_text_is_utf_8_without_its_mark_or_says_which_byte_is_not():
+    Path("file").write_bytes(b"\xef\xbb\xbfa")
+    assert read_file("file", SMALL).text() == "a"
+    Path("file").write_bytes(b"a\xff")
+    with pytest.raises(UnreadableFileError, match=r"it is not UTF-8 text \(byte 1\)"):
+        read_file("file", SMALL).text()
+
+
+@pytest.mark.parametrize("name", ["a\0b", "a\ud800b", "x" * 300, "d/" * 3000])
+def test_a_name_that_no_file_can_have_is_an_error_in_words(name):
+    with pytest.raises(UnreadableFileError, match="cannot read "):
+        read_file(name, DOCUMENT)
+
+
+def test_a_missing_file_is_told_apart():
+    with pytest.raises(MissingFileError, match="cannot read nowhere: No such file or directory"):
+        read_file("nowhere", DOCUMENT)
+
+
+def test_the_pipe_of_a_shell_is_read_to_its_end():
+    reading, writing = os.pipe()
+    os.write(writing, b"open")
+    os.close(writing)
+    assert read_file(f"/dev/fd/{reading}", DOCUMENT).data == b"open"
+    os.close(reading)
+
+
+def test_the_pipe_of_a_shell_waits_for_its_writer():
+    reading, writing = os.pipe()
+    found = []
+    reader = threading.Thread(target=lambda: found.append(read_file(f"/dev/fd/{reading}", DOCUMENT).data))
+    reader.start()
+    os.write(writing, b"late")
+    os.close(writing)
+    reader.join(60.0)
+    assert found == [b"late"]
+    os.close(reading)
+
+
+INSIDE = ["inside/file", "inside/link", "inside/absolute", "inside/../inside/file"]
+OUTSIDE = ["secret", "inside/out", "inside/../secret", "inside/missing_out", "/proc/self/environ"]
+
+
+@pytest.fixture
+def links(folder):
+    Path("inside/link").symlink_to("file")
+    Path("inside/absolute").symlink_to(folder / "inside" / "file")
+    Path("inside/out").symlink_to("../secret")
+    Path("inside/missing_out").symlink_to("../missing")
+
+
+@pytest.mark.usefixtures("links")
+class TestBeneathAFolder:
+    @pytest.mark.parametrize("path", INSIDE)
+    def test_links_that_stay_inside_are_followed(self, path, folder):
+        named = NamedPath.within(Path(path), [folder / "inside"])
+        assert read_file(named, DOCUMENT).data == b"open"
+
+    @pytest.mark.parametrize("path", OUTSIDE)
+    def test_what_leads_outside_is_not_read_whether_it_is_there_or_not(self, path, folder):
+        named = NamedPath.within(Path(path), [folder / "inside"])
+        with pytest.raises(OutsideError, match=f"it lies outside {folder}/inside$"):
+            read_file(named, DOCUMENT)
+
+    def test_a_pipe_of_the_shell_lies_in_no_folder(self, folder):
+        reading, writing = os.pipe()
+        with pytest.raises(OutsideError):
+            read_file(NamedPath.within(Path(f"/dev/fd/{reading}"), [folder]), DOCUMENT)
+        os.close(reading)
+        os.close(writing)
+
+    def test_another_process_is_told_the_folders_as_well(self, folder):
+        named = pickle.loads(pickle.dumps(NamedPath.within(Path("secret"), [folder / "inside"])))  # noqa: S301
+        assert named == Path("secret")
+        with pytest.raises(OutsideError):
+            read_file(named, DOCUMENT)
+
+    @pytest.mark.parametrize("path", [*INSIDE, *OUTSIDE])
+    def test_where_the_system_has_no_handles_the_same_is_read(self, path, folder, monkeypatch):
+        monkeypatch.setattr(opener, "_HANDLE_ONLY", None)
+        monkeypatch.setattr(opener, "_DESCRIPTORS", folder / "no_proc")
+        named = NamedPath.within(Path(path), [folder / "inside"])
+        if path in INSIDE:
+            assert read_file(named, DOCUMENT).data == b"open"
+        else:
+            with pytest.raises(OutsideError):
+                read_file(named, DOCUMENT)
+
+
+@pytest.mark.parametrize("has_handles", [True, False])
+def test_what_is_exchanged_between_the_check_and_the_opening_is_never_read_outside(
+    folder, monkeypatch, has_handles
+):
+    """A thread exchanges the file for a link and back, as fast as it can: hundreds of times in these reads."""
+    if not has_handles:
+        monkeypatch.setattr(opener, "_HANDLE_ONLY", None)
+        monkeypatch.setattr(opener, "_DESCRIPTORS", folder / "no_proc")
+    stop, rounds = threading.Event(), []
+
+    def exchange():
+        while not stop.is_set():
+            Path("inside/new").symlink_to("../secret")
+            Path("inside/new").replace("inside/file")
+            Path("inside/new").write_text("open", encoding="utf-8")
+            Path("inside/new").replace("inside/file")
+            rounds.append(1)
+
+    thread = threading.Thread(target=exchange)
+    thread.start()
+    named, read = NamedPath.within(Path("inside/file"), [folder / "inside"]), {b"open": 0, b"": 0}
+    try:
+        while read[b"open"] < 200 or len(rounds) < 200:
+            # Between opening it anew and writing into it the file is empty.
+            with suppress(UnreadableFileError):
+                read[read_file(named, DOCUMENT).data] += 1
+    finally:
+        stop.set()
+        thread.join()
+    assert set(read) == {b"open", b""}
+
+
+CONFINED = """
+import sys
+from pathlib import Path
+from sar_compiler.opener import *
+from sar_compiler.opener import METADATA, TREE
+confine([Path.cwd() / "inside"], "the folder of the agent")
+for path, kind in [("inside/file", TREE), ("secret", TREE), ("secret", METADATA), ("inside/out", TREE)]:
+    try:
+        print(read_file(path, kind).data.decode())
+    except OutsideError as error:
+        print(error)
+for folder in ["inside", "."]:
+    try:
+        print([each.name for each in folder_entries(Path(folder))])
+    except OutsideError as error:
+        print(error)
+"""
+
+
+def test_a_confined_process_reads_what_lies_in_its_folders_and_what_is_installed():
+    Path("inside/out").symlink_to("../secret")
+    done = subprocess.run([sys.executable, "-c", CONFINED], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [
+        "open",
+        "cannot read secret: it lies outside the folder of the agent",
+        "secret",
+        "cannot read inside/out: it lies outside the folder of the agent",
+        "['file', 'out']",
+        "cannot read .: it lies outside the folder of the agent",
+    ]
+
+
+def test_what_another_library_opens_must_be_a_file():
+    require_regular("inside/file")
+    os.mkfifo("pipe")
+    with pytest.raises(UnreadableFileError, match="it is a pipe, not a file"):
+        require_regular("pipe")
+
+
+def test_the_entries_of_a_folder_are_sorted_and_a_file_has_none():
+    assert folder_entries(Path()) == [Path("inside"), Path("secret")]
+    with pytest.raises(UnreadableFileError, match="cannot read secret: Not a directory"):
+        folder_entries(Path("secret"))
