@@ -218,6 +218,65 @@ def test_no_code_of_a_file_is_ever_evaluated():
     assert found == {(MAKES_CODE, "compile"), (MAKES_CODE, "types.FunctionType")}
 
 
+MEASURED = frozenset(
+    {
+        *("percentage", "voltage", "temperature", "ranges", "latitude", "longitude", "altitude"),
+        *("frame_id", "child_frame_id", "header", "stamp", "covariance"),
+        *(
+            "position",
+            "orientation",
+            "translation",
+            "rotation",
+            "resolution",
+            "origin",
+            "twist",
+            "linear",
+            "angular",
+        ),
+        *("distance_remaining", "estimated_time_remaining", "number_of_poses_remaining"),
+        *("survivor_x", "survivor_y"),
+    }
+)
+"""Fields of messages that a sensor or a server fills in."""
+READ_ELSEWHERE = {
+    "cli/page_tools.py": {"position", "stamp"},  # of a hook, and of a key of the blackboard
+    "missions/search_and_rescue/actions/survivors.py": {"survivor_x", "survivor_y"},  # into `MapExtent.check`
+    "missions/search_and_rescue/coverage.py": {"origin", "resolution"},  # of an `ObstacleMap`
+    "missions/search_and_rescue/orders.py": {"orientation", "position"},  # fills in a request
+    "missions/search_and_rescue/sweeps.py": {"resolution"},  # of an `ObstacleMap`
+    "ros/mission_publisher.py": {"frame_id", "header"},  # of markers that it has made
+    "ros/parameter_file.py": {"position"},  # in a text
+}
+
+
+def fields_read(path):
+    """Yield the measured fields that a file reads, with the line: those that it fills in are left out."""
+    tree, written = ast.parse(path.read_text(encoding="utf-8")), set[ast.AST]()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign):
+            targets = node.targets
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("turn_by"):
+            targets = node.args[:1]
+        else:
+            continue
+        written.update(each for target in targets for each in ast.walk(target))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and node.attr in MEASURED and node not in written:
+            yield node.attr, node.lineno
+
+
+def test_measured_fields_of_messages_are_read_at_one_place_alone():
+    """What a sensor or a server says is held against the definition of its message in `ros/message_values.py`."""
+    found = {
+        name: {field for field, _ in fields}
+        for path in FILES
+        if (name := str(path.relative_to(PACKAGE))).startswith(("ros/", "missions/", "cli/", "leaves"))
+        and name != "ros/message_values.py"
+        and (fields := list(fields_read(path)))
+    }
+    assert found == READ_ELSEWHERE
+
+
 # Where a node is said what it is, or is written: nowhere else does a text of the code name one.
 HOMES = (
     "nodes/language/",  # what each tag means

@@ -32,6 +32,7 @@ from sar_compiler.ros.executors import suited
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, declared_types, qos_profile
 from sar_compiler.ros.left_goals import LeftGoals
+from sar_compiler.ros.message_values import grid_place, value_reports
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.parameter_reader import RunParameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
@@ -210,11 +211,15 @@ class RouteCheck:
         while self._grid is None and self._node.count_publishers(_MAP) and time.monotonic() < deadline:
             with suppress(ExternalShutdownException):
                 executor.spin_once(timeout_sec=_TURN_SEC)
-        if self._grid is None:
+        grid = self._grid
+        if (
+            grid is None
+            or value_reports(self._node).read(f"Topic '{_MAP}'", lambda: grid_place(grid)) is None
+        ):
             return None
         from sar_compiler.sim.messages import from_grid
 
-        return from_grid(self._grid)
+        return from_grid(grid)
 
 
 def _distance(legs: "Sequence[Leg]") -> float:

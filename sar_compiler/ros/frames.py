@@ -8,15 +8,23 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.ros.leaves.leaf import of_node
+from sar_compiler.ros.message_values import (
+    UnusableValueError,
+    frame_name,
+    node_sec,
+    read_transform,
+    stamp_age,
+    value_reports,
+)
 from sar_compiler.ros.poses import yaw_of_turn
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-_NANOSECONDS = 1_000_000_000
-# Of tf2: how many messages are kept until they are taken, and how far from one a quaternion's length may be.
-_DEPTH, _LENGTH_TOLERANCE = 100, 0.01
+# As in tf2: how many messages are kept until they are taken.
+_DEPTH = 100
 _MOST_FRAMES = 10_000
+_SUBJECT = "the transforms are"
 _Displacement = tuple[float, float, float]
 
 
@@ -89,11 +97,20 @@ class Sighting(NamedTuple):
 
 
 class _Heard(NamedTuple):
-    """The last transform of a frame, with the times of the node's clock from which it is and when it came, seconds."""
+    """The last transform of a frame, or several in a row.
+
+    Attributes:
+        parent: The frame around it.
+        transform: Where it is there.
+        of_sec: The oldest stamp, seconds; infinite where all are static.
+        newest_sec: The newest stamp of those that are not static, seconds; minus infinite without one.
+        came_sec: When it came, by the node's clock, seconds.
+    """
 
     parent: str
     transform: Transform
     of_sec: float
+    newest_sec: float
     came_sec: float
 
 
@@ -125,9 +142,15 @@ class FrameTree:
         """Take back a function given to `listen`."""
         self._listeners.remove(listener)
 
-    def look_up(self, target: str, source: str) -> Sighting | str:
-        """Return where the source frame is in the target frame; in words why that is not known, if it is not."""
-        target, source = _name(target), _name(source)
+    def look_up(self, target: str, source: str, max_age_sec: float = math.inf) -> Sighting | str:
+        """Return where the source frame is in the target frame; in words why that is not known, if it is not.
+
+        Args:
+            target: The outer frame.
+            source: The frame that is looked for.
+            max_age_sec: How old the transforms may be, seconds of the node's clock.
+        """
+        target, source = frame_name(target), frame_name(source)
         up, down = self._way_up(source), self._way_up(target)
         shared = next((frame for frame in up if frame in down), None)
         if shared is None:
@@ -139,65 +162,64 @@ class FrameTree:
                 else f"'{next(reversed(up))}' and '{next(reversed(down))}', above them, are not connected"
             )
         outward, inward = up[shared], down[shared]
-        of_sec = min(outward.of_sec, inward.of_sec)
-        age_sec = max(0.0, self._now_sec() - of_sec)  # where all are static, the time is infinite
+        oldest, newest = min(outward.of_sec, inward.of_sec), max(outward.newest_sec, inward.newest_sec)
+        age_sec = 0.0
+        if oldest < math.inf:
+            try:
+                stamp_age(newest, self._node, subject=_SUBJECT)
+                age_sec = stamp_age(oldest, self._node, max_age_sec, subject=_SUBJECT)
+            except UnusableValueError as error:
+                return str(error)
         return Sighting(inward.transform.inverse.of(outward.transform), age_sec)
 
     def _way_up(self, frame: str) -> dict[str, _Heard]:
         """Return the frames around a frame, the inner ones first, each with where the frame is in it, and since when."""
-        now = self._now_sec()
-        at = _Heard(frame, Transform(), math.inf, now)
+        now = node_sec(self._node)
+        at = _Heard(frame, Transform(), math.inf, -math.inf, now)
         way = {frame: at}
         # What came later than now came before the clock began anew, as that of a simulator does.
         while (above := self._heard.get(at.parent)) is not None and above.came_sec <= now:
             if above.parent in way:  # they go round in a circle
                 break
             at = _Heard(
-                above.parent, above.transform.of(at.transform), min(at.of_sec, above.of_sec), above.came_sec
+                above.parent,
+                above.transform.of(at.transform),
+                min(at.of_sec, above.of_sec),
+                max(at.newest_sec, above.newest_sec),
+                above.came_sec,
             )
             way[at.parent] = at
         return way
 
     def _on_moving(self, message: Any) -> None:
-        now = self._now_sec()
+        now = node_sec(self._node)
         for each in message.transforms:
-            stamp = each.header.stamp
-            # A localisation says where a robot will have been: that is not older than what has come now.
-            self._take(each, min(now, stamp.sec + stamp.nanosec / _NANOSECONDS), now)
+            self._take("Topic '/tf'", each, now, is_static=False)
         self._tell()
 
     def _on_static(self, message: Any) -> None:
         for each in message.transforms:
-            self._take(each, math.inf, -math.inf)
+            self._take("Topic '/tf_static'", each, -math.inf, is_static=True)
         self._tell()
 
-    def _take(self, message: Any, of_sec: float, came_sec: float) -> None:
-        child, parent = _name(message.child_frame_id), _name(message.header.frame_id)
-        place, turn = message.transform.translation, message.transform.rotation
-        length = math.hypot(turn.x, turn.y, turn.z, turn.w)
-        is_sound = math.isfinite(place.x + place.y + place.z) and abs(length - 1.0) <= _LENGTH_TOLERANCE
-        is_known = child in self._heard or len(self._heard) < _MOST_FRAMES
-        if is_sound and is_known and child and parent and child != parent:
-            parts = (part / length for part in (turn.x, turn.y, turn.z, turn.w))
-            transform = Transform(place.x, place.y, place.z, *parts)
-            self._heard[child] = _Heard(parent, transform, of_sec, came_sec)
+    def _take(self, topic: str, message: Any, came_sec: float, *, is_static: bool) -> None:
+        read = value_reports(self._node).read(topic, lambda: read_transform(message))
+        if read is None or not read.child or not read.parent or read.child == read.parent:
+            return
+        if read.child in self._heard or len(self._heard) < _MOST_FRAMES:
+            # One without a stamp is of when it came.
+            times = (math.inf, -math.inf) if is_static else (read.stamp_sec or came_sec,) * 2
+            transform = Transform(*read.offset, *read.turn)
+            self._heard[read.child] = _Heard(read.parent, transform, *times, came_sec)
 
     def _tell(self) -> None:
         for listener in tuple(self._listeners):
             listener()
 
-    def _now_sec(self) -> float:
-        return float(self._node.get_clock().now().nanoseconds) / _NANOSECONDS
-
 
 def frame_tree(node: "Node") -> FrameTree:
     """Return the frames that a node hears of, the same object in every call; it exists as long as the node."""
     return of_node(node, FrameTree, lambda: FrameTree(node))
-
-
-def _name(frame: str) -> str:
-    """Return the name of a frame without the slash that tf had before it."""
-    return frame.removeprefix("/")
 
 
 def _cross(a: _Displacement, b: _Displacement) -> _Displacement:

@@ -28,13 +28,22 @@ def yaw_of_turn(x: float, y: float, z: float, w: float) -> float:
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
-def estimated_pose(node: "Node", frame: str) -> "PoseWithCovarianceStamped":
-    """Return a message for a localisation, of now and with its variances, the pose itself to be filled in."""
+def estimated_pose(node: "Node", x: float, y: float, yaw: float) -> "PoseWithCovarianceStamped":
+    """Return a message for a localisation, of now and with its variances.
+
+    Args:
+        node: Its clock is asked.
+        x: In the frame `map`, metres.
+        y: In the frame `map`, metres.
+        yaw: Radians.
+    """
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
     message = PoseWithCovarianceStamped()
-    message.header.frame_id = frame
+    message.header.frame_id = "map"
     message.header.stamp = node.get_clock().now().to_msg()
     for index, variance in _VARIANCES.items():
         message.pose.covariance[index] = variance
+    message.pose.pose.position.x, message.pose.pose.position.y = float(x), float(y)
+    turn_by(message.pose.pose.orientation, yaw)
     return message

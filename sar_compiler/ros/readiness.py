@@ -26,7 +26,7 @@ from sar_compiler.ros.lifecycle import (
     with_full_name,
 )
 from sar_compiler.ros.nav2_parameters import nav2_parameters
-from sar_compiler.ros.poses import estimated_pose, turn_by
+from sar_compiler.ros.poses import estimated_pose
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.tree.showing import in_one_line
 
@@ -182,7 +182,7 @@ class Localised(Requirement):
         heard = self._publisher.get_subscription_count() > 0
         if heard and self._has_been_listened_to(now) and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
             self._sent_at = now
-            self._publisher.publish(self._message())
+            self._publisher.publish(estimated_pose(self._node, *self._pose))
         x, y, yaw = self._pose
         deaf = "" if heard else f", and nobody listens to {self._poses}"
         return f"topic {self._answers}: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
@@ -218,13 +218,6 @@ class Localised(Requirement):
         if self._heard_of_at == math.inf and self._node.count_publishers("amcl_pose"):
             self._heard_of_at = now
         return now - self._heard_of_at >= _LISTEN_SEC
-
-    def _message(self) -> PoseWithCovarianceStamped:
-        x, y, yaw = self._pose
-        message = estimated_pose(self._node, "map")
-        message.pose.pose.position.x, message.pose.pose.position.y = float(x), float(y)
-        turn_by(message.pose.pose.orientation, yaw)
-        return message
 
 
 class NavigatorActive(Requirement):

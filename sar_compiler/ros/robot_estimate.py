@@ -4,19 +4,27 @@ Leaves, watch, readiness, journal and the end of a run read it. What it subscrib
 """
 
 import math
-import struct
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, NodeTime, deadline_clock
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
 from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
+from sar_compiler.ros.message_values import (
+    MAP_FRAME,
+    PlanarPose,
+    UnusableValueError,
+    localised_pose,
+    node_sec,
+    read_odometry,
+    read_transform,
+    stamp_age,
+    value_reports,
+)
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
-from sar_compiler.ros.poses import yaw_of, yaw_of_turn
 from sar_compiler.runtime.leaf_protocol import Wake
 
 if TYPE_CHECKING:
@@ -28,12 +36,12 @@ _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
 TRANSFORM_SEC = 3.0
 # Older odometry says nothing of now, steady seconds.
 _FRESH_SEC = 1.0
-# Where a message as it came has its content, and where the stamp that it begins with ends.
-_HEAD, _STAMP_END = 4, 12
+# Odometry and transforms come all the time: older by their stamp they say nothing of now, seconds of the node's clock.
+_MAX_AGE_SEC = 30.0
 # What `map` looks like as the frame of a transform, in the message as it came.
 FROM_MAP = b"\x04\x00\x00\x00map\x00"
 
-PoseListener = Callable[[Any], None]
+PoseListener = Callable[[PlanarPose], None]
 
 
 class RobotEstimate:
@@ -44,10 +52,10 @@ class RobotEstimate:
 
     Attributes:
         clock: The clock of waits for the robot, seconds.
-        pose: The last message of `amcl_pose` whose numbers are finite, as all that is kept here; None if none has come.
+        pose: The last usable pose of `amcl_pose`, in the frame `map`; None if none has come.
         pose_at: When it came, steady seconds.
-        is_diverged: Whether the last message of `amcl_pose` was no pose: its numbers are not finite.
-        odometry: The pose of the last message of `odometry/filtered`: x and y (m), yaw (rad), frame `odom`; None if none has come.
+        pose_problem: Why the last message of `amcl_pose` is no usable pose; empty if it is one.
+        odometry: The last usable pose of `odometry/filtered`, in the frame `odom`; None if none has come.
         odometry_at_pose: The same as it was when `pose` came.
         speed: What the last odometry says: m/s and rad/s.
         settle_timeout_sec: How long it is waited for that the robot stands, seconds.
@@ -61,26 +69,27 @@ class RobotEstimate:
         from rclpy.qos import qos_profile_sensor_data
         from tf2_msgs.msg import TFMessage
 
-        self.pose: Any = None
+        self.pose: PlanarPose | None = None
         self.pose_at = -math.inf
-        self.is_diverged = False
-        self.odometry: tuple[float, float, float] | None = None
-        self.odometry_at_pose: tuple[float, float, float] | None = None
+        self.pose_problem = ""
+        self.odometry: PlanarPose | None = None
+        self.odometry_at_pose: PlanarPose | None = None
         self.speed = (0.0, 0.0)
         self.settle_timeout_sec = SETTLE_SEC
         self.transform_at: float | None = None
         self.lacks = ""
-        self._node = node
+        self._node, self._reports = node, value_reports(node)
         self._states: dict[str, LifecycleState] = {}
         self.clock = deadline_clock(node)
         # However fast a simulation is: this is no limit for others.
         self._own_time = NodeTime(node, steady=AWAKE.now)
-        self._frames = (b"", b"")
+        self._frames = ("", "")
         self._odometry_at = -math.inf
         self._slow_since: float | None = None
         self._transforms = b""
         # Who localises by a simulated clock sends nothing while that stands still.
         self._clocked, self._transform_clocked_at = ClockedTime(node), -math.inf
+        self._transform_at_sec = 0.0
         self._listeners: list[PoseListener] = []
         self._awaiting: list[Callable[[], None]] = []
         self._odometry_listeners: list[Callable[[], None]] = []
@@ -147,25 +156,25 @@ class RobotEstimate:
             self._states[name] = LifecycleState(self._node, name)
         return self._states[name]
 
-    def place(self) -> tuple[float, float, float] | None:
-        """Return where the robot is by its localisation: x and y (m), yaw (rad), frame `map`; None if that is not known."""
-        by_transforms = self._place_by_transforms()
-        if by_transforms is not None or self.pose is None:
-            return by_transforms
-        return _flat(self.pose.pose.pose.position, self.pose.pose.pose.orientation)
+    def place(self) -> PlanarPose | None:
+        """Return where the robot is by its localisation, in the frame `map`; None if that is not known."""
+        return self._place_by_transforms() or self.pose
 
     def listen(self, listener: PoseListener) -> None:
-        """Have a function called with each message of `amcl_pose` that comes from now on."""
+        """Have a function called with each usable pose of `amcl_pose` that comes from now on."""
         self._listeners.append(listener)
 
     def _on_pose(self, message: Any) -> None:
-        self.is_diverged = not _is_finite(message.pose.pose)
-        if self.is_diverged:
+        try:
+            pose = localised_pose(message, self._node)
+        except UnusableValueError as error:
+            self.pose_problem = str(error)
+            self._reports.report("Topic 'amcl_pose'", error)
             return
-        self.pose, self.odometry_at_pose = message, self.odometry
+        self.pose, self.odometry_at_pose, self.pose_problem = pose, self.odometry, ""
         self.pose_at = AWAKE.now()
         for listener in self._listeners:
-            listener(message)
+            listener(pose)
 
     def listen_to_odometry(self, listener: Callable[[], None]) -> None:
         """Have a function called whenever odometry has come."""
@@ -173,16 +182,23 @@ class RobotEstimate:
 
     def _on_odometry(self, message: bytes) -> None:
         self._clocked.now()
-        frames, pose, (x, y, z, _, _, turning) = _read_odometry(message)
-        if all(map(math.isfinite, pose)):
-            self.odometry, self._frames = pose, frames
-            if self.odometry_at_pose is None:
-                self.odometry_at_pose = self.odometry
-        speed = math.hypot(x, y, z), abs(turning)
-        if all(map(math.isfinite, speed)):
-            self._on_speed(speed)
+        self._reports.read("Topic 'odometry/filtered'", partial(self._use, message))
         for listener in self._odometry_listeners:
             listener()
+
+    def _use(self, message: bytes) -> None:
+        """Use what odometry says, as far as it can be used.
+
+        Raises:
+            UnusableValueError: If some of it cannot.
+        """
+        reading = read_odometry(message)
+        stamp_age(reading.stamp_sec, self._node, _MAX_AGE_SEC)
+        # First: a robot that moves may have driven into what its pose is lost by.
+        self._on_speed(reading.usable_speed)
+        self.odometry, self._frames = reading.usable_pose, (reading.frame, reading.child)
+        if self.odometry_at_pose is None:
+            self.odometry_at_pose = self.odometry
 
     def _on_speed(self, speed: tuple[float, float]) -> None:
         self.speed, self._odometry_at = speed, AWAKE.now()
@@ -198,60 +214,39 @@ class RobotEstimate:
     def _on_transforms(self, message: bytes) -> None:
         if FROM_MAP in message:
             self.transform_at, self._transforms = AWAKE.now(), message
-            self._transform_clocked_at = self._clocked.now()
+            self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
 
-    def _place_by_transforms(self) -> tuple[float, float, float] | None:
+    def _place_by_transforms(self) -> PlanarPose | None:
         """Return the place by the last transform from `map`, and by the odometry if that leads to its frame."""
         from rclpy.serialization import deserialize_message
         from tf2_msgs.msg import TFMessage
 
         if self.odometry is None or not self._transforms:
             return None
-        odom, base = self._frames
         for each in deserialize_message(self._transforms, TFMessage).transforms:
-            x, y, yaw = _flat(each.transform.translation, each.transform.rotation)
-            child = each.child_frame_id.encode()
-            if each.header.frame_id != "map" or not all(map(math.isfinite, (x, y, yaw))):
-                continue
-            if child == base:
-                return x, y, yaw
-            if child == odom:
-                there_x, there_y, turned = self.odometry
-                cos, sin = math.cos(yaw), math.sin(yaw)
-                return x + cos * there_x - sin * there_y, y + sin * there_x + cos * there_y, yaw + turned
+            if (place := self._reports.read("Topic '/tf'", partial(self._placed_by, each))) is not None:
+                return place
         return None
 
+    def _placed_by(self, message: Any) -> PlanarPose | None:
+        """Return the place by a transform; None if it is not from `map`, or not to a frame of the odometry.
 
-_NATIVE = b"\0\x01" if sys.byteorder == "little" else b"\0\0"
-_POSE_AND_TWIST = struct.Struct("=7d288x6d")
-"""Each has a covariance of 36 numbers behind it."""
-
-
-def _read_odometry(message: bytes) -> tuple[tuple[bytes, bytes], tuple[float, float, float], Sequence[float]]:
-    """Return what a message of odometry says, as it came: the two frames; x and y (m), yaw (rad); the six speeds."""
-    if message[:2] != _NATIVE:  # of a machine that writes numbers the other way round
-        from nav_msgs.msg import Odometry
-        from rclpy.serialization import deserialize_message, serialize_message
-
-        message = serialize_message(deserialize_message(message, Odometry))
-    at, frames = _STAMP_END, [b"", b""]
-    for number in range(2):
-        length = int.from_bytes(message[at : at + 4], sys.byteorder)
-        frames[number] = message[at + 4 : at + 3 + length]
-        at += (4 + length + 3) // 4 * 4
-    # Numbers of eight bytes begin at a multiple of eight, counted from behind the head.
-    numbers = _POSE_AND_TWIST.unpack_from(message, at + (_HEAD - at) % 8)
-    x, y, _, *turn = numbers[:7]
-    return (frames[0], frames[1]), (x, y, yaw_of_turn(*turn)), numbers[7:]
-
-
-def _is_finite(pose: Any) -> bool:
-    """Return whether all numbers of a pose are finite."""
-    return all(map(math.isfinite, _flat(pose.position, pose.orientation)))
-
-
-def _flat(position: Any, orientation: Any) -> tuple[float, float, float]:
-    return position.x, position.y, yaw_of(orientation)
+        Raises:
+            UnusableValueError: If its numbers are none, or it is from another time.
+        """
+        transform, odometry = read_transform(message), self.odometry
+        if transform.parent != MAP_FRAME or transform.child not in self._frames or odometry is None:
+            return None
+        stamp_age(transform.stamp_sec, self._node, _MAX_AGE_SEC, at_sec=self._transform_at_sec)
+        x, y, yaw = transform.planar
+        if transform.child == self._frames[1]:
+            return transform.planar
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return PlanarPose(
+            x + cos * odometry.x - sin * odometry.y,
+            y + sin * odometry.x + cos * odometry.y,
+            yaw + odometry.yaw,
+        )
 
 
 def robot_estimate(node: "Node") -> RobotEstimate:

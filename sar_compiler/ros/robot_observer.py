@@ -16,7 +16,15 @@ from sensor_msgs.msg import BatteryState
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, JournalEntry
-from sar_compiler.ros.poses import yaw_of
+from sar_compiler.ros.message_values import (
+    PlanarPose,
+    battery_share,
+    frame_of,
+    grid_place,
+    logged_sec,
+    path_points,
+    value_reports,
+)
 from sar_compiler.ros.robot_estimate import robot_estimate
 
 # Of a greater map not every cell is drawn.
@@ -87,7 +95,7 @@ class RobotObserver:
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
-        self._journal = journal
+        self._journal, self._reports = journal, value_reports(node)
         self._name = node.get_logger().name
         self._due = dict.fromkeys(_PERIODS_SEC, -math.inf)
         self._newest: dict[str, Any] = {}
@@ -145,35 +153,32 @@ class RobotObserver:
         if self._is_due(kind):
             self._takers[kind](self._newest.pop(kind))
 
-    def _on_pose(self, message: Any) -> None:
-        place, yaw = message.pose.pose.position, yaw_of(message.pose.pose.orientation)
-        self._journal.watch("pose", x=place.x, y=place.y, yaw=yaw)
+    def _on_pose(self, pose: PlanarPose) -> None:
+        self._journal.watch("pose", **pose._asdict())
 
     def _on_plan(self, message: Any) -> None:
-        step = max(1, math.ceil(len(message.poses) / _POINTS))
-        places = [stamped.pose.position for stamped in (*message.poses[:-1:step], *message.poses[-1:])]
-        points = [(round(place.x, 3), round(place.y, 3)) for place in places]
-        self._journal.watch("plan", frame=message.header.frame_id, points=points)
+        if (points := self._reports.read("Topic 'plan'", lambda: path_points(message))) is None:
+            return
+        step = max(1, math.ceil(len(points) / _POINTS))
+        drawn = [(round(x, 3), round(y, 3)) for x, y in (*points[:-1:step], *points[-1:])]
+        self._journal.watch("plan", frame=frame_of(message), points=drawn)
 
     def _on_map(self, message: Any) -> None:
-        info, origin = message.info, message.info.origin
-        place, yaw = origin.position, yaw_of(origin.orientation)
-        numbers = (info.resolution, place.x, place.y, yaw)
-        said = (info.width, info.height, *numbers, zlib.crc32(message.data))
-        # To draw a map takes its time in the thread that ticks, so the same one is not drawn again.
-        if said == self._map or not all(map(math.isfinite, numbers)):
+        if (place := self._reports.read("Topic 'map'", lambda: grid_place(message))) is None:
             return
-        if (drawn := grid_image(message)) is None:
+        said = (*place, zlib.crc32(message.data))
+        # To draw a map takes its time in the thread that ticks, so the same one is not drawn again.
+        if said == self._map or (drawn := grid_image(message)) is None:
             return
         self._map = said
         width, height, step, data = drawn
-        at, png = {"x": place.x, "y": place.y, "yaw": yaw}, base64.b64encode(data).decode()
-        resolution = info.resolution * step
+        at, png = {"x": place.x, "y": place.y, "yaw": place.yaw}, base64.b64encode(data).decode()
+        resolution = place.cell_m * step
         self._journal.watch("map", resolution=resolution, width=width, height=height, **at, png=png)
 
     def _on_battery(self, message: Any) -> None:
-        share = round(float(message.percentage), 2)
-        if math.isfinite(share) and share != self._battery:
+        read = self._reports.read("Topic 'battery_state'", lambda: battery_share(message))
+        if read is not None and (share := round(read, 2)) != self._battery:
             self._battery = share
             self._journal.watch("battery", share=share)
 
@@ -185,7 +190,7 @@ class RobotObserver:
             if self._others > _OTHERS:
                 return
         text = message.msg if len(message.msg) <= _LONGEST else f"{message.msg[:_LONGEST]} [...]"
-        stamp = message.stamp.sec + message.stamp.nanosec * 1e-9
+        stamp = logged_sec(message)
         self._journal.watch("log", node=message.name, level=message.level, text=text, stamp=stamp)
 
     def _is_due(self, kind: str) -> bool:

@@ -320,12 +320,10 @@ class _Localisation:
                 f"The localisation is back, and the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
                 f"since its last pose: {ask}."
             )
-        message = estimated_pose(self._node, self._robot.pose.header.frame_id)
-        message.pose.pose = self._robot.pose.pose.pose
-        self._publisher.publish(message)
-        place = message.pose.pose.position
+        x, y, yaw = self._robot.pose
+        self._publisher.publish(estimated_pose(self._node, x, y, yaw))
         return (
-            f"The localisation is back, and is given its last pose again, ({place.x:.2f}, {place.y:.2f}): "
+            f"The localisation is back, and is given its last pose again, ({x:.2f}, {y:.2f}): "
             "by the odometry the robot has not moved."
         )
 

@@ -291,7 +291,6 @@ class TestConditions:
         [
             (0.21, Status.SUCCESS, ""),
             (0.19, Status.FAILURE, "the battery is at 19%, below 20%"),
-            (float("nan"), Status.FAILURE, "the battery's percentage on 'battery_state' is nan"),
         ],
     )
     def test_the_battery_is_judged_by_its_percentage(
@@ -321,12 +320,31 @@ class TestConditions:
         assert leaf.update() is Status.FAILURE
         assert record.alarm == "nothing on 'battery_state' for 30 s"
 
+    @pytest.mark.ros
+    @pytest.mark.parametrize("percentage", [85.0, float("nan")])
+    def test_a_battery_whose_percentage_is_none_is_given_time_and_then_counts_as_low(
+        self, ros: Any, monkeypatch: pytest.MonkeyPatch, record: MissionRecord, percentage: float
+    ) -> None:
+        from sensor_msgs.msg import BatteryState
+
+        clock = ManualClock(5.0)
+        leaf = BatterySuffices("Battery?", record=record)
+        leaf.setup(node=ros.node("mission"))
+        monkeypatch.setattr(leaf, "_now_sec", clock.now)
+        publisher = ros.node("driver").create_publisher(BatteryState, "battery_state", 10)
+        message = BatteryState(percentage=percentage)
+        ros.spin_until(lambda: (publisher.publish(message), leaf.why_unusable)[1], "the battery")
+        assert leaf.update() is Status.SUCCESS
+        clock.advance(31.0)
+        assert leaf.update() is Status.FAILURE
+        assert record.alarm.startswith("nothing on 'battery_state' for 30 s (percentage is ")
+
     def test_a_battery_that_falls_silent_counts_as_low(
         self, listening: Listening, record: MissionRecord
     ) -> None:
         clock = ManualClock(5.0)
         leaf = listening.to(BatterySuffices("Battery?", record=record), clock.now)
-        leaf._take(SimpleNamespace(percentage=0.9))
+        leaf._receive(SimpleNamespace(percentage=0.9))
         assert leaf.update() is Status.SUCCESS
         clock.advance(31.0)
         assert leaf.update() is Status.FAILURE
@@ -375,7 +393,7 @@ class TestFence:
         assert record.alarm == "the robot, at (3.00, 1.00), is outside the geofence"
         comes_to(Status.SUCCESS, 1.0)
         comes_to(Status.FAILURE, float("nan"))
-        assert record.alarm == "the localisation has diverged: its last pose is none"
+        assert record.alarm == "the last pose of the localisation cannot be used: (nan, 1.0) is no position"
         comes_to(Status.SUCCESS, 1.0)
 
     def test_between_two_poses_of_the_localisation_the_odometry_says_where_it_is(
@@ -506,7 +524,7 @@ class TestOrders:
             ("zone_a", 1.0, "map", "there is a zone 'zone_a' already"),
             ("", 1.0, "map", "the zone has no name"),
             ("zone_e", 1.0, "odom", "the pose is in the frame 'odom', and must be in 'map'"),
-            ("zone_e", float("nan"), "map", "the pose is not finite"),
+            ("zone_e", float("nan"), "map", "(nan, 2.0) is no position"),
             ("zone_e", 20.0, "map", "(20.00, 2.00) is outside the geofence"),
         ],
     )

@@ -26,7 +26,8 @@ from sar_compiler.cli.run import main as run_command
 from sar_compiler.cli.sim import main as sim_command
 from sar_compiler.errors import SarError
 from sar_compiler.missions.search_and_rescue.actions.navigation import describe_end
-from sar_compiler.missions.search_and_rescue.actions.survivors import FARTHEST, MapExtent
+from sar_compiler.missions.search_and_rescue.actions.survivors import MapExtent
+from sar_compiler.ros.message_values import FARTHEST_M
 from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.world import load_world
@@ -295,13 +296,14 @@ def test_a_parameter_file_that_passes_the_check_is_one_for_ros(rounds):
 @given(st.floats(), st.floats(), st.floats(), st.floats(), st.floats(), st.floats(), st.integers(0, 10**6))
 def test_any_answer_about_a_survivor_and_any_map_are_judged(x, y, resolution, origin, z, w, cells):
     extent = object.__new__(MapExtent)
-    extent._info = None
+    extent._place = extent._grid = extent._obstacles = None
+    extent._node = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=lambda _: None))
     position, orientation = SimpleNamespace(x=origin, y=0.0), SimpleNamespace(x=0.0, y=0.0, z=z, w=w)
     pose = SimpleNamespace(position=position, orientation=orientation)
     extent._take(
         SimpleNamespace(info=SimpleNamespace(resolution=resolution, width=cells, height=cells, origin=pose))
     )
-    possible = math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) <= FARTHEST
+    possible = math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) <= FARTHEST_M
     assert possible or extent.objection(x, y)
 
 

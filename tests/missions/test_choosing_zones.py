@@ -429,7 +429,7 @@ class TestChooseZone:
         ("values", "said"),
         [
             ({"zone": "z"}, "there is no zone 'z' with a probability"),
-            ({"x": math.nan}, "there is no zone '' with a probability"),
+            ({"x": math.nan}, "(nan, 0.0) is no position"),
             ({"frame": "odom"}, "the point is in the frame 'odom', and must be in 'map'"),
             (
                 {"zone": "a", "times": 0.0},

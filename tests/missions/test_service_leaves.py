@@ -116,7 +116,7 @@ class TestDetectSurvivor:
         stage.host().node.create_publisher(OccupancyGrid, "map", LATCHED).publish(grid)
         stage.detect_service({"zone_a": place})
         leaf = search(stage)
-        stage.until(lambda: map_extent_of(stage.node)._info is not None, "the map")
+        stage.until(lambda: map_extent_of(stage.node)._place is not None, "the map")
         assert stage.run(leaf) is Status[expected]
         assert leaf.was_found() == (expected == "SUCCESS")
 

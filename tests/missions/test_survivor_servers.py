@@ -183,7 +183,7 @@ class TestReporting:
     @pytest.mark.parametrize("frame", ["odom", "", "/map"])
     def test_does_not_acknowledge_a_report_in_another_frame(self, ros: Ros, said: Said, frame: str) -> None:
         assert not self.serve(ros).report("survivor_1", 0.0, 0.0, frame)
-        assert said.has("WARN", "survivor_1", f"in frame '{frame}'")
+        assert said.has("WARN", "survivor_1", f"in the frame '{frame}'")
         assert not said.has("Acknowledged")
 
     def test_a_report_that_comes_again_is_acknowledged_and_counts_once(self, ros: Ros, said: Said) -> None:

@@ -26,17 +26,15 @@ def test_frames_pose_and_speeds_are_those_of_the_message(order: str, frame: str,
     from nav_msgs.msg import Odometry
     from rclpy.serialization import deserialize_message
 
+    from sar_compiler.ros.message_values import read_odometry
     from sar_compiler.ros.poses import yaw_of
-    from sar_compiler.ros.robot_estimate import _read_odometry
 
     message = written(order, frame, child, [math.sin(number) for number in range(85)])
     there = deserialize_message(message, Odometry)
-    frames, (x, y, yaw), speeds = _read_odometry(message)
-    assert (
-        frames
-        == (there.header.frame_id.encode(), there.child_frame_id.encode())
-        == (frame.encode(), child.encode())
-    )
+    reading = read_odometry(message)
+    (x, y, yaw), speeds = reading.pose, reading.speeds
+    assert (reading.frame, reading.child) == (there.header.frame_id, there.child_frame_id) == (frame, child)
+    assert reading.stamp_sec == 1.000000002
     place, twist = there.pose.pose.position, there.twist.twist
     assert (x, y, yaw) == (place.x, place.y, yaw_of(there.pose.pose.orientation))
     linear, angular = twist.linear, twist.angular
@@ -47,9 +45,10 @@ def test_what_the_middleware_writes_is_read() -> None:
     from nav_msgs.msg import Odometry
     from rclpy.serialization import serialize_message
 
-    from sar_compiler.ros.robot_estimate import _read_odometry
+    from sar_compiler.ros.message_values import read_odometry
 
     message = Odometry(child_frame_id="base")
     message.header.frame_id, message.pose.pose.position.y, message.twist.twist.linear.x = "odom", 2.5, 0.5
-    frames, pose, speeds = _read_odometry(serialize_message(message))
-    assert (frames, pose, [*speeds]) == ((b"odom", b"base"), (0.0, 2.5, 0.0), [0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    reading = read_odometry(serialize_message(message))
+    assert (reading.frame, reading.child) == ("odom", "base")
+    assert (reading.usable_pose, [*reading.speeds]) == ((0.0, 2.5, 0.0), [0.5, 0.0, 0.0, 0.0, 0.0, 0.0])

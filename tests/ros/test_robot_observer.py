@@ -93,7 +93,7 @@ class Watched:
 
     def is_newest(self, x):
         message = self.watch._newest.get("pose")
-        return message is not None and message.pose.pose.position.x == x
+        return message is not None and message.x == x
 
     def wait(self, kind, count):
         self.ros.spin_until(lambda: len(self.told(kind)) == count, f"{count} of {kind}")
@@ -138,6 +138,7 @@ def test_a_map_is_told_to_who_comes_after_it(ros):
     from nav_msgs.msg import OccupancyGrid
 
     grid = OccupancyGrid(data=array("b", [0]))
+    grid.info.resolution = 0.05
     grid.info.width = grid.info.height = 1
     ros.node("map_server").create_publisher(OccupancyGrid, "map", latched()).publish(grid)
     Watched(ros).wait("map", 1)
@@ -148,6 +149,7 @@ def test_a_map_that_came_soon_after_another_one_is_told_later(watched):
 
     for cell in (0, 100):
         grid = OccupancyGrid(data=array("b", [cell]))
+        grid.info.resolution = 0.05
         grid.info.width = grid.info.height = 1
         watched.watch._take("map", grid)
     assert len(watched.told("map")) == 1

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.leaves import UnusableValueError, planar_outline
 from sar_compiler.missions.search_and_rescue.areas import (
     COVERAGE,
     LEAST_CORNERS,
@@ -93,15 +94,13 @@ class DrawnAreas:
         return Ground(outline, reach * per_range, reach)
 
     def _polygon(self, outline: Any) -> Corners:
-        corners = tuple(
-            (round(float(each.x), _DIGITS), round(float(each.y), _DIGITS)) for each in outline.polygon.points
-        )
+        try:
+            drawn = planar_outline(outline, MAP_FRAME)
+        except UnusableValueError as error:
+            raise DrawingError(str(error)) from error
+        corners = tuple((round(x, _DIGITS), round(y, _DIGITS)) for x, y in drawn)
         if not corners:
             return ()
-        if outline.header.frame_id != MAP_FRAME:
-            raise DrawingError(
-                f"the outline is in the frame '{outline.header.frame_id}', and must be in '{MAP_FRAME}'"
-            )
         if len(corners) < LEAST_CORNERS:
             raise DrawingError(f"the outline has {len(corners)} corners, and needs three or more")
         off = next(filter(None, (self.off_map(*corner) for corner in corners)), "")

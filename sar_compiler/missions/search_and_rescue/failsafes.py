@@ -6,7 +6,16 @@ from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import Clock, RobotEstimate, RosLeaf, Seconds, TopicLeaf, robot_estimate, sensible
+from sar_compiler.leaves import (
+    Clock,
+    RobotEstimate,
+    RosLeaf,
+    Seconds,
+    TopicLeaf,
+    battery_share,
+    robot_estimate,
+    sensible,
+)
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
@@ -108,6 +117,8 @@ class NavigationAvailable(_Failsafe):
 class BatterySuffices(_Failsafe, TopicLeaf):
     """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
 
+    A percentage that is not a number, or not from 0 to 1, says nothing.
+
     Where the tree asks whether the robot comes home again (`ReturnInReach`), the reserve counts above the limit.
 
     Args:
@@ -137,12 +148,14 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         if self.homing is not None:
             self.homing.ends_below = max(self.homing.ends_below, self.at_least)
 
+    def check_message(self, message: Any) -> None:
+        """Hold the percentage against its definition."""
+        battery_share(message)
+
     def on_message(self, message: Any) -> Status:
         """Look at the percentage."""
         self._silent_since = None
-        share = float(message.percentage)
-        if not math.isfinite(share):
-            return self._judge(f"the battery's percentage on '{self.topic_name}' is {share}")
+        share = battery_share(message)
         if not self._is_limit_told:  # for the gauge
             self._is_limit_told = True
             self.record.journal.watch("battery", share=share, at_least=self.at_least)
@@ -155,15 +168,16 @@ class BatterySuffices(_Failsafe, TopicLeaf):
             self._silent_since = self._now_sec()
         # After a message, the base class has waited already.
         waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self.max_age_sec
-        return self._judge(f"nothing on '{self.topic_name}' for {self.max_age_sec:g} s" if waited else "")
+        silence = f"nothing on '{self.topic_name}' for {self.max_age_sec:g} s{self.why_unusable}"
+        return self._judge(silence if waited else "")
 
 
 @dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
     """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.
 
-    Where it is, the transform from `map` and the odometry say; without them the last `amcl_pose`. FAILURE as well if that is no pose:
-    a localisation that has diverged says "not a number".
+    Where it is, the transform from `map` and the odometry say; without them the last `amcl_pose`. FAILURE as well if that is no usable
+    pose: a localisation that has diverged says "not a number".
 
     Args:
         fence: The geofence.
@@ -185,8 +199,8 @@ class InsideFence(_Failsafe):
         """Look at the position."""
         # Without a fence a transform need not be read in each tick.
         robot = self._robot if self.fence else None
-        if robot is not None and robot.is_diverged:
-            return self._judge("the localisation has diverged: its last pose is none")
+        if robot is not None and robot.pose_problem:
+            return self._judge(f"the last pose of the localisation cannot be used: {robot.pose_problem}")
         place = robot.place() if robot is not None else None
         if place is None or self.fence.contains(*place[:2]):
             return self._judge("")

@@ -1,6 +1,5 @@
 """Heeding the operator: pause, resume, another plan, and a word on each find."""
 
-import math
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
@@ -8,7 +7,7 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RosLeaf, Standstill, robot_estimate, yaw_of
+from sar_compiler.leaves import RosLeaf, Standstill, UnusableValueError, robot_estimate, stamped_pose
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
@@ -90,19 +89,18 @@ class NotHeld(RosLeaf):
         return ""
 
     def _add_zone(self, request: Any) -> str:
-        pose, yaw = request.pose.pose.position, yaw_of(request.pose.pose.orientation)
-        zone_id, frame = request.zone_id, request.pose.header.frame_id
+        zone_id = request.zone_id
         if not zone_id or self.zone_manager.knows(zone_id):
             return f"there is a zone '{zone_id}' already" if zone_id else "the zone has no name"
-        if frame != MAP_FRAME:
-            return f"the pose is in the frame '{frame}', and must be in '{MAP_FRAME}'"
-        if not all(map(math.isfinite, (pose.x, pose.y, yaw))):
-            return "the pose is not finite"
+        try:
+            pose = stamped_pose(request.pose, MAP_FRAME)
+        except UnusableValueError as error:
+            return str(error)
         if not self.fence.contains(pose.x, pose.y):
             return f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
         # On the way home already: the mission begins anew, with this zone.
         self.orders.replanned = self.orders.replanned or not self.zone_manager.has_remaining()
-        self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=yaw))
+        self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=pose.yaw))
         return ""
 
     def _judge(self, request: Any) -> str:

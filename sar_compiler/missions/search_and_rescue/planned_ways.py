@@ -6,7 +6,15 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.leaves import SUCCEEDED, ActionQuestions, Deadline, LeafDefinitionError, turn_by
+from sar_compiler.leaves import (
+    SUCCEEDED,
+    ActionQuestions,
+    Deadline,
+    LeafDefinitionError,
+    UnusableValueError,
+    path_points,
+    turn_by,
+)
 from sar_compiler.missions.search_and_rescue.actions.navigation import describe_end
 from sar_compiler.missions.search_and_rescue.zone_manager import (
     DETOUR,
@@ -116,11 +124,15 @@ class PlannedWays:
         """Note the answer, and ask for the next way."""
         start, target = self._left.pop(0)
         self._is_waiting = False
-        metres = _length(start, result.path.poses, target) if status == SUCCEEDED else math.inf
-        if math.isfinite(metres):
-            self._zones.learn_way(start, target, metres)
+        try:
+            points = path_points(result.path) if status == SUCCEEDED else []
+        except UnusableValueError as error:
+            points, why = [], f"its path has a point where {error}"
         else:
             why = describe_end(status, result) if status else "it rejects the question"
+        if points:
+            self._zones.learn_way(start, target, _length(start, points, target))
+        else:
             self._reasons.add(f"the planner gives none: {why}")
         if self._left:
             self._go_on()
@@ -128,10 +140,7 @@ class PlannedWays:
             self._wake()
 
 
-def _length(start: MapPose, poses: Sequence[Any], target: MapPose) -> float:
-    """Return the length of a path from the start over its poses to the target, metres; infinite if it has no poses."""
-    if not poses:
-        return math.inf
-    points = [(each.pose.position.x, each.pose.position.y) for each in poses]
+def _length(start: MapPose, points: Sequence[tuple[float, float]], target: MapPose) -> float:
+    """Return the length of a path from the start over its points to the target, metres."""
     whole = [(start["x"], start["y"]), *points, (target["x"], target["y"])]
     return math.fsum(math.dist(*step) for step in itertools.pairwise(whole))

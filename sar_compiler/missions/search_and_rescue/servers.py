@@ -6,7 +6,7 @@ from typing import Any
 from geometry_msgs.msg import PointStamped
 from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
 
-from sar_compiler.leaves import robot_estimate
+from sar_compiler.leaves import UnusableValueError, planar_point, robot_estimate
 from sar_compiler.missions import (
     DataNode,
     ServiceFaults,
@@ -111,24 +111,22 @@ class ReportSurvivorServer(DataNode):
         self.get_logger().info("ReportSurvivor service ready.")
 
     def _answer(self, request: Any, response: Any) -> Any:
-        frame, point = request.location.header.frame_id, request.location.point
-        if frame != MAP_FRAME:
-            self.get_logger().warning(
-                f"Report of {_describe(request)} refused: it is in frame '{short_line(frame)}', and must be in '{MAP_FRAME}'."
-            )
-            return response
-        if not (math.isfinite(point.x) and math.isfinite(point.y)):
-            return self._refuse(request, response)
+        try:
+            planar_point(request.location, MAP_FRAME)
+        except UnusableValueError as error:
+            return self._refuse(request, response, f": {error}")
         response.acknowledged, report = True, _describe(request)
         again = " again" if report in self._received else ""
         self._received.add(report)
         self.get_logger().info(f"Report received{again}: {report}. Acknowledged.")
         if not again:
-            self.get_logger().info(f"The point of {short_line(request.survivor_id)} is in frame '{frame}'.")
+            self.get_logger().info(
+                f"The point of {short_line(request.survivor_id)} is in frame '{MAP_FRAME}'."
+            )
         return response
 
-    def _refuse(self, request: Any, response: Any) -> Any:
-        self.get_logger().warning(f"Report of {_describe(request)} refused.")
+    def _refuse(self, request: Any, response: Any, why: str = "") -> Any:
+        self.get_logger().warning(f"Report of {_describe(request)} refused{why}.")
         return response
 
 

@@ -18,6 +18,7 @@ from sar_compiler.ros.leaves.client_leaf import ServiceLeaf
 from sar_compiler.ros.leaves.goals import SUCCEEDED, describe_status
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError, RosLeaf, find_interface
 from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
+from sar_compiler.ros.message_values import read_field
 from sar_compiler.runtime.ports import Output
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
@@ -180,10 +181,15 @@ class RosTopic(TopicLeaf):
         if self._field:
             field_of(self.name, message(), self._field)
 
+    def check_message(self, message: Any) -> None:
+        """Hold the field against the definition of the message."""
+        if self._field:
+            read_field(message, self._field)
+
     def on_message(self, message: Any) -> Status:
         """Return SUCCESS, and write the field."""
         if self._field:
-            self._value.set(field_of(self.name, message, self._field))
+            self._value.set(read_field(message, self._field))
         return Status.SUCCESS
 
 
@@ -269,12 +275,8 @@ class RosTransform(RosLeaf):
 
     def _look_up(self) -> Transform | str:
         """Return where the frame is; in words why that is not known, if it is not."""
-        found = frame_tree(self.node).look_up(self._target, self._source)
-        if isinstance(found, str):
-            return found
-        if found.age_sec > self.max_age_sec:
-            return f"the transforms are {found.age_sec:.1f} s old, and may be {self.max_age_sec:g} s"
-        return found.transform
+        found = frame_tree(self.node).look_up(self._target, self._source, self.max_age_sec)
+        return found if isinstance(found, str) else found.transform
 
     def _on_transforms(self) -> None:
         if self.status is Status.RUNNING and isinstance(self._look_up(), Transform):

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 from py_trees.common import ClearingPolicy, Status
 
 from sar_compiler.ros.leaves.leaf import RosLeaf, alive, find_interface, qos_profile
+from sar_compiler.ros.message_values import UnusableValueError, check_stamp, node_sec, value_reports
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
-
-_NANOSECONDS = 1_000_000_000
 
 
 class TopicLeaf(RosLeaf):
@@ -20,7 +19,8 @@ class TopicLeaf(RosLeaf):
     the setup on, so a message may be older than the activation; `max_age_sec` and `clearing_policy` limit its age.
 
     A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if
-    the content of a message matters, the method `on_message`.
+    the content of a message matters, the methods `on_message` and `check_message`. A message that `check_message` refuses, whose stamp
+    is in the future, or older than `max_age_sec`, is reported once and counts as none.
 
     Attributes:
         topic_type: `"package/msg/Name"`, or the Python class.
@@ -40,8 +40,11 @@ class TopicLeaf(RosLeaf):
                 topic_name = "battery"
                 max_age_sec = 5.0
 
+                def check_message(self, message: Any) -> None:
+                    battery_share(message)  # a percentage of 85, or NaN, is unknown
+
                 def on_message(self, message: Any) -> Status:
-                    return Status.SUCCESS if message.percentage > 0.2 else Status.FAILURE
+                    return Status.SUCCESS if battery_share(message) > 0.2 else Status.FAILURE
     """
 
     topic_type: Any = None
@@ -56,6 +59,7 @@ class TopicLeaf(RosLeaf):
         self._subscription: Subscription | None = None
         self._message: Any = None
         self._received_sec = -math.inf
+        self._problem = ""
 
     @property
     def message(self) -> Any:
@@ -105,6 +109,13 @@ class TopicLeaf(RosLeaf):
             self._subscription = None
         super().shutdown()
 
+    def check_message(self, message: Any) -> None:
+        """Hold the fields that `on_message` reads against the definition of the message, with the readers of `sar_compiler.leaves`.
+
+        Raises:
+            UnusableValueError: If one of them is outside.
+        """
+
     def on_message(self, message: Any) -> Status:  # noqa: ARG002 - for subclasses
         """Return the status for a message; by default SUCCESS, regardless of its content. Called in every tick."""
         return Status.SUCCESS
@@ -112,14 +123,31 @@ class TopicLeaf(RosLeaf):
     def on_silence(self) -> Status:
         """Return the status while there is no message: RUNNING for a leaf that `waits`, else FAILURE."""
         old = "" if self._message is None else f" within {self.max_age_sec:g} s"
-        self.feedback_message = f"no message on '{self.topic_name}'{old}"
+        self.feedback_message = f"no message on '{self.topic_name}'{old}{self.why_unusable}"
         return Status.RUNNING if self.waits else Status.FAILURE
 
+    @property
+    def why_unusable(self) -> str:
+        """Why the last message cannot be used, as the end of a sentence; empty if it can, or there was none."""
+        return f" ({self._problem})" if self._problem else ""
+
     def _take(self, message: Any) -> None:
+        try:
+            check_stamp(message, self.node, self.max_age_sec)
+            self.check_message(message)
+        except UnusableValueError as error:
+            self._problem = str(error)
+            value_reports(self.node).report(f"Topic '{self.topic_name}'", error)
+            return
+        self._problem = ""
+        self._receive(message)
+
+    def _receive(self, message: Any) -> None:
+        """Keep a message that can be used."""
         awaited = self.status is Status.RUNNING and self.message is None
         self._message, self._received_sec = message, self._now_sec()
         if awaited:
             self._wake()
 
     def _now_sec(self) -> float:
-        return float(self.node.get_clock().now().nanoseconds) / _NANOSECONDS
+        return node_sec(self.node)

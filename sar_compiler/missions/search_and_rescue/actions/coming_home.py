@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import Clock, RosLeaf, Seconds, of_node, qos_profile, robot_estimate
+from sar_compiler.leaves import (
+    Clock,
+    RosLeaf,
+    Seconds,
+    battery_share,
+    of_node,
+    qos_profile,
+    robot_estimate,
+    value_reports,
+)
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.planned_ways import PlannedWays
@@ -55,9 +64,10 @@ class BatteryMeter:
             self._homing.energy.moved(*self._robot.odometry[:2])
 
     def _on_battery(self, message: Any) -> None:
-        share = float(message.percentage)
-        # What is no share says nothing; whoever says nothing else counts as silent.
-        if 0.0 <= share <= 1.0:
+        # A battery whose percentage is always unusable counts as silent.
+        reports = value_reports(self._node)
+        share = reports.read(f"Topic '{BATTERY_TOPIC}'", lambda: battery_share(message))
+        if share is not None:
             self._homing.energy.read(self._now(), share)
         self.look()
 

@@ -7,7 +7,16 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import SUCCEEDED, ActionLeaf, Deadline, Seconds, describe_status, nav2_log, turn_by
+from sar_compiler.leaves import (
+    SUCCEEDED,
+    ActionLeaf,
+    Deadline,
+    Seconds,
+    describe_status,
+    drive_left,
+    nav2_log,
+    turn_by,
+)
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, MapPose, ZoneManager
 
@@ -117,13 +126,16 @@ class NavigateTo(ActionLeaf):
 
     def on_feedback(self, feedback: Any) -> Status | None:
         """Keep the remaining distance, and note it in the journal."""
-        distance, time_left = feedback.distance_remaining, feedback.estimated_time_remaining
+        left = drive_left(feedback)
+        if left is None:
+            self.feedback_message = f"navigating to {self._target}"
+            return None
+        distance, seconds = left
         self.feedback_message = f"navigating to {self._target}, {distance:.2f} m left"
-        if math.isfinite(distance) and (self._next_progress is None or self._next_progress.passed):
+        if self._next_progress is None or self._next_progress.passed:
             self._next_progress = Deadline(_PROGRESS_SEC, self._clock)
-            seconds = time_left.sec + time_left.nanosec / 1e9
-            left = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
-            self.record.journal.watch("progress", target=self._target, **left)
+            figures = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
+            self.record.journal.watch("progress", target=self._target, **figures)
         return None
 
     def on_result(self, status: int, result: Any) -> Status:

@@ -1,19 +1,29 @@
 """Searching for survivors, giving them a frame, and reporting them."""
 
-import math
 from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RosLeaf, Seconds, ServiceLeaf, TopicLeaf, of_node, qos_profile, yaw_of
-from sar_compiler.missions import short_line
+from sar_compiler.leaves import (
+    GridPlace,
+    RosLeaf,
+    Seconds,
+    ServiceLeaf,
+    TopicLeaf,
+    UnusableValueError,
+    check_position,
+    grid_place,
+    of_node,
+    planar_point,
+    qos_profile,
+    value_reports,
+)
 from sar_compiler.missions.search_and_rescue.record import MissionRecord, SurvivorReport
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
-    from nav_msgs.msg import MapMetaData
     from rclpy.node import Node
 
     from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap
@@ -26,8 +36,6 @@ _OCCUPIED = 65
 
 _SEEN_AT_ONCE = 100
 
-FARTHEST = 100_000.0
-"""No robot drives so far, metres: the limit of a coordinate while nobody publishes a map."""
 _FRAMES_TOPIC = "/tf_static"
 """Absolute, like tf2's own; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
 
@@ -44,28 +52,36 @@ class MapExtent:
     def __init__(self, node: "Node") -> None:
         from nav_msgs.msg import OccupancyGrid
 
-        self._info: MapMetaData | None = None
+        self._node = node
+        self._place: GridPlace | None = None
         self._grid: OccupancyGrid | None = None
         self._obstacles: ObstacleMap | None = None
         latched = qos_profile(type(self).__name__, "transient_local")
         node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._take, latched)
 
+    def check(self, x: float, y: float) -> tuple[float, float]:
+        """Return a position, metres in the frame `map`.
+
+        Raises:
+            UnusableValueError: If nothing can be there.
+        """
+        check_position(x, y)
+        if self._place is not None and not self._place.contains(x, y):
+            raise UnusableValueError(f"({x:.2f}, {y:.2f}) is not on the map")
+        return x, y
+
     def objection(self, x: float, y: float) -> str:
         """Return why nothing can be at a position, metres in the frame `map`; empty if something can."""
-        if not (math.isfinite(x) and math.isfinite(y)):
-            return f"({x}, {y}) is no position"
-        if max(abs(x), abs(y)) > FARTHEST:
-            return f"({x:g}, {y:g}) is farther away than any robot drives"
-        if self._info is not None and not _contains(self._info, x, y):
-            return f"({x:.2f}, {y:.2f}) is not on the map"
+        try:
+            self.check(x, y)
+        except UnusableValueError as error:
+            return str(error)
         return ""
 
     def _take(self, message: Any) -> None:
-        info = message.info
-        origin, turn = info.origin.position, info.origin.orientation
-        numbers = (info.resolution, origin.x, origin.y, yaw_of(turn))
-        if all(map(math.isfinite, numbers)) and info.resolution > 0.0:  # else it is no map
-            self._info, self._grid, self._obstacles = info, message, None
+        place = value_reports(self._node).read(f"Topic '{_MAP_TOPIC}'", lambda: grid_place(message))
+        if place is not None:
+            self._place, self._grid, self._obstacles = place, message, None
 
     def obstacles(self) -> "ObstacleMap | None":
         """Return what nobody sees or drives through: cells that are occupied, or unknown; None while there is no map with all its cells."""
@@ -74,22 +90,15 @@ class MapExtent:
 
         from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap
 
-        if self._grid is not None and self._obstacles is None:
-            info = self._grid.info
-            if len(self._grid.data) != info.width * info.height:
+        place = self._place
+        if self._grid is not None and place is not None and self._obstacles is None:
+            if len(self._grid.data) != place.width * place.height:
                 return None
-            cells = np.array(self._grid.data, np.int8).reshape(info.height, info.width)
-            origin = info.origin.position.x, info.origin.position.y, yaw_of(info.origin.orientation)
-            self._obstacles = ObstacleMap((cells < 0) | (cells >= _OCCUPIED), info.resolution, origin)
+            cells = np.array(self._grid.data, np.int8).reshape(place.height, place.width)
+            self._obstacles = ObstacleMap(
+                (cells < 0) | (cells >= _OCCUPIED), place.cell_m, (place.x, place.y, place.yaw)
+            )
         return self._obstacles
-
-
-def _contains(info: "MapMetaData", x: float, y: float) -> bool:
-    origin, yaw = info.origin.position, yaw_of(info.origin.orientation)
-    right, up = x - origin.x, y - origin.y
-    along = right * math.cos(yaw) + up * math.sin(yaw)
-    across = up * math.cos(yaw) - right * math.sin(yaw)
-    return bool(0.0 <= along < info.width * info.resolution and 0.0 <= across < info.height * info.resolution)
 
 
 def map_extent_of(node: "Node") -> MapExtent:
@@ -171,10 +180,11 @@ class DetectSurvivor(ServiceLeaf):
 
     def on_response(self, response: Any) -> Status:
         """Keep the answer, with or without a survivor; one at an impossible place is none."""
-        if objection := self._objection(response):
-            self.record.survivor_unplaced(self._zone_id, objection)
-            return self.on_failure(f"{self.service_name} found a survivor, and {objection}")
-        survivor = (response.survivor_x, response.survivor_y) if response.found else None
+        try:
+            survivor = self._place(response)
+        except UnusableValueError as error:
+            self.record.survivor_unplaced(self._zone_id, str(error))
+            return self.on_failure(f"{self.service_name} found a survivor, and {error}")
         self.record.zone_searched(self._zone_id, survivor)
         if survivor is not None:
             self.say(f"Survivor detected at {self._zone_id}!")
@@ -191,11 +201,20 @@ class DetectSurvivor(ServiceLeaf):
 
     def is_good_news(self, response: Any) -> bool:
         """Return whether the answer can be true."""
-        return not self._objection(response)
+        try:
+            self._place(response)
+        except UnusableValueError:
+            return False
+        return True
 
-    def _objection(self, response: Any) -> str:
-        place = response.survivor_x, response.survivor_y
-        return map_extent_of(self.node).objection(*place) if response.found else ""
+    def _place(self, response: Any) -> tuple[float, float] | None:
+        """Return where the survivor is, metres in the frame `map`; None if none was found.
+
+        Raises:
+            UnusableValueError: If nobody can be there.
+        """
+        extent = map_extent_of(self.node)
+        return extent.check(response.survivor_x, response.survivor_y) if response.found else None
 
 
 @dataclass(eq=False, repr=False)
@@ -204,7 +223,7 @@ class AwaitSurvivor(TopicLeaf):
 
     What was published since the setup counts, so that nobody is lost who was seen while another find was dealt with. A detector repeats what it
     sees: of several in one tick the last one counts, and whoever has a name already, even if the operator has rejected it, is no news. A
-    detection in another frame than `map`, or where nobody can be, is told once and passed over.
+    detection in another frame than `map`, from the future, or where nobody can be, is reported once and passed over.
 
     Args:
         detect_node: The search that is told where the survivor is.
@@ -228,7 +247,6 @@ class AwaitSurvivor(TopicLeaf):
     def __post_init__(self) -> None:
         super().__init__(self.name)
         self.topic_name = self.topic
-        self._told = ""
 
     def setup(self, **kwargs: Any) -> None:
         """Subscribe to the topic, and to the map."""
@@ -254,7 +272,7 @@ class AwaitSurvivor(TopicLeaf):
 
     def on_message(self, message: Any) -> Status:
         """Tell the search of somebody new."""
-        place = message.point.x, message.point.y
+        place = planar_point(message, MAP_FRAME)
         if not self._is_new(place):  # any more
             return self.on_silence()
         zone = self.zone_manager.current_zone()["id"]
@@ -272,20 +290,13 @@ class AwaitSurvivor(TopicLeaf):
         self.say(f"Survivor seen on the way, in {zone}!")
         return self.answer(Status.SUCCESS, "found")
 
-    def _take(self, message: Any) -> None:
-        objection = self._objection(message)
-        if objection:
-            if objection != self._told:
-                self.complain(f"A survivor on {self.topic_name} is passed over: {objection}.")
-            self._told = objection
-        elif self._is_new((message.point.x, message.point.y)):
-            super()._take(message)
+    def check_message(self, message: Any) -> None:
+        """Hold the position against frame and map."""
+        map_extent_of(self.node).check(*planar_point(message, MAP_FRAME))
 
-    def _objection(self, message: Any) -> str:
-        frame = message.header.frame_id
-        if frame != MAP_FRAME:
-            return f"it is in frame '{short_line(frame)}', and must be in '{MAP_FRAME}'"
-        return map_extent_of(self.node).objection(message.point.x, message.point.y)
+    def _receive(self, message: Any) -> None:
+        if self._is_new(planar_point(message, MAP_FRAME)):
+            super()._receive(message)
 
     def _is_new(self, place: tuple[float, float]) -> bool:
         return not self.record.named_near(*place, self.same_within)

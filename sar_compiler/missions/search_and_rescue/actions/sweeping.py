@@ -9,7 +9,16 @@ from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import SUCCEEDED, Clock, RobotEstimate, RosLeaf, at_least, robot_estimate, sensible
+from sar_compiler.leaves import (
+    SUCCEEDED,
+    Clock,
+    RobotEstimate,
+    RosLeaf,
+    at_least,
+    poses_left,
+    robot_estimate,
+    sensible,
+)
 from sar_compiler.missions.search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from sar_compiler.missions.search_and_rescue.areas import COVERAGE, Corners
@@ -294,7 +303,7 @@ class NavigateToPiece(NavigateTo):
         place = self._here()
         if place is None or not self._zone_id:
             return
-        here = (float(place[0]), float(place[1]))
+        here = place[:2]
         before, self._place = self._place or here, here
         far = math.dist(before, here)
         if far < _STANDS_M:
@@ -353,7 +362,7 @@ class NavigateThroughPieces(NavigateToPiece):
         """Keep the remaining distance, and mark what was passed."""
         super().on_feedback(feedback)
         # Nav2 leaves the last one in: of that the result tells.
-        passed = feedback.number_of_poses_remaining > 0 and self._pass(feedback.number_of_poses_remaining)
+        passed = (left := poses_left(feedback)) > 0 and self._pass(left)
         if not (passed and self.homing.is_asked):
             return None
         if (here := self._here()) is not None:

@@ -1,12 +1,11 @@
 """Going through the list of zones: visited, postponed, and finally abandoned."""
 
-import math
 from concurrent.futures import Future
 from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RosLeaf, Seconds, at_least
+from sar_compiler.leaves import RosLeaf, Seconds, UnusableValueError, at_least, planar_point
 from sar_compiler.missions.search_and_rescue.beside_ticks import begin_beside
 from sar_compiler.missions.search_and_rescue.leaf_specs import VisitingOrder
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
@@ -129,19 +128,16 @@ class ChooseZone(RosLeaf):
 
     def _on_hint(self, request: Any, response: Any) -> Any:
         """Take a hint, which counts from the next choice on."""
-        point, ratio = request.point.point, request.likelihood_ratio
-        known = all(map(math.isfinite, (point.x, point.y)))
-        zone = request.zone_id
-        if not zone and known:
-            zone = self._zones.nearest(point.x, point.y, self._sweeps.around(point.x, point.y))
-        refusal = ""
-        if not request.zone_id and request.point.header.frame_id != MAP_FRAME:
-            refusal = (
-                f"the point is in the frame '{request.point.header.frame_id}', and must be in '{MAP_FRAME}'"
-            )
-        elif not is_ratio(ratio):
+        ratio, zone, refusal = request.likelihood_ratio, request.zone_id, ""
+        if not zone:
+            try:
+                x, y = planar_point(request.point, MAP_FRAME)
+                zone = self._zones.nearest(x, y, self._sweeps.around(x, y))
+            except UnusableValueError as error:
+                refusal = str(error)
+        if not refusal and not is_ratio(ratio):
             refusal = f"the likelihood ratio is {ratio:g}, and must be a thousandth to a thousand"
-        elif zone not in self._zones.areas:
+        elif not refusal and zone not in self._zones.areas:
             refusal = f"there is no zone '{zone}' with a probability"
         response.success, response.message = not refusal, refusal or f"it counts for {zone}"
         if refusal:
