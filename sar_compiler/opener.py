@@ -99,12 +99,16 @@ class FileIdentity(NamedTuple):
         inode: The file's number in it.
         size: Its size, bytes.
         modified_ns: When it was written last, nanoseconds since 1970.
+        owner: The user to whom it belongs.
+        mode: Who may do what with it (`st_mode`).
     """
 
     device: int
     inode: int
     size: int
     modified_ns: int
+    owner: int
+    mode: int
 
 
 @dataclass(frozen=True)
@@ -222,7 +226,9 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
         while left and (part := os.read(descriptor, min(left, _MIB))):
             parts.append(part)
             left -= len(part)
-    identity = FileIdentity(about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns)
+    identity = FileIdentity(
+        about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns, about.st_uid, about.st_mode
+    )
     return FileContent(named, real, b"".join(parts), identity, kind)
 
 

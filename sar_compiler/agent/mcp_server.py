@@ -178,12 +178,16 @@ class AgentTools:
             *await self._access.run("convert", [*self._project, f"--to={to}"], self._access.path(file))
         )
 
-    async def propose(self, file: str, properties: str | None = None) -> ToolAnswer:
-        """Return all that a person has to know of a tree: findings, proofs, the digest of its files, and the command that approves it.
+    async def propose(
+        self, file: str, properties: str | None = None, params: str | None = None, tree: str | None = None
+    ) -> ToolAnswer:
+        """Return all that a person has to know of a tree: findings, proofs, the digest of what would run, and the command that approves it.
 
-        Show it to a person, who decides. Nothing is approved by this.
+        What would run are the files of the tree, the tree of that ID in the file, and the parameter file. Show it to a person, who
+        decides. Nothing is approved by this.
         """
-        given = ["--propose", *_options(properties=self._optional(properties))]
+        named = {"properties": self._optional(properties), "params": self._optional(params)}
+        given = ["--propose", *_options(tree=tree, **named)]
         return _answer(
             *await self._access.run("approve", [*self._project, *given], self._access.path(file)),
             is_json=True,

@@ -1,9 +1,8 @@
 """What an agent proposes: a tree file with all findings and proofs about it, for a person to look at and approve."""
 
-import shlex
 from pathlib import Path
 
-from sar_compiler.agent.approval import Fingerprint
+from sar_compiler.agent.approval import ApprovalError, Fingerprint, approve_command
 from sar_compiler.checks.trying import WORK, TrialBudget
 from sar_compiler.errors import UndecidableError
 from sar_compiler.project import LoadedTree
@@ -26,17 +25,27 @@ def has_errors(findings: list[Diagnostic]) -> bool:
     return any(each.severity is Severity.ERROR for each in findings)
 
 
-def proposal(tree: LoadedTree, properties: str | Path | None, max_states: int) -> dict[str, object]:
+def proposal(
+    tree: LoadedTree,
+    properties: Path | None,
+    max_states: int,
+    *,
+    tree_id: str | None = None,
+    params: Path | None = None,
+) -> dict[str, object]:
     """Return what is proposed of a tree, as data for JSON.
 
     Args:
-        tree: The tree.
+        tree: The tree file.
         properties: A file with the properties to prove; by default the mission's own.
         max_states: The largest number of states to explore.
+        tree_id: The tree in the file that is to be run; by default the one that the file executes.
+        params: The parameter file of its runs, for which the properties are proved; by default that of the mission, and they
+            are proved for what the leaves say of the start.
 
     Raises:
-        TreeError: If the file of properties is wrong.
-        SarError: As `LoadedTree.check` does.
+        TreeError: If the file of properties is wrong, or there is no such tree.
+        SarError: As `LoadedTree.check` and `Fingerprint.of` do, or if the file of properties changes meanwhile.
     """
     findings = all_findings(tree)
     proposed: dict[str, object] = {
@@ -45,11 +54,15 @@ def proposal(tree: LoadedTree, properties: str | Path | None, max_states: int) -
     }
     if has_errors(findings):
         return {**proposed, "is_proved": False, "why": "errors come first: nothing is proved of such a tree"}
-    now = Fingerprint.of(tree)
-    how = f"sar-compile approve {shlex.quote(str(tree.path))} --digest {now.digest}"
-    proposed |= {"digest": now.digest, "files": now.files, "approve": how}
+    now = Fingerprint.of(tree, tree_id, params, properties)
+    how = f"{approve_command(tree, tree_id, params, properties)} --digest {now.digest}"
+    proposed |= {"digest": now.digest, **now._asdict(), "file": str(tree.path), "approve": how}
     try:
-        verification = tree.verify(properties, max_states=max_states)
+        verification = tree.verify(properties, params=params, tree_id=tree_id, max_states=max_states)
     except UndecidableError as error:
         return {**proposed, "is_proved": False, "why": f"nothing can be decided: {error}"}
+    if Fingerprint.of(tree, tree_id, params, properties) != now:
+        raise ApprovalError(
+            "a file of parameters or properties has changed while the proof was searched; start over"
+        )
     return {**proposed, "is_proved": verification.proved, "proofs": verification_data(verification)}

@@ -3,18 +3,16 @@
 import argparse
 import getpass
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import TREE, YAML_FILE
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, workspace
+from sar_compiler.cli.arguments import TREE, YAML_FILE, add_tree_id
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.verify import MAX_STATES
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, print_error, print_text
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
-    from sar_compiler.agent.approval import Approval
     from sar_compiler.project import LoadedTree
 
 
@@ -23,16 +21,21 @@ def add_approve(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("file", nargs="?", type=TREE, metavar="FILE", help=FILE_HELP)
     other = parser.add_mutually_exclusive_group()
-    text = "approve nothing, but print for a person what there is to know, as JSON: findings, proofs, and the digest of all files"
+    text = "approve nothing, but print for a person what there is to know, as JSON: findings, proofs, and the digest of what would run"
     other.add_argument("--propose", action="store_true", help=text)
     other.add_argument("--list", action="store_true", help="list what is approved, by whom and since when")
     text = "approve this file no more, whatever it has become"
     other.add_argument("--revoke", action="store_true", help=text)
     add("--by", metavar="NAME", help="who approves it (default: the name of the user)")
-    text = "approve it only if the digest of all files is this one, which a proposal says"
+    text = "approve it only if the digest is this one, which a proposal says"
     add("--digest", metavar="HEX", help=text)
-    text = "with --propose: a file of properties to prove (default: what the mission brings)"
+    text = (
+        "a file of properties: approved with the tree, for runs that are watched for it, and proved by --propose (default: "
+        "what the mission brings)"
+    )
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
+    add_tree_id(parser, "approve")
+    add_params(parser)
     add_project_options(parser)
     add_mission(parser)
     parser.set_defaults(run=approve_file)
@@ -52,14 +55,14 @@ def approve_file(arguments: argparse.Namespace) -> int:
     if arguments.revoke:
         return _revoke(arguments.file)
     tree = workspace(arguments).load(arguments.file)
-    return _propose(tree, arguments.properties) if arguments.propose else _approve(tree, arguments)
+    return (_propose if arguments.propose else _approve)(tree, arguments)
 
 
 def _list() -> int:
     from sar_compiler.agent.approval import approvals
 
     for each in approvals():
-        print_text(_told(each))
+        print_text(str(each))
     return OK
 
 
@@ -67,15 +70,18 @@ def _revoke(name: str) -> int:
     from sar_compiler.agent.approval import revoke
     from sar_compiler.resources import find
 
-    print_text(f"no more: {_told(revoke(find('trees', name, '.xml')))}")
+    for each in revoke(find("trees", name, ".xml")):
+        print_text(f"no more: {each}")
     return OK
 
 
-def _propose(tree: "LoadedTree", properties: Path | None) -> int:
+def _propose(tree: "LoadedTree", arguments: argparse.Namespace) -> int:
     from sar_compiler.agent.proposal import proposal
     from sar_compiler.views.plain import as_json
 
-    proposed = proposal(tree, properties, MAX_STATES)
+    proposed = proposal(
+        tree, arguments.properties, MAX_STATES, tree_id=arguments.tree, params=arguments.params
+    )
     print(as_json(proposed))
     return OK if proposed["is_proved"] else FINDINGS
 
@@ -91,15 +97,11 @@ def _approve(tree: "LoadedTree", arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         print_error(f"sar-compile: {tree.path} is not approved: it has errors")
         return RULE_FAILED if any(each.code == "internal-error" for each in findings) else FINDINGS
-    fingerprint = Fingerprint.of(tree)
+    fingerprint = Fingerprint.of(tree, arguments.tree, arguments.params, arguments.properties)
     if arguments.digest not in (None, fingerprint.digest):
         raise SarError(
             f"{tree.path} is not approved: it is not what was proposed; its digest is {fingerprint.digest}"
         )
     approval = approve(fingerprint, arguments.by or getpass.getuser())
-    print_text(_told(approval))
+    print_text(str(approval))
     return OK
-
-
-def _told(approval: "Approval") -> str:
-    return f"{approval.file}: approved by {approval.by} on {approval.when}, digest {approval.digest}"

@@ -13,7 +13,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sar_compiler.agent.approval import require_approval
+from sar_compiler.agent.approval import ApprovalCheck
 from sar_compiler.cli.companions import Companions, RunSetup, companions_asked_for
 from sar_compiler.cli.loading import additions, tell_note
 from sar_compiler.cli.run_journal import RunJournal
@@ -27,7 +27,7 @@ from sar_compiler.missions.beginning import begin_run, fixed_parameters, node_na
 from sar_compiler.missions.mission import Mission
 from sar_compiler.missions.order_record import OrderRecord
 from sar_compiler.nodes.spec import Use
-from sar_compiler.project import Workspace
+from sar_compiler.project import LoadedTree, Workspace
 from sar_compiler.ros.arguments import init_arguments, node_arguments, parameter_files
 from sar_compiler.ros.clock import mission_clock, steady_timer, trust_simulation
 from sar_compiler.ros.engine import find_engine, show_tracebacks
@@ -65,9 +65,8 @@ def run_mission(
     make_engine = find_engine(options.engine)
     asked_for = list(companions_asked_for(options))  # what they lack is said before anything starts
     loaded = Workspace(additions(options), note=tell_note).load(options.tree)
-    if options.approved:
-        require_approval(loaded)
     binding = loaded.binding(options.tree_id)
+    approval = _approval(options, loaded) if options.approved else None
     require_classes(binding)
     mission = loaded.mission(binding)
     faults = parse_faults(options.fault, mission)
@@ -81,6 +80,8 @@ def run_mission(
         files = parameter_files(options.ros, options.params)
         reader = ParameterReader.of_files(flat_parameters(node), files, node.get_fully_qualified_name())
         run, parameters, notes = begin_run(mission, reader, binding)
+        if approval is not None:
+            approval.require_parameters(reader.parameters, reader.files)
         run_journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
         options.supervision.tell_journal(journal.place)
@@ -122,6 +123,17 @@ def run_mission(
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
+
+
+def _approval(options: Namespace, loaded: LoadedTree) -> ApprovalCheck:
+    """Check that the tree is approved.
+
+    Raises:
+        ApprovalError: If it is not, as it is.
+    """
+    # The option alone means the properties that the mission brings along.
+    properties = options.properties if isinstance(options.properties, Path) else None
+    return ApprovalCheck(loaded, options.tree_id, options.params, properties)
 
 
 def _executor(options: Namespace, context: Context) -> "Executor | SteppedExecutor":

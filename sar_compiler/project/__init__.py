@@ -48,8 +48,10 @@ if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.documents.located import Document
+    from sar_compiler.missions.beginning import Beginning
     from sar_compiler.missions.mission import Mission
     from sar_compiler.project.simulated import Simulated
+    from sar_compiler.ros.parameter_reader import ParameterReader
     from sar_compiler.runtime.events import Event
     from sar_compiler.runtime.kernel.searching import Report
 
@@ -566,18 +568,41 @@ class LoadedTree:
 
         if params is None or isinstance(params, StartValues):
             return params or StartValues()
+        values, reader, begun = self._begun(Path(params), binding)
+        for text in filter(None, (reader.elsewhere, *begun.notes)):
+            self._note(text if text.startswith(f"{params}:") else f"{params}: {text}")
+        return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)
+
+    def _begun(
+        self, params: Path | None, binding: Binding
+    ) -> "tuple[dict[str, object], ParameterReader, Beginning]":
+        """Begin a run with the parameters of a file, without ROS; return what the file says, and what was read of it."""
         from sar_compiler.missions.beginning import begin_run, node_name
         from sar_compiler.ros.parameter_file import read_parameter_file
         from sar_compiler.ros.parameter_reader import ParameterReader
 
         mission = self.mission(binding)
         node = f"/{node_name(mission)}"
-        values = read_parameter_file(params, node)
-        reader = ParameterReader.of_files(values, [params], node)
-        begun = begin_run(mission, reader, binding)
-        for text in filter(None, (reader.elsewhere, *begun.notes)):
-            self._note(text if text.startswith(f"{params}:") else f"{params}: {text}")
-        return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)
+        values = read_parameter_file(params, node) if params is not None else {}
+        reader = ParameterReader.of_files(values, [] if params is None else [params], node)
+        return values, reader, begin_run(mission, reader, binding)
+
+    def read_parameters(self, params: Path | None = None, tree_id: str | None = None) -> "ParameterReader":
+        """Return the parameters with which `sar-run` runs a tree, and the files that they name, read without ROS.
+
+        Args:
+            params: The parameter file; by default that of the mission, if it has one.
+            tree_id: The tree in the file; by default the one that the file executes.
+
+        Raises:
+            TreeError: If there are errors.
+            ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+        """
+        binding = self.binding(tree_id)
+        mission = self.mission(binding)
+        if params is None and mission is not None:
+            params = mission.default_parameters()
+        return self._begun(params, binding)[1]
 
     def stage(self, tree_id: str | None = None, params: "str | Path | StartValues | None" = None) -> "Stage":
         """Return the stage on which scenarios are played.

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.agent.approval import ApprovalError, approval_folder, require_approval
-from sar_compiler.project import Additions, Workspace, load
+from sar_compiler.agent.approval import ApprovalCheck, ApprovalError, approval_folder
+from sar_compiler.project import load
 from tests.cli.running import run
 from tests.trees import write
 
@@ -35,10 +35,13 @@ def approve(capsys, *arguments):
     return run(capsys, "approve", *arguments)
 
 
-def refusal(name, **additions):
-    """Return why a tree may not be started; None if it may."""
+def refusal(name, tree_id=None, params=None, properties=None, **changed):
+    """Return why a tree may not be started, with parameters of which some are changed; None if it may."""
+    tree = load(name)
     try:
-        require_approval(Workspace(Additions(**additions)).load(name))
+        check = ApprovalCheck(tree, tree_id, params, properties)
+        reader = tree.read_parameters(params, tree_id)
+        check.require_parameters({**reader.parameters, **changed}, reader.files)
     except ApprovalError as error:
         return str(error)
     return None
@@ -54,7 +57,7 @@ def test_a_tree_that_nobody_has_approved_is_refused_with_what_to_type(tree):
 def test_what_was_approved_may_start_as_long_as_it_is_so(tree, capsys):
     status, said, _ = approve(capsys, tree, "--by", "Ada")
     assert status == 0
-    assert "whole.xml: approved by Ada on 2" in said
+    assert "whole.xml (Whole): approved by Ada on 2" in said
     assert "+00:00, digest " in said
     assert refusal(tree) is None
     Path(tree).touch()
@@ -99,7 +102,7 @@ def test_what_was_read_counts_and_not_what_stands_there_by_now(tree, capsys):
     approve(capsys, tree)
     read = load(tree)
     Path("part.xml").write_text("", encoding="utf-8")
-    require_approval(read)
+    ApprovalCheck(read, None)
 
 
 def test_a_tree_with_errors_is_shown_and_refused(capsys):
@@ -184,7 +187,7 @@ def test_a_proposal_proves_the_properties_that_are_named(capsys):
 def test_what_is_approved_is_listed_and_revoked(tree, capsys):
     approve(capsys, tree, "--by", "Ada")
     (told,) = approve(capsys, "--list")[1].splitlines()
-    assert "whole.xml: approved by Ada on 2" in told
+    assert "whole.xml (Whole): approved by Ada on 2" in told
     Path(tree).unlink()
     assert approve(capsys, "--revoke", tree)[1] == f"no more: {told}\n"
     assert approve(capsys, "--list")[1] == ""
@@ -211,9 +214,228 @@ def test_what_cannot_be_kept_is_not_approved(tree, capsys):
     approval_folder().parent.parent.mkdir(parents=True, exist_ok=True)
     approval_folder().parent.write_text("in the way", encoding="utf-8")
     status, _, said = approve(capsys, tree)
-    assert (status, "cannot keep that" in said) == (2, True)
+    assert (status, "cannot store that" in said) == (2, True)
 
 
 def test_who_names_no_file_is_told_what_to_name(capsys):
     status, _, said = approve(capsys)
     assert (status, said) == (2, "sar-compile: name the tree file to approve (or --list what is approved)\n")
+
+
+TWO = (
+    '<BehaviorTree ID="Right"><AlwaysSuccess/></BehaviorTree>',
+    '<BehaviorTree ID="Wrong"><Sequence><DetectSurvivor/></Sequence></BehaviorTree>',
+)
+NEVER = "properties: {nobody is there: {never: DetectSurvivor found}}\n"
+
+
+class TestTheTreeThatIsRun:
+    @pytest.fixture(autouse=True)
+    def two_trees(self):
+        write("two.xml", *TWO, main="Right")
+        Path("p.yaml").write_text(NEVER, encoding="utf-8")
+
+    def test_another_tree_of_an_approved_file_may_not_start(self, capsys):
+        approve(capsys, "two.xml")
+        assert (refusal("two.xml"), refusal("two.xml", "Right")) == (None, None)
+        said = refusal("two.xml", "Wrong")
+        assert said is not None
+        assert said.startswith("the tree 'Wrong' of two.xml is not approved (Right is)")
+        assert said.endswith("sar-compile approve two.xml --tree=Wrong")
+
+    def test_both_trees_of_a_file_can_be_approved_and_are_revoked_with_it(self, capsys):
+        approve(capsys, "two.xml", "--by", "Ada")
+        approve(capsys, "two.xml", "--tree", "Wrong", "--by", "Grace")
+        assert (refusal("two.xml"), refusal("two.xml", "Wrong")) == (None, None)
+        listed = approve(capsys, "--list")[1]
+        assert "two.xml (Right): approved by Ada" in listed
+        assert "two.xml (Wrong): approved by Grace" in listed
+        assert len(approve(capsys, "--revoke", "two.xml")[1].splitlines()) == 2
+        assert refusal("two.xml") is not None
+
+    def test_a_tree_that_is_not_there_is_not_approved(self, capsys):
+        status, _, said = approve(capsys, "two.xml", "--tree", "Nowhere")
+        assert (status, "Nowhere" in said) == (2, True)
+        assert not approval_folder().exists()
+
+    @pytest.mark.parametrize(("tree", "is_proved"), [("Right", True), ("Wrong", False)])
+    def test_what_is_proved_is_proved_of_the_tree_that_is_proposed(self, tree, is_proved, capsys):
+        proposed = json.loads(
+            approve(capsys, "two.xml", "--propose", "--tree", tree, "--properties", "p.yaml")[1]
+        )
+        assert (proposed["is_proved"], proposed["tree"]) == (is_proved, tree)
+        assert f"--tree={tree}" in proposed["approve"]
+
+    def test_no_two_trees_have_one_digest(self, capsys):
+        digests = {
+            json.loads(approve(capsys, "two.xml", "--propose", "--tree", each)[1])["digest"]
+            for each in ("Right", "Wrong")
+        }
+        assert len(digests) == 2
+
+
+PARAMETERS = """/**:
+  ros__parameters:
+    tick_rate_hz: 5.0
+    zone_order: [a, b]
+    zones:
+      a: {x: 1.0, y: 2.0, yaw: 0.0}
+      b: {x: 2, y: 3.0, yaw: 0.0}
+"""
+
+
+class TestTheParametersOfTheRun:
+    @pytest.fixture(autouse=True)
+    def mission(self):
+        write("mission.xml", '<BehaviorTree ID="Main"><ZonesRemaining/></BehaviorTree>')
+        Path("q.yaml").write_text(PARAMETERS, encoding="utf-8")
+
+    def test_the_approved_ones_may_start_whichever_way_they_are_given(self, capsys):
+        assert approve(capsys, "mission.xml", "--params", "q.yaml")[0] == 0
+        Path("other.yaml").write_text(f"# the same values\n{PARAMETERS}", encoding="utf-8")
+        for params in ("q.yaml", "other.yaml"):
+            assert refusal("mission.xml", params=Path(params)) is None
+        # What every node has, and an array for a list, as ROS gives it.
+        assert refusal("mission.xml", params=Path("q.yaml"), use_sim_time=True, zone_order=("a", "b")) is None
+
+    def test_one_that_is_changed_is_named_with_both_values_and_how_to_approve_it(self, capsys):
+        approve(capsys, "mission.xml", "--params", "q.yaml", "--by", "Ada")
+        said = refusal("mission.xml", params=Path("q.yaml"), tick_rate_hz=50.0)
+        assert said is not None
+        assert ": tick_rate_hz is 50.0 and was 5.0; look at it" in said
+        assert said.endswith("sar-compile approve mission.xml --params=q.yaml")
+
+    @pytest.mark.parametrize(
+        ("old", "new", "told"),
+        [
+            ("tick_rate_hz: 5.0", "tick_rate_hz: 5.1", "tick_rate_hz is 5.1 and was 5.0"),
+            ("    tick_rate_hz: 5.0\n", "", "tick_rate_hz is not given and was 5.0"),
+            ("x: 2,", "x: 2.5,", "zones.b.x is 2.5 and was 2"),
+            (
+                "    zone_order",
+                "    robot_radius_m: 0.3\n    zone_order",
+                "robot_radius_m is 0.3 and was not given",
+            ),
+            ("[a, b]", "[b, a]", 'zone_order is ["b", "a"] and was ["a", "b"]'),
+        ],
+    )
+    def test_each_way_of_changing_the_file_is_refused(self, old, new, told, capsys):
+        approve(capsys, "mission.xml", "--params", "q.yaml")
+        assert old in PARAMETERS
+        Path("q.yaml").write_text(PARAMETERS.replace(old, new), encoding="utf-8")
+        assert f": {told}; look at it" in str(refusal("mission.xml", params=Path("q.yaml")))
+
+    def test_of_many_changes_three_are_named(self, capsys):
+        approve(capsys, "mission.xml")
+        said = str(refusal("mission.xml", params=Path("q.yaml")))
+        assert said.count(" and was ") == 3
+        assert " more parameters; look at it" in said
+
+    def test_without_a_file_those_of_the_mission_are_approved(self, capsys):
+        approve(capsys, "mission.xml")
+        assert refusal("mission.xml") is None
+        assert "tick_rate_hz is 9.0" in str(refusal("mission.xml", tick_rate_hz=9.0))
+
+    def test_the_proof_is_one_for_the_parameters_and_they_are_part_of_the_digest(self, capsys):
+        first = json.loads(approve(capsys, "mission.xml", "--propose", "--params", "q.yaml")[1])
+        assert (first["is_proved"], first["parameters"]["tick_rate_hz"]) == (True, 5.0)
+        second = json.loads(approve(capsys, "mission.xml", "--propose")[1])
+        assert first["digest"] != second["digest"]
+        command = first["approve"].split()
+        assert approve(capsys, *command[2:])[0] == 0
+        assert refusal("mission.xml", params=Path("q.yaml")) is None
+
+    def test_parameters_with_which_no_mission_can_begin_are_not_approved(self, capsys):
+        Path("q.yaml").write_text(PARAMETERS.replace("5.0", "-5.0"), encoding="utf-8")
+        status, _, said = approve(capsys, "mission.xml", "--params", "q.yaml")
+        assert (status, "tick_rate_hz" in said) == (2, True)
+        assert not approval_folder().exists()
+
+    def test_the_areas_that_a_parameter_names_belong_to_it(self, capsys):
+        square = [[11.0, 48.0], [11.001, 48.0], [11.001, 48.001], [11.0, 48.001], [11.0, 48.0]]
+        area = {
+            "type": "Feature",
+            "properties": {"name": "north", "detection_range": 3.0},
+            "geometry": {"type": "Polygon", "coordinates": [square]},
+        }
+        areas = {"type": "FeatureCollection", "features": [area]}
+        Path("areas.geojson").write_text(json.dumps(areas), encoding="utf-8")
+        Path("q.yaml").write_text(
+            "/**: {ros__parameters: {areas_file: areas.geojson, georeference: {lat: 48.0, lon: 11.0, heading: 0.0}}}\n",
+            encoding="utf-8",
+        )
+        proposed = json.loads(approve(capsys, "mission.xml", "--propose", "--params", "q.yaml")[1])
+        assert list(proposed["named"]) == ["areas_file"]
+        approve(capsys, "mission.xml", "--params", "q.yaml")
+        assert refusal("mission.xml", params=Path("q.yaml")) is None
+        # As little as a blank: who approves looks at the file, and not at what is read of it.
+        Path("areas.geojson").write_text(f"{json.dumps(areas)} ", encoding="utf-8")
+        assert "areas.geojson has changed" in str(refusal("mission.xml", params=Path("q.yaml")))
+
+
+class TestTheProperties:
+    @pytest.fixture(autouse=True)
+    def looking(self):
+        write("looking.xml", '<BehaviorTree ID="Main"><DetectSurvivor/></BehaviorTree>')
+        Path("p.yaml").write_text(
+            "properties: {somebody is there: {never: DetectSurvivor nothing}}\n", encoding="utf-8"
+        )
+
+    def test_a_run_is_watched_for_the_properties_that_were_approved_or_for_none(self, capsys):
+        approve(capsys, "looking.xml", "--properties", "p.yaml")
+        assert refusal("looking.xml", properties=Path("p.yaml")) is None
+        assert refusal("looking.xml") is None
+        Path("p.yaml").write_text(NEVER, encoding="utf-8")
+        said = str(refusal("looking.xml", properties=Path("p.yaml")))
+        assert "p.yaml is not the file of properties that was approved" in said
+
+    def test_properties_that_nobody_has_approved_watch_no_run(self, capsys):
+        approve(capsys, "looking.xml")
+        said = str(refusal("looking.xml", properties=Path("p.yaml")))
+        assert said.endswith("sar-compile approve looking.xml --properties=p.yaml")
+
+    def test_the_digest_of_a_proposal_is_one_of_its_properties_as_well(self, capsys):
+        proposed = json.loads(approve(capsys, "looking.xml", "--propose", "--properties", "p.yaml")[1])
+        Path("p.yaml").write_text(NEVER, encoding="utf-8")
+        status, _, said = approve(capsys, *proposed["approve"].split()[2:])
+        assert (status, "it is not what was proposed" in said) == (2, True)
+
+
+class TestAFolderOfOthers:
+    @pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777])
+    def test_approvals_that_others_can_write_do_not_count(self, tree, mode, capsys):
+        approve(capsys, tree)
+        approval_folder().chmod(mode)
+        said = str(refusal(tree))
+        assert said.startswith(f"no approval in {approval_folder()} counts: others may write there.")
+        assert said.endswith(f"chmod go-w {approval_folder()}")
+        for arguments in (["--list"], ["--revoke", tree], [tree]):
+            status, _, complaint = approve(capsys, *arguments)
+            assert (status, "others may write there" in complaint) == (2, True)
+        approval_folder().chmod(0o700)
+        assert refusal(tree) is None
+
+    @pytest.mark.parametrize("mode", [0o666, 0o660, 0o602])
+    def test_a_record_that_others_can_write_does_not_count(self, tree, mode, capsys):
+        approve(capsys, tree)
+        (record,) = approval_folder().iterdir()
+        record.chmod(mode)
+        assert f"no approval in {record} counts: others may write there." in str(refusal(tree))
+
+    def test_a_folder_above_that_everybody_can_write_is_refused_unless_it_is_sticky(self, tree, capsys):
+        approve(capsys, tree)
+        above = approval_folder().parent.parent
+        above.chmod(0o777)
+        said = str(refusal(tree))
+        assert said.startswith(f"no approval in {above} counts: everybody may write there.")
+        assert said.endswith(f"chmod o-w {above}")
+        above.chmod(0o1777)
+        assert refusal(tree) is None
+
+    def test_a_record_of_another_user_does_not_count(self, tree, capsys, monkeypatch):
+        approve(capsys, tree)
+        monkeypatch.setattr("os.geteuid", lambda: 12345)
+        for place in (approval_folder(), *approval_folder().iterdir()):
+            if place.stat().st_uid == 0:  # the tests run as root, whose files count for all
+                monkeypatch.setattr("sar_compiler.agent.approval._TRUSTED_OWNERS", ())
+        assert "it belongs to another user" in str(refusal(tree))

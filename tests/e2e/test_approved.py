@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.trees import document
+from tests.trees import document, write
 
 pytestmark = pytest.mark.ros
 
@@ -10,7 +10,8 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def tree(tmp_path):
     path = tmp_path / "tree.xml"
-    path.write_text(document("<AlwaysSuccess/>"), encoding="utf-8")
+    other = '<BehaviorTree ID="Other"><AlwaysSuccess/></BehaviorTree>'
+    write(path, '<BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree>', other, main="Main")
     return path
 
 
@@ -19,15 +20,26 @@ def state(tmp_path):
     return {"XDG_STATE_HOME": str(tmp_path / "state")}
 
 
-def test_a_tree_flies_only_as_it_was_approved(start, tree, state):
-    def fly():
-        run = start("sar-run", tree, "--approved", env=state)
+def test_a_tree_runs_only_as_it_was_approved(start, tree, state, tmp_path):
+    def fly(*options):
+        run = start("sar-run", tree, "--approved", *options, env=state)
         return run.end(), run.output
 
     status, said = fly()
     assert (status, "is not approved, and --approved starts nothing else" in said) == (2, True)
     assert start("sar-compile", "approve", tree, "--by", "Ada", env=state).end() == 0
     assert fly() == (0, "")
+    status, said = fly("--tree", "Other")
+    assert (status, f"the tree 'Other' of {tree} is not approved (Main is)" in said) == (2, True)
+    status, said = fly("--ros-args", "-p", "tick_rate_hz:=9.0", "-p", "words:=[a, b]")
+    assert (status, "tick_rate_hz is 9.0 and was not given" in said) == (2, True)
+    (tmp_path / "q.yaml").write_text(
+        "/**: {ros__parameters: {tick_rate_hz: 9.0, words: [a, b]}}\n", encoding="utf-8"
+    )
+    params = ("--params", tmp_path / "q.yaml")
+    assert start("sar-compile", "approve", tree, *params, env=state).end() == 0
+    assert fly(*params) == (0, "")
+    assert fly("--ros-args", "-p", "tick_rate_hz:=9.0", "-p", "words:=[a, b]") == (0, "")
     tree.write_text(document("<AlwaysFailure/>"), encoding="utf-8")
     status, said = fly()
     assert (status, "tree.xml has changed; look at it, then: sar-compile approve" in said) == (2, True)
