@@ -47,7 +47,7 @@ def end_process(status: int, take_down: Callable[[], object] | None = None, name
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, leave)
     _await_threads(name)
-    _try_for(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter's own end does not come
+    try_for(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter's own end does not come
     if take_down is not None:
         shut_down(status, take_down)
     flush()
@@ -58,7 +58,7 @@ def flush() -> None:
     """Write out what is buffered in Python's streams; the thread that is stuck may hold the lock of one."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
-            _try_for(_FLUSH_SEC, stream.flush)
+            try_for(_FLUSH_SEC, stream.flush)
 
 
 def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float) -> NoReturn:
@@ -70,12 +70,12 @@ def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float)
         limit_sec: How long that may take, seconds.
     """
     found: list[int | None] = []
-    _try_for(limit_sec, lambda: found.append(cancel()))
+    try_for(limit_sec, lambda: found.append(cancel()))
     flush()
     os._exit(next((each for each in found if each is not None), status))
 
 
-def _try_for(limit_sec: float, call: Callable[[], object]) -> None:
+def try_for(limit_sec: float, call: Callable[[], object]) -> None:
     """Call a function in a thread of its own, and wait for it within a limit."""
 
     def call_safely() -> None:
@@ -91,7 +91,7 @@ def _await_threads(name: str) -> None:
     """Wait until the threads that are no daemons have ended, as the interpreter does, but within a limit; name those that have not."""
     deadline = time.monotonic() + _THREADS_SEC
     if (pools := sys.modules.get("concurrent.futures.thread")) is not None:
-        _try_for(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only when they are told to
+        try_for(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only when they are told to
     for thread in _others():
         thread.join(max(0.0, deadline - time.monotonic()))
     from sar_compiler.commands import print_error
@@ -109,16 +109,23 @@ def _others() -> Iterator[threading.Thread]:
     return (each for each in threading.enumerate() if not each.daemon and each not in own)
 
 
+def is_of_program(file: str) -> bool:
+    """Return whether a file of Python's is a program's or a package's own: neither of Python's library, nor of what ticks trees."""
+    library = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - of a module of the library
+    ours = os.path.dirname(__file__) + os.sep  # noqa: PTH120
+    is_packaged = f"{os.sep}site-packages{os.sep}" in file
+    ticks = file.startswith(ours) or (is_packaged and f"{os.sep}rclpy{os.sep}" in file)
+    return not ticks and (is_packaged or not file.startswith((library, "<frozen")))
+
+
 def place_of_thread(ident: int | None) -> str:
-    """Return the line of a program that a thread is in, with its function: the innermost outside Python's own library."""
+    """Return the line of a program that a thread is in, with its function; empty if it is in none."""
     import traceback
 
     frame = sys._current_frames().get(ident or 0)  # noqa: SLF001 - the one way to another thread's stack
-    library = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - of a module of the library
     for each, line in traceback.walk_stack(frame) if frame is not None else ():
-        file = each.f_code.co_filename
-        if not file.startswith((library, "<frozen")) or "site-packages" in file:
-            return f"{file}:{line}, in {each.f_code.co_name}"
+        if is_of_program(each.f_code.co_filename):
+            return f"{each.f_code.co_filename}:{line}, in {each.f_code.co_name}"
     return ""
 
 

@@ -75,6 +75,7 @@ def run_in(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int
 
 
 def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: bool) -> int:
+    signals.ends_unnoticed = True
     options, supervision = _options(argv), own_supervision()
     options.stepped = stepped
     if options.supervise is not None and options.serve is None and not supervision.is_there:

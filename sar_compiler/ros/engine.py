@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Callable, Iterable
 from itertools import takewhile
 from pathlib import Path
+from types import FrameType
 from typing import NoReturn, Protocol
 
 import py_trees
@@ -61,7 +62,17 @@ def failure_places(behaviour: Behaviour | None, error: BaseException) -> str:
     Empty if neither is known. The line of Python is that in the behaviour's own method; what is called there is in the
     traceback.
     """
-    known = [file_and_line_of(behaviour) if behaviour is not None else None, _line_of(behaviour, error)]
+    return places_of(behaviour, reversed(list(traceback.walk_tb(error.__traceback__))))
+
+
+def places_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]]) -> str:
+    """Return where a behaviour is, in brackets: its line in the tree file, and the line of its own method in a stack.
+
+    Args:
+        behaviour: The behaviour; None for a tick handler.
+        frames: The frames of the stack with their lines, the innermost first.
+    """
+    known = [file_and_line_of(behaviour) if behaviour is not None else None, _line_of(behaviour, frames)]
     said = "; ".join(place for place in known if place is not None)
     return f" ({said})" if said else ""
 
@@ -72,8 +83,8 @@ def failure_text(error: BaseException) -> str:
     return f"{behaviour_title(behaviour)} failed: {error_text(error)}{failure_places(behaviour, error)}"
 
 
-def _line_of(behaviour: Behaviour | None, error: BaseException) -> str | None:
-    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+def _line_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]]) -> str | None:
+    for frame, line in frames:
         code = frame.f_code
         is_own = behaviour is None or frame.f_locals.get("self") is behaviour
         if is_own and not code.co_filename.startswith(_OURS):

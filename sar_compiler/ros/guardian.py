@@ -7,8 +7,9 @@ ids, those that have not, and waits for their ends. It does the same when heartb
 process, but a leaf that keeps Python's interpreter lock stops that as well. A guardian that ends while its mission lives is replaced.
 """
 
-import math
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,11 +17,14 @@ import threading
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import TYPE_CHECKING
 
+from sar_compiler.process_end import is_of_program
 from sar_compiler.ros.companion import Companion
+from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
 from sar_compiler.ros.leaves.goals import GoalNews, end_in_words, goals_under_way
 
 if TYPE_CHECKING:
@@ -33,8 +37,11 @@ if TYPE_CHECKING:
 ADRIFT_SIGN = b"!"
 """What a guardian writes to who supervises its mission where it has not seen the end of a goal."""
 
-# The first word of a line: a goal is sent, has ended; the executor turns, and must again within the limit that follows, or need not.
-_SENT, _OVER, _BEAT, _REST = "+", "-", ".", "="
+# The first word of a line: a goal is sent, has ended; a heartbeat.
+_SENT, _OVER, _BEAT = "+", "-", "."
+_GONE = "the mission is gone"
+# What a mission has to do itself where its ticks stop, it is given this much longer for, seconds.
+_GRACE_SEC = 2.0
 # How long the guardian tries to have the goals ended, seconds.
 _TRYING_SEC = 10.0
 # How often heartbeats are looked for, seconds; a look that comes later by as much as the other was this process's own standstill.
@@ -68,6 +75,7 @@ class Guardian(Companion):
     def begin(self, tree: "CompiledTree", engine: "Engine") -> None:  # noqa: ARG002
         """Guard the goals of the mission's node."""
         goals_under_way(self._node).listen(self.note)
+        heartbeats(self._node).listen(self.take_heartbeat)
 
     def note(self, news: GoalNews) -> None:
         """Tell the guardian of a goal; never blocks."""
@@ -78,17 +86,10 @@ class Guardian(Companion):
                 self._active[news.goal_id] = news.action
             self._write(_OVER if news.is_over else _SENT, news.goal_id, news.action)
 
-    def beat(self, limit_sec: float) -> None:
-        """Report that the executor turns, and will again within a limit, in steady seconds; never blocks."""
-        self._report(_BEAT, f"{limit_sec:g}")
-
-    def rest(self) -> None:
-        """Report that nothing is ticked from here on."""
-        self._report(_REST)
-
-    def _report(self, *words: str) -> None:
+    def take_heartbeat(self, beat: Heartbeat) -> None:
+        """Pass a heartbeat on; never blocks, and may be called from any thread."""
         with self._lock:
-            self._write(*words)
+            self._write(_BEAT, json.dumps(beat))
 
     def end(self, *, has_begun: bool) -> None:  # noqa: ARG002
         """Let the guardian end; it first cancels what was not seen to end."""
@@ -154,7 +155,7 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     node = Canceller(f"sar_guardian_{os.getpid()}", security).node
     wards = _Wards(node)
     wards.follow(sys.stdin)
-    if not wards.cancel("the mission is gone"):
+    if not wards.cancel(_GONE):
         for descriptor in signs:
             os.write(descriptor, ADRIFT_SIGN)
     end_process(0, node.destroy_node)
@@ -170,7 +171,9 @@ class _Wards:
     def __init__(self, node: "Node") -> None:
         self._node = node
         self._active: dict[str, LeftGoal] = {}
-        self._limit_sec = self._heard_at = math.inf
+        self._beat = Heartbeat()
+        self._heard_at = 0.0
+        self._is_reported = self._is_canceled = False
         self._why = ""
 
     def follow(self, lines: Iterable[str]) -> None:
@@ -183,44 +186,53 @@ class _Wards:
                 line = came.get(timeout=_LOOK_SEC)
             except Empty:
                 line = None
-            now = time.monotonic()
-            if now - looked_at > _OWN_PAUSE_SEC:  # neither did anybody else run, perhaps
-                self._heard_at = max(self._heard_at, now)
+            if time.monotonic() - looked_at > _OWN_PAUSE_SEC:  # the mission has perhaps not run either
+                self._heard_at = time.monotonic()
             if line == _END:
                 return
             if line is not None:
                 self._take(line)
-            elif now - self._heard_at > self._limit_sec:
-                self._on_silence()
+            elif self._beat.limit_sec is not None:
+                self._look(self._beat.limit_sec, time.monotonic() - self._heard_at - _GRACE_SEC)
 
     def _take(self, line: str) -> None:
-        sign, *words = line.split()
+        sign, _, words = line.partition(" ")
         if sign == _BEAT:
-            self._limit_sec, self._heard_at = float(words[0]), time.monotonic()
-        elif sign == _REST:
-            self._limit_sec = math.inf
+            self._take_heartbeat(Heartbeat(*json.loads(words)))
         elif sign == _OVER:
-            self._active.pop(words[0], None)
+            self._active.pop(words.split()[0], None)
         else:
-            self._add(GoalNews(words[0], words[1]))
+            goal_id, action = words.split()
+            self._add(GoalNews(goal_id, action))
+
+    def _take_heartbeat(self, beat: Heartbeat) -> None:
+        if beat.is_reported:
+            self._is_reported = True
+            return
+        self._beat, self._heard_at = beat, time.monotonic()
+        self._is_reported = self._is_canceled = False
 
     def _add(self, goal: GoalNews) -> None:
         """Take a goal as it is sent, so that its server is found when it has to be canceled."""
         from sar_compiler.ros.left_goals import UNKNOWN_SEC, LeftGoal
 
         def report_end(status: int) -> None:
-            words = f"{self._why}: {goal.action} was told to cancel its goal, which {end_in_words(status)}"
-            self._node.get_logger().warning(words)
+            words = f"{goal.action} was told to cancel its goal, which {end_in_words(status)}"
+            self._node.get_logger().warning(f"{self._why}: {words}")
 
         self._active[goal.goal_id] = LeftGoal(self._node, goal, on_end=report_end, patience_sec=UNKNOWN_SEC)
 
-    def _on_silence(self) -> None:
-        """Cancel the goals of a mission whose executor does not turn; it may turn again later, and say itself what has ended."""
-        silence_sec, self._limit_sec = self._limit_sec, math.inf
-        self._node.get_logger().error(
-            f"the mission has ticked nothing for {silence_sec:g} s, and does not report where it is stuck"
-        )
-        self.cancel(f"nothing was ticked for {silence_sec:g} s")
+    def _look(self, limit_sec: float, silent_sec: float) -> None:
+        """Do what the mission itself does where its ticks stop, if it cannot: report it, and cancel the goals; it may tick again later."""
+        if silent_sec > REPORT_SEC and not self._is_reported:
+            self._is_reported = True
+            place = place_in_stack(self._beat)
+            self._node.get_logger().error(
+                f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s, and the mission itself cannot report it: it is in {place}"
+            )
+        if silent_sec > limit_sec and not self._is_canceled:
+            self._is_canceled = True
+            self.cancel(f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s")
 
     def cancel(self, why: str) -> bool:
         """Cancel what is active, until the ends are seen; return whether all were.
@@ -233,10 +245,26 @@ class _Wards:
         self._why = why
         active = cancel_goals([*self._active.values()], self._node, _TRYING_SEC)
         for goal in active:
-            self._node.get_logger().warning(
-                f"{why}, and {goal.action} does not end its goal: the robot may still be moving"
-            )
+            words = f"and {goal.action} does not end its goal: the robot may still be moving"
+            self._node.get_logger().warning(f"{why}, {words}")
         return not active
+
+
+def place_in_stack(beat: Heartbeat) -> str:
+    """Return the line of a program in which a thread is, by what Python's fault handler has written of it.
+
+    Args:
+        beat: The last heartbeat, which says where the stacks are.
+    """
+    try:
+        stacks = Path(beat.stack).read_text(encoding="utf-8", errors="replace")
+    except OSError:  # another user's process, or it has just ended
+        return "a place that cannot be read"
+    _, _, stack = stacks.partition(f"{beat.thread:x} (most recent call first):")
+    for file, line, function in re.findall(r'^  File "(.+)", line (\d+) in (.+)$', stack, re.MULTILINE):
+        if is_of_program(file):
+            return f"{file}:{line}, in {function}"
+    return "native code"
 
 
 # What comes after the last line.

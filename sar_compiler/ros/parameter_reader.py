@@ -363,6 +363,8 @@ def _did_you_mean(name: str, allowed: tuple[str, ...]) -> str:
 
 SETTLE_SEC = 5.0
 """The longest wait for the goals of a stopped tree to end: Nav2 brakes, and answers late where a machine is busy."""
+BLOCKED_TICK_SEC = 10.0
+"""How long a leaf may block the tick before the goals are canceled: as long as a supervisor waits."""
 
 # The range that a timer and a tick can keep up with; other values are taken for slips.
 _FASTEST_TICK_HZ = 1000.0
@@ -382,6 +384,7 @@ class RunParameters:
         robot_radius_m: The radius of the robot's body, for planning before the flight, in metres.
         cruise_speed_mps: The speed that estimates of time assume, in m/s.
         settle_timeout_sec: The longest wait for the goals to end when the run is stopped, in seconds.
+        blocked_tick_timeout_sec: How long nothing may be ticked, because a leaf blocks, before the goals are canceled; in steady seconds.
         georeference: Where the frame `map` lies on the earth; None if that is not said.
     """
 
@@ -393,6 +396,7 @@ class RunParameters:
     robot_radius_m: float = 0.22
     cruise_speed_mps: float = 0.4
     settle_timeout_sec: float = SETTLE_SEC
+    blocked_tick_timeout_sec: float = BLOCKED_TICK_SEC
     georeference: Georeference | None = None
 
 
@@ -411,6 +415,9 @@ def read_run(reader: ParameterReader) -> RunParameters:
         robot_radius_m=reader.positive("robot_radius_m", RunParameters.robot_radius_m),
         cruise_speed_mps=reader.cruise_speed(),
         settle_timeout_sec=reader.positive("settle_timeout_sec", RunParameters.settle_timeout_sec),
+        blocked_tick_timeout_sec=reader.positive(
+            "blocked_tick_timeout_sec", RunParameters.blocked_tick_timeout_sec
+        ),
         georeference=_georeference(reader),
     )
 

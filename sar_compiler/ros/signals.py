@@ -1,18 +1,20 @@
 """SIGINT, SIGTERM and SIGHUP as a flag to query, instead of an interruption."""
 
-import os
 import signal
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from types import FrameType
+from typing import NoReturn
+
+from sar_compiler.process_end import end_at_once
 
 _NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Signals that come together are one request: a terminal that is closed sends two, and so does `timeout`.
 _TOGETHER_SEC = 0.5
+UNNOTICED_SEC = 1.0
+"""How long a request to stop may stay unnoticed, steady seconds."""
 # How long what is done before a hurried end may take, seconds.
 _LAST_WORDS_SEC = 1.0
 
@@ -28,14 +30,18 @@ class StopSignals:
     is doing: a thread of its own listens. Only what keeps Python's interpreter lock to itself is not interrupted.
 
     Attributes:
+        came_at: When the process was asked to stop, steady seconds; None until then.
+        is_noticed: Whether anybody has learned of it by `came`.
+        ends_unnoticed: Whether a request that nobody has learned of after 1 s ends the process: while it starts, there is nothing to cancel.
         last_words: Called in that thread before a hurried end, which it can delay by 1 s at most; returns the exit status of
             that end, or None for the signal's.
     """
 
     def __init__(self) -> None:
         self.last_words: Callable[[], int | None] | None = None
+        self.came_at: float | None = None
+        self.is_noticed = self.ends_unnoticed = False
         self._number = 0
-        self._hurried_status: int | None = None
         self._came = threading.Event()
         # Python writes the number of each signal here as it arrives, not only when the main thread gets to it.
         self._ear, mouth = socket.socketpair()
@@ -53,7 +59,8 @@ class StopSignals:
     @property
     def came(self) -> bool:
         """Whether the process was asked to stop."""
-        return self._came.is_set()
+        self.is_noticed = self._came.is_set()
+        return self.is_noticed
 
     @property
     def exit_status(self) -> int:
@@ -73,30 +80,30 @@ class StopSignals:
         self._listener.join(_LAST_WORDS_SEC)
 
     def _listen(self) -> None:
-        since = 0.0
-        while numbers := self._ear.recv(64):
+        while numbers := self._heard():
             for number in (each for each in numbers if each in self._before):
-                if not self.came:
-                    since, self._number = time.monotonic(), number
+                if self.came_at is None:
+                    self.came_at, self._number = time.monotonic(), number
                     self._came.set()
-                elif number != signal.SIGHUP and time.monotonic() - since > _TOGETHER_SEC:
+                    self._ear.settimeout(UNNOTICED_SEC)
+                elif number != signal.SIGHUP and time.monotonic() - self.came_at > _TOGETHER_SEC:
                     self._number = number
                     self._leave()
         self._ear.close()
 
-    def _leave(self) -> None:
-        """End the process at once."""
-        speaker = threading.Thread(target=self._say_last_words, daemon=True)
-        speaker.start()
-        speaker.join(_LAST_WORDS_SEC)
-        os._exit(self.exit_status if self._hurried_status is None else self._hurried_status)
+    def _heard(self) -> bytes:
+        """Return the numbers of the signals that come next; empty once no more are listened to."""
+        try:
+            return self._ear.recv(64)
+        except TimeoutError:
+            self._ear.settimeout(None)
+        if self.ends_unnoticed and not self.is_noticed:
+            self._leave()
+        return self._heard()
 
-    def _say_last_words(self) -> None:
-        if self.last_words is not None:
-            self._hurried_status = self.last_words()
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(Exception):
-                stream.flush()
+    def _leave(self) -> NoReturn:
+        """End the process at once."""
+        end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
 
 def _let_go(_number: int, _frame: FrameType | None) -> None:

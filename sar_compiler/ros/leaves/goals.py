@@ -224,6 +224,10 @@ class GoalsUnderWay:
         """Whether a goal may be active whose end can still be seen."""
         return any(goal not in self._lost for goal in self._active)
 
+    def active(self) -> "list[GoalNews]":
+        """Return the goals that were sent and whose ends were not seen; may be called from any thread."""
+        return [GoalNews(goal_id, action) for goal_id, action in [*self._active.items()]]
+
     def lost(self, goal_id: str) -> None:
         """Note that the server of a goal has fallen silent: its end will not be seen."""
         self._lost.add(goal_id)

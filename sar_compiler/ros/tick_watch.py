@@ -1,0 +1,186 @@
+"""Watching that the executor which ticks a tree turns: a leaf that blocks is named, and what it keeps from being canceled is canceled.
+
+A leaf that waits in `update()` keeps the thread in which everything happens: no time limit, no answer, no command and no Ctrl-C
+counts meanwhile, and the robot drives on. A timer of the node is the heartbeat. A thread of its own sees that it stops, and where:
+Python shows the stack of every thread. A leaf that keeps the interpreter lock stops this thread as well; then the guardian, a process
+that hears of the heartbeats, does the same (`ros.guardian`), and reads the stack that Python's fault handler, which needs no lock, has written.
+"""
+
+import faulthandler
+import os
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from py_trees.behaviour import Behaviour
+from rclpy.node import Node
+
+from sar_compiler.process_end import place_of_thread
+from sar_compiler.ros.clock import steady_timer
+from sar_compiler.ros.engine import behaviour_title, places_of
+from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
+from sar_compiler.ros.leaves.goals import GoalNews, goals_under_way
+from sar_compiler.ros.left_goals import Canceller
+from sar_compiler.ros.parameter_reader import BLOCKED_TICK_SEC
+from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
+from sar_compiler.tree.showing import in_one_line
+
+_PERIOD_SEC, _LOOK_SEC = 0.5, 0.2
+# A look that comes later by so much was a standstill of the whole process, of which no leaf is to blame; seconds.
+_OWN_PAUSE_SEC = 0.5
+# How long the goals have to end after they were told to, steady seconds.
+_TRYING_SEC = 10.0
+
+
+class Cancel(Protocol):
+    """Cancels the goals of a node from another thread than its executor's."""
+
+    def __call__(self, limit_sec: float) -> Sequence[str]:
+        """Return the actions of the goals whose ends were not seen within a limit, in seconds."""
+
+
+def cancel_apart(node: Node, security: Sequence[str] = (), domain_id: int | None = None) -> Cancel:
+    """Return what cancels the goals of a node in a ROS context of its own, because its executor is blocked or its context shut down.
+
+    Args:
+        node: The node.
+        security: The ROS arguments that a second participant needs.
+        domain_id: The ROS domain; by default that of the node's context, which must be up.
+    """
+    domain = node.context.get_domain_id() if domain_id is None else domain_id
+    logger, name = node.get_logger(), node.get_name()
+
+    def report(goal: GoalNews) -> None:
+        logger.info(f"Canceling the goal of '{goal.action}'.")
+
+    def cancel(limit_sec: float) -> Sequence[str]:
+        goals = goals_under_way(node).active()
+        if not goals:
+            return []
+        canceller = Canceller(f"{name}_canceller_{os.getpid()}", security, domain)
+        try:
+            return canceller.cancel(goals, limit_sec, report)
+        finally:
+            canceller.close()
+
+    return cancel
+
+
+class TickWatch:
+    """Watches that the executor of a node turns, as long as it is entered.
+
+    Args:
+        node: The node, whose executor ticks the tree.
+        root: The tree.
+        cancel: Cancels the node's goals after the limit; None where that is not wanted, as in a simulation.
+        cancel_sec: The limit, steady seconds.
+        signals: The requests to stop.
+        end: Ends the process as asked, from the watching thread, because the one that ticks is blocked; is given where.
+        settle_sec: How long that thread may be blocked once it has noticed the request, steady seconds.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        root: Behaviour,
+        *,
+        cancel: Cancel | None,
+        cancel_sec: float = BLOCKED_TICK_SEC,
+        signals: StopSignals | None = None,
+        end: Callable[[str], object] = lambda _: None,
+        settle_sec: float = 0.0,
+    ) -> None:
+        self._node, self._root, self._logger = node, root, node.get_logger()
+        self._cancel, self._cancel_sec = cancel, cancel_sec
+        self._signals, self._end, self._settle_sec = signals, end, settle_sec
+        self._heartbeats = heartbeats(node)
+        self._beat_at = time.monotonic()
+        self._thread = threading.get_ident()
+        self._is_over = threading.Event()
+        self._is_reported = self._is_canceled = False
+        # In memory, and readable by the guardian under /proc.
+        self._stack = os.memfd_create("stacks") if self._heartbeats.are_heard else None
+
+    def __enter__(self) -> None:
+        """Watch from here on."""
+        self._timer = steady_timer(self._node, _PERIOD_SEC, self._beat)
+        self._beat()
+        self._watcher = threading.Thread(target=self._watch, name="tick watch", daemon=True)
+        self._watcher.start()
+
+    def __exit__(self, *_: object) -> None:
+        """Watch no more."""
+        self._is_over.set()
+        self._watcher.join(_OWN_PAUSE_SEC)  # it may be waiting for the ends of goals
+        self._heartbeats.report(Heartbeat())
+        if self._stack is not None:
+            faulthandler.cancel_dump_traceback_later()
+            os.close(self._stack)
+        if self._node.context.ok():
+            self._node.destroy_timer(self._timer)
+
+    def _beat(self) -> None:
+        """Note that the executor turns; called in its thread."""
+        self._beat_at, self._thread = time.monotonic(), threading.get_ident()
+        if self._stack is None:
+            return
+        os.ftruncate(self._stack, 0)
+        os.lseek(self._stack, 0, os.SEEK_SET)
+        faulthandler.dump_traceback_later(REPORT_SEC, file=self._stack)
+        place = f"/proc/{os.getpid()}/fd/{self._stack}"
+        self._heartbeats.report(Heartbeat(self._cancel_sec, stack=place, thread=self._thread))
+
+    def _watch(self) -> None:
+        looked_at = time.monotonic()
+        while not self._is_over.wait(_LOOK_SEC):
+            now = time.monotonic()
+            late_sec, looked_at = now - looked_at - _LOOK_SEC, now
+            if late_sec > _OWN_PAUSE_SEC:
+                self._beat_at += late_sec
+            self._look(now - self._beat_at)
+
+    def _look(self, silent_sec: float) -> None:
+        if silent_sec < REPORT_SEC:
+            if self._is_reported:
+                self._logger.info("The tree is ticked again.")
+            self._is_reported = self._is_canceled = False
+        elif not self._is_reported:
+            self._is_reported = True
+            self._heartbeats.report(Heartbeat(self._cancel_sec, is_reported=True))
+            self._logger.error(
+                f"Nothing was ticked for {silent_sec:.0f} s: {in_one_line(self.where())}. Meanwhile no time limit, no answer and no command "
+                "takes effect. Send a request in initialise(), and ask for its answer in update()."
+            )
+        if self._is_to_be_ended(silent_sec):
+            self._end(self.where())
+        if silent_sec > self._cancel_sec and not self._is_canceled and self._cancel is not None:
+            self._is_canceled = True
+            self._cancel_goals(self._cancel)
+
+    def _is_to_be_ended(self, silent_sec: float) -> bool:
+        """Return whether the thread that ticks does not do what it was asked for by a signal."""
+        if self._signals is None or (asked_at := self._signals.came_at) is None:
+            return False
+        patience_sec = self._settle_sec if self._signals.is_noticed else UNNOTICED_SEC
+        return min(silent_sec, time.monotonic() - asked_at) > patience_sec
+
+    def _cancel_goals(self, cancel: Cancel) -> None:
+        if not len(goals_under_way(self._node)):
+            return
+        self._logger.error(f"Nothing was ticked for {self._cancel_sec:g} s: the goals are to be canceled.")
+        for action in cancel(_TRYING_SEC):
+            self._logger.error(f"{action} does not end its goal: the robot may still be moving.")
+
+    def where(self) -> str:
+        """Return what the thread that ticks is doing: the leaf with its lines, or the line of the program."""
+        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the one way to another thread's stack
+        frames = list(traceback.walk_stack(frame)) if frame is not None else []
+        leaf = next((each for each, _ in frames if isinstance(each.f_locals.get("self"), Behaviour)), None)
+        if leaf is not None:
+            behaviour: Behaviour = leaf.f_locals["self"]
+            return f"{behaviour_title(behaviour)} blocks{places_of(behaviour, frames)}"
+        place = place_of_thread(self._thread)
+        return f"the program is in {place}" if place else "the executor does not turn"

@@ -1,0 +1,138 @@
+"""A leaf that blocks the tick is named, its goals are canceled after a limit, and Ctrl-C ends the run all the same."""
+
+import signal
+
+import pytest
+
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+LEAVES = """
+import os, pathlib, re, time
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from sar_compiler.leaves import Kind, register
+
+GO = pathlib.Path(os.environ["GO"])
+
+
+@register("Block", kind=Kind.ACTION)
+class Block(Behaviour):
+    def __init__(self, name: str, how: str) -> None:
+        super().__init__(name)
+        self._how = how
+
+    def update(self):
+        if GO.exists():
+            getattr(self, self._how)()
+        return Status.RUNNING
+
+    def terminate(self, new_status):
+        if self._how == "end":
+            time.sleep(600)
+
+    def sleep(self):
+        time.sleep(600)
+
+    def pause(self):
+        while GO.exists():
+            time.sleep(0.05)
+
+    def compute(self):
+        re.match("(a+)+b", "a" * 60)
+
+    def end(self):
+        pass
+"""
+# The lines of the calls that block.
+LINES = {"sleep": 26, "pause": 30, "compute": 33, "end": 23}
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a tree with the leaf; return its file, the options and the environment of a run, and the file that makes it block."""
+
+    def write(body):
+        (tmp_path / "blocking.py").write_text(LEAVES, encoding="utf-8")
+        tree, go = tmp_path / "tree.xml", tmp_path / "go"
+        tree.write_text(document(body), encoding="utf-8")
+        return tree, ("--nodes", "blocking"), {"PYTHONPATH": str(tmp_path), "GO": str(go)}, go
+
+    return write
+
+
+@pytest.fixture
+def block(serve, fly, written):
+    """Start a run that drives beside a leaf which blocks once its file is there; return the server, the run and that file."""
+
+    def start_mission(how, *options, cancel="grant", **parameters):
+        tree, nodes, env, go = written(
+            f'<Parallel success_count="2" failure_count="1"><NavigateToZone/><Block how="{how}"/></Parallel>'
+        )
+        server = serve("navigation", goals=[{"drive": None, "cancel": cancel}])
+        run = fly(tree, *nodes, *options, env=env, **parameters)
+        server.wait_for("accepted")
+        return server, run, go
+
+    return start_mission
+
+
+@pytest.fixture
+def place(tmp_path):
+    """Return where a leaf blocks, as it is said."""
+
+    def say(how, method=None):
+        lines = f"{tmp_path}/tree.xml:3; {tmp_path}/blocking.py:{LINES[how]}, in {method or how}"
+        return f"'Block' (Block) blocks ({lines})"
+
+    return say
+
+
+def test_a_leaf_that_blocks_is_named_and_the_goals_are_canceled_after_the_limit(block, place):
+    server, run, go = block("pause", "--journal", "none", blocked_tick_timeout_sec=3.0)
+    go.touch()
+    run.wait_for(f"Nothing was ticked for 2 s: {place('pause')}.")
+    server.wait_for("ended", how="cancel")
+    run.wait_for("Canceling the goal of '/navigate_to_pose'.")
+    go.unlink()
+    run.wait_for("The tree is ticked again.")
+    assert run.stop(within_sec=5.0) in (1, 130), run.output
+    assert "guardian" not in run.output
+
+
+@pytest.mark.parametrize(("cancel", "status"), [("grant", 130), ("ignore", 4)])
+def test_the_first_ctrl_c_ends_a_run_whose_leaf_blocks(block, place, cancel, status):
+    server, run, go = block("sleep", cancel=cancel, settle_timeout_sec=2.0)
+    go.touch()
+    run.wait_for("Nothing was ticked for 2 s")
+    assert run.stop(within_sec=10.0) == status, run.output
+    assert f"sar-run: stopped although {place('sleep')}" in run.output
+    assert ("the robot may still be moving: /navigate_to_pose" in run.output) == (status == 4)
+    assert server.active == (status == 4)
+
+
+def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels(block):
+    server, run, go = block("compute", "--guardian", blocked_tick_timeout_sec=3.0)
+    go.touch()
+    run.wait_for("and the mission itself cannot report it: it is in ")
+    assert f"blocking.py:{LINES['compute']}, in compute" in run.output
+    server.wait_for("ended", how="cancel")
+    run.wait_for("/navigate_to_pose was told to cancel its goal, which is cancelled")
+    run.send(signal.SIGKILL)
+
+
+def test_a_leaf_that_blocks_while_it_is_stopped_keeps_no_run(block, place):
+    server, run, _ = block("end", "--journal", "none", settle_timeout_sec=2.0)
+    assert run.stop(within_sec=10.0) == 130, run.output
+    assert f"sar-run: stopped although {place('end', 'terminate')}" in run.output
+    server.wait_for("ended", how="cancel")
+
+
+def test_a_leaf_that_blocks_a_simulated_run_is_named_and_ctrl_c_ends_it(start, written, place):
+    tree, nodes, env, go = written('<Block how="sleep"/>')
+    go.touch()
+    run = start("sar-run", tree, *nodes, "--sim", "--journal", "none", env=env)
+    run.wait_for(f"Nothing was ticked for 2 s: {place('sleep')}.")
+    assert run.stop(within_sec=5.0) == 130, run.output
+    assert "may still be moving" not in run.output
