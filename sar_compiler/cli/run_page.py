@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.cli.page_tools import LiveTools, ToolError, journal_tools
-from sar_compiler.cli.run_chance import RunChance
-from sar_compiler.cli.run_proof import RunProof
 from sar_compiler.cli.run_report import report_page
 from sar_compiler.cli.team_orders import TeamOrders, ordering
 from sar_compiler.cli.terminal import draws_in_place
@@ -77,21 +75,16 @@ class RunPage(Companion):
             except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
                 return {}
 
-        self._proof, self._chance = RunProof(run), RunChance(run)
         robots, forms = [node.get_fully_qualified_name()], [[_form(verb) for verb in verbs]]
         tools = {
             **self._tools.tools,
             **({"report": Tool(self._report)} if journal.is_kept else {}),
-            # It takes the processor that others leave, and memory.
-            **({"prove": Tool(self._proof.ask, is_free=False)} if run.options.properties else {}),
         }
-        feed = self._proof.feed = self._chance.feed = LiveFeed(
-            {"robots": robots, "verbs": forms, "tools": [*tools]}, beat
-        )
+        feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
         for entry in journal.earlier():
             feed.take(entry)
         # Apart: a page on which nobody says why goes on.
-        for listener in (feed.take, _TellsWhy(feed).take, self._tools.take, self._proof.take):
+        for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
             journal.listen(listener)
         self._orders = _OwnOrders(calls)
         self._server = PageServer(feed, run.options.web_port, self._orders, tools)
@@ -103,19 +96,11 @@ class RunPage(Companion):
     def begin(self, tree: CompiledTree, engine: Engine) -> None:
         """Let the tree be asked."""
         self._tools.begin(tree, engine)
-        if self._run.options.properties:
-            self._chance.begin(tree, engine)
-
-    def begin_run(self) -> None:
-        """Begin to tell how likely it is to succeed."""
-        self._chance.begin_run()
 
     def end(self, *, has_begun: bool) -> None:
         """Serve it no more; on a terminal that is Ctrl-C's to say, unless that is how the run has ended."""
         self._has_ended = self._orders.has_ended = True
         self._tools.end()
-        self._proof.end()
-        self._chance.end()
         if has_begun and self._is_looked_at and not self._run.signals.came:
             self._run.staying.append(self._stay)
         else:
@@ -251,7 +236,7 @@ class _Team:
         if entry.kind == RUN_BEGAN and self.orders is not None:
             self.feed.offer([_form(verb) for verb in self.orders.know(robot, entry)], robot)
         if entry.kind == RUN_ENDED and (why := _why_of(_explain(path))) is not None:
-            self.feed.tell("why", why, robot)
+            self.feed.set_why(why, robot)
 
     def beat(self) -> dict[str, object]:
         """Return what a page is told every second."""
@@ -287,7 +272,7 @@ class _TellsWhy:
         if entry.kind == RUN_ENDED:
             why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
             if why is not None:
-                self._feed.tell("why", why)
+                self._feed.set_why(why)
 
 
 @contextmanager

@@ -77,23 +77,6 @@ def begin_with(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
         simulated.facts.resolve(name).write(facts[name])
 
 
-def search_as_begun(
-    tree: LoadedTree,
-    binding: Binding,
-    properties: str | Path | None,
-    facts: Mapping[str, Fact],
-    parameters: Mapping[str, object],
-    search: TreeSearch[SearchResult],
-) -> SearchResult:
-    """Return what a search finds in the runs of a bound tree that begin as one has begun; see `verify_tree`."""
-
-    def begun(simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str]) -> SearchResult:
-        begin_with(simulated, facts)
-        return search(simulated, file, tags)
-
-    return verify_tree(tree, binding, properties, None, StartValues(parameters, facts), begun)
-
-
 def watch_tree(
     tree: LoadedTree,
     binding: Binding,
@@ -106,9 +89,10 @@ def watch_tree(
     """Return what watches a run of a bound tree for properties; see `LoadedTree.watch`."""
 
     def watch(simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str]) -> PropertyWatch:
+        begin_with(simulated, facts)
         return PropertyWatch(simulated, file, tags, watched, clock, limits_of(simulated, facts))
 
-    return search_as_begun(tree, binding, properties, facts, parameters, watch)
+    return verify_tree(tree, binding, properties, None, StartValues(parameters, facts), watch)
 
 
 def try_runs(tree: LoadedTree, binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:

@@ -114,12 +114,6 @@ PROPERTIES = {
     "broken": Look("broken", "failure", "✗"),
 }
 """The looks of watched properties, by what is known of them."""
-PROOFS = {
-    "proved": Look("proved", "success", "✓"),
-    "does not hold": Look("refuted", "failure", "✗"),
-    "not decided": Look("undecided", "quiet", "?"),
-}
-"""The looks of what is known of all runs."""
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
 """What the signs of decorators mean, which all have one shape."""
 IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}
@@ -177,7 +171,7 @@ def style() -> str:
     light, dark = (
         ";".join(f"--{name}:{each.on(dark=dark)}" for name, each in COLOURS.items()) for dark in (False, True)
     )
-    looks = (*LEVELS, FOUND, *PROPERTIES.values(), *PROOFS.values())
+    looks = (*LEVELS, FOUND, *PROPERTIES.values())
     levels = "".join(f".{each.word}{{--level:var(--{each.colour})}}" for each in looks)
     # Paper is light.
     return (
@@ -207,7 +201,6 @@ def script() -> str:
         "STATUSES": _STATUSES,
         "CONDITIONS": CONDITIONS,
         "PROPERTIES": {name: each._asdict() for name, each in PROPERTIES.items()},
-        "PROOFS": {name: each._asdict() for name, each in PROOFS.items()},
         "DECORATORS": DECORATORS,
     }
     return "".join(

@@ -126,9 +126,9 @@ class LiveFeed:
         """Queue an entry of a robot; from any thread, without blocking."""
         self._news.append(lambda: _happen(self._states[robot], entry))
 
-    def tell(self, part: str, found: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue what was found out of a robot's run, as `PageState.tell` takes it; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].tell(part, found))
+    def set_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
+        """Queue why a robot's run has failed, as JSON values; from any thread, without blocking."""
+        self._news.append(lambda: self._states[robot].set_why(why))
 
     def know(self, process: RunProcess, robot: int = 0) -> None:
         """Queue what is known of a robot's process; from any thread, without blocking."""

@@ -101,7 +101,7 @@ class PageState:
     """What a page shows of a robot after some entries.
 
     Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `map`, `times` of these,
-    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `proofs`, `chance`, `why`, `log`
+    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log`
     and `trail`, from a place on. With `begin` nothing of what was known before holds.
 
     Args:
@@ -120,7 +120,7 @@ class PageState:
         # The nodes that were reset since their last status.
         self._reset: set[int] = set()
         # What others have found out of the run.
-        self._found: dict[str, Mapping[str, Any]] = {}
+        self._why: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
         # When the last lines of the log were said, in seconds since 1970.
@@ -167,15 +167,10 @@ class PageState:
         self._passed = seconds
         self._touched.add("time")
 
-    def tell(self, part: str, found: Mapping[str, Any]) -> None:
-        """Add what was found out of the run, as JSON values.
-
-        Args:
-            part: `why` it has failed, what `proofs` there are of the properties, or how likely (`chance`) it is to succeed from some moment on.
-            found: That.
-        """
-        self._found[part] = found
-        self._touched.add(part)
+    def set_why(self, why: Mapping[str, Any]) -> None:
+        """Add why the run has failed, as JSON values; another run forgets it."""
+        self._why = why
+        self._touched.add("why")
 
     def know(self, process: RunProcess) -> None:
         """Take what is known of the process that runs the mission."""
@@ -221,7 +216,7 @@ class PageState:
 
     def _take_run_began(self, entry: JournalEntry) -> None:
         self._began, self._times = entry.time, {}
-        self._found = {}
+        self._why = None
         self._statuses, self._nodes, self._reset = {}, set(), set()
         node = self._mission.runs[-1].about.get("node")
         self._add_line("fact", f"The run began{f' on {node}' if node else ''}.")
@@ -403,8 +398,6 @@ class PageState:
             "times",
             "north",
             "properties",
-            "proofs",
-            "chance",
         ),
         RUN_ENDED: ("run", "drive", "condition", "place", "estimate", "properties"),
         GOAL_SENT: ("condition",),
@@ -445,9 +438,7 @@ class PageState:
         "gauges": lambda self: [each._asdict() for each in self._mission.gauges],
         "alarms": _alarms,
         "properties": _properties,
-        "proofs": lambda self: self._found.get("proofs"),
-        "chance": lambda self: self._found.get("chance"),
-        "why": lambda self: self._found.get("why"),
+        "why": lambda self: self._why,
     }
 
 

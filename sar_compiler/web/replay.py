@@ -161,7 +161,7 @@ class ReplayTrack:
         # Of a run that has ended the journal itself says that.
         self._state.know(RunProcess(is_gone=is_last and not self._is_written))
         if self.why is not None and is_last:
-            self._state.tell("why", self.why)
+            self._state.set_why(self.why)
         return self._state
 
     def _state_at(self, count: int) -> tuple[PageState, TrackPlace]:

@@ -8,7 +8,6 @@ import pytest
 from sar_compiler.journal.database import JournalFile
 from tests.e2e.test_page_of_a_mission import address
 from tests.processes import Command
-from tests.waiting import SILENCE_SEC
 from tests.web.browsers import open_browser
 
 pytestmark = pytest.mark.ros
@@ -100,7 +99,7 @@ WATCHED = """properties:
 """
 
 
-def test_the_page_has_a_card_for_each_property_proves_them_and_shows_in_a_replay_what_was_so(start, tmp_path):
+def test_the_page_and_its_replay_have_a_card_for_each_property(start, tmp_path):
     properties, journal = write(tmp_path / "properties.yaml", WATCHED), tmp_path / "m.journal"
     options = ("--properties", properties, "--journal", journal, "--view", "web", "--web-port", 0)
     run = start("sar-run", "search_and_rescue", "--sim", "--speed", 2, *options)
@@ -108,9 +107,7 @@ def test_the_page_has_a_card_for_each_property_proves_them_and_shows_in_a_replay
         page.size(1400, 900)
         page.open(address(run)[0]).wait_for("#properties summary", "Properties: 2 watched")
         page.click("#properties summary")
-        page.click("#properties button")
-        page.wait_for("#properties li:last-child", "○ watched✓ in all runs: proved")
-        page.wait_for("#properties li.broken", "(DetectSurvivor found)✗ in all runs: does not hold")
+        page.wait_for("#properties li.broken", "(DetectSurvivor found)")
         run.end()
         page.wait_for("#properties summary", "1 broken, 1 kept")
         replay = start("sar-journal", "replay", journal, "--web-port", 0)
@@ -119,30 +116,6 @@ def test_the_page_has_a_card_for_each_property_proves_them_and_shows_in_a_replay
             "const time = document.getElementById('time'); time.value = time.max; time.dispatchEvent(new Event('input'))"
         )
         page.wait_for("#properties summary", "1 broken, 1 kept")
-
-
-CHANCES = """end: zones_left == 0 && idle
-answers:
-  NavigateToZone: [{answer: arrived, p: 0.9, sec: [5, 60]}, {answer: aborted, p: 0.1, sec: [2, 60]}]
-  DetectSurvivor: [{answer: found, p: 0.5, sec: [0.5, 3]}, {answer: nothing, p: 0.5, sec: [0.5, 3]}]
-  NotifyBase: [{answer: acknowledged, p: 0.95, sec: [0.5, 2]}, {answer: refused, p: 0.05}]
-  NavigateToBase: [{answer: arrived, p: 0.8, sec: [5, 60]}, {answer: aborted, p: 0.2, sec: [2, 60]}]
-properties: {no report without a find: {before: NotifyBase starts, comes: DetectSurvivor found}}
-"""
-
-
-def test_the_page_tells_how_likely_success_is_from_where_the_mission_is(start, tmp_path):
-    properties = write(tmp_path / "properties.yaml", CHANCES)
-    options = ("--properties", properties, "--journal", "none", "--view", "web", "--web-port", 0)
-    run = start("sar-run", "search_and_rescue", "--sim", "--until", "forever", *options)
-    with open_browser() as page:
-        page.size(1400, 900)
-        # Who computes it gives way to all others of this machine.
-        page.open(address(run)[0]).wait_for("#properties summary", "Success: ", within_sec=4 * SILENCE_SEC)
-        page.click("#properties summary")
-        page.wait_for("#properties li.chance", " %at ")
-    # It goes on until then: who gives way to all others may have its turn late.
-    assert run.stop(within_sec=10.0) == 130
 
 
 def test_what_is_halted_because_the_run_is_stopped_breaks_nothing(start, tmp_path):

@@ -426,10 +426,6 @@ class Asked:
             }
         ]
 
-    def prove(self, values):
-        self.seen.append(values)
-        return {}
-
     def entries(self, _):
         return [
             {"scope": "", "entries": [{"key": "goal", "value": "'east'", "type": "str", "writes": 2}]},
@@ -442,7 +438,6 @@ class Asked:
             "entries": Tool(self.entries),
             "breakpoints": Tool(self.breakpoints, is_free=False),
             "otherwise": Tool(self.otherwise),
-            "prove": Tool(self.prove, is_free=False),
         }
 
 
@@ -491,19 +486,6 @@ def test_what_another_answer_would_have_led_to_is_asked_of_a_leaf(asked, browser
     browser.allow("409")
     browser.click(button)
     browser.wait_for("#otherwise", "That is not known: the tree has another shape now")
-
-
-def test_the_properties_of_a_run_are_proved_once_somebody_asks_for_it(live, browser):
-    asked = Asked()
-    run = live(orders=Operator(), tools=asked.tools).begin()
-    run.journal.watch("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
-    browser.open(tree_of(run.server)).click("#properties summary")
-    browser.click("#properties button")
-    browser.wait(lambda: asked.seen == [{"robot": 0}], "the question")
-    run.feed.tell("proofs", {"verdicts": {"a": "proved"}, "said": "173 states, 1 s"})
-    browser.wait_for("#properties [role=status]", "In all runs: 173 states, 1 s")
-    browser.wait_for("#properties li", "✓ in all runs: proved")
-    assert not browser.driver.find_element("css selector", "#properties button").is_displayed()
 
 
 def test_the_blackboard_is_shown_where_somebody_opens_it(asked, browser):

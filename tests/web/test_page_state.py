@@ -321,17 +321,9 @@ def test_a_broken_property_is_an_event_of_the_log_as_well():
     ]
 
 
-def test_what_is_proved_holds_for_its_run_alone():
+def test_the_reason_of_a_failure_is_forgotten_when_another_run_begins():
     state = run_of(("properties_watched", WATCHED))
-    state.tell("proofs", {"verdicts": {"a": "proved"}})
-    assert folded({}, state.whole())["proofs"] == {"verdicts": {"a": "proved"}}
+    state.set_why({"chain": []})
+    assert folded({}, state.whole())["why"] == {"chain": []}
     state.take(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
-    assert folded({}, state.whole())["proofs"] is None
-
-
-def test_the_chance_of_success_is_that_of_its_run_alone():
-    state = run_of(("properties_watched", WATCHED))
-    state.tell("chance", {"low": 0.8, "high": 0.9, "said": "", "time": 3.0})
-    assert folded({}, state.whole())["chance"]["low"] == 0.8
-    state.take(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
-    assert folded({}, state.whole())["chance"] is None
+    assert folded({}, state.whole())["why"] is None

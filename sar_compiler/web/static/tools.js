@@ -7,19 +7,15 @@ const NOT_KEPT = "A journal does not keep the blackboard. It is on the page of t
 
 export class Tools {
   /**
-   * @param {{bar: HTMLElement, board: HTMLDetailsElement, otherwise: HTMLElement, proof: HTMLElement}} places where they are.
+   * @param {{bar: HTMLElement, board: HTMLDetailsElement, otherwise: HTMLElement}} places where they are.
    * @param {import("./stream.js").Stream} stream whose run is asked.
    * @param {import("./tree_view.js").TreeView} tree whose chosen node it is about; it shows the breakpoints.
    */
-  constructor({ bar, board, otherwise, proof }, stream, tree) {
+  constructor({ bar, board, otherwise }, stream, tree) {
     Object.assign(this, { board, otherwise, stream, tree, held: null });
     this.breaker = html("button", { type: "button", "aria-pressed": "false" }, "Breakpoint");
     this.on = html("button", { type: "button" }, "Go on");
     this.asker = html("button", { type: "button" }, "What if it had answered otherwise?");
-    this.prover = html("button", { type: "button" }, "Prove them");
-    this.proved = html("span", { role: "status" });
-    proof.append(this.prover, this.proved);
-    this.prover.addEventListener("click", () => this.prove());
     bar.append(this.breaker, this.on, this.asker);
     this.breaker.addEventListener("click", () => this.hold({ node: tree.chosen, is_set: !tree.breaks.has(tree.chosen) }));
     this.on.addEventListener("click", () => this.hold({ goes_on: true }));
@@ -49,8 +45,6 @@ export class Tools {
     set(this.breaker, { "aria-pressed": String(breaks.has(chosen)) });
     this.on.hidden = !may || this.held === null;
     this.asker.hidden = !node || node.children.length > 0 || !run.states[chosen].status || !this.has("otherwise");
-    this.prover.hidden = !this.has("prove") || location.hash.length < 2 || Boolean(run.run.ended || run.proofs);
-    if (run.proofs) say(this.proved, `In all runs: ${run.proofs.said}`);
     this.board.hidden = false;
     const key = `${chosen} ${run.states[chosen]?.tick}`;
     if (key !== this.key) this.otherwise.replaceChildren();
@@ -91,11 +85,6 @@ export class Tools {
     if (!answer) return say(this.otherwise, `That is not known: ${trouble}`);
     const line = ({ instead, then, root }) => html("li", {}, html("b", {}, [instead.status, instead.label && `(${instead.label})`].filter(Boolean).join(" ")), `: ${[...then, `the root ${root}`].join(", ")}`);
     this.otherwise.replaceChildren(answer.length ? html("ul", {}, ...answer.map(line)) : "It could have answered nothing else in that tick.");
-  }
-
-  async prove() {
-    const { trouble } = await this.ask("prove");
-    say(this.proved, trouble ?? "");
   }
 
   async ask(tool, values = {}) {

@@ -32,7 +32,7 @@ const why = new WhyView(at("why"), (id) => {
   look("tree");
   tree.select(id);
 });
-const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise"), proof: at("properties").querySelector(".bar") }, stream, tree);
+const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise") }, stream, tree);
 const orders = new Orders(at("orders"), stream, { pick: onMap((answer) => map.pick(answer)), draw: onMap((answer) => map.draw(answer)) });
 
 /** Have the map in sight before it is asked for something. */
