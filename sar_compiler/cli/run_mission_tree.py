@@ -30,8 +30,9 @@ from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.companion import UnfitLeavesError
 from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, send_cancels, tell
 from sar_compiler.ros.executors import suited
+from sar_compiler.ros.graph_queries import declared_endpoints, ros_graph
 from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.leaves.leaf import RosLeaf, declared_types, qos_profile
+from sar_compiler.ros.leaves.leaf import RosLeaf, qos_profile
 from sar_compiler.ros.left_goals import LeftGoals
 from sar_compiler.ros.message_values import grid_place, value_reports
 from sar_compiler.ros.nav2_parameters import nav2_parameters
@@ -213,7 +214,7 @@ class RouteCheck:
 
             return read_map(self._world.map_path) if self._world.map_path is not None else None
         deadline = time.monotonic() + _MAP_DEADLINE_SEC
-        while self._grid is None and self._node.count_publishers(_MAP) and time.monotonic() < deadline:
+        while self._grid is None and ros_graph(self._node).publishers(_MAP) and time.monotonic() < deadline:
             with suppress(ExternalShutdownException):
                 executor.spin_once(timeout_sec=_TURN_SEC)
         grid = self._grid
@@ -336,7 +337,7 @@ class TreeRun:
             initial_pose=self._parameters.initial_pose if with_pose else None,
             begins_anew=self.simulation is not None,
             first=(LeftGoals(self._node, self.setup.journal), self._sole),
-            types=declared_types(self.tree.root),
+            endpoints=declared_endpoints(self.tree.root),
         )
 
     def _conclude_check(self, route: RouteCheck | None) -> int:
@@ -518,8 +519,10 @@ class TreeRun:
     def _begin_watching(self) -> None:
         if self._sole is not None:
             self._sole.run()
-        types = declared_types(self.tree.root)
-        drives = [use.name for use, kind in types.items() if kind.startswith("nav2_msgs/action/")]
+        endpoints = declared_endpoints(self.tree.root)
+        drives = [
+            use.name for use, each in endpoints.items() if each.type_name.startswith("nav2_msgs/action/")
+        ]
         self._watch = Watch(self._node, self.tree.uses(), sole=self._sole, drives=drives)
         self._robot = robot_estimate(self._node) if drives else None
         if self._robot is not None:

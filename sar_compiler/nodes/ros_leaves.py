@@ -62,7 +62,12 @@ _SPECS = (
             "field", str, "A field to write to `value`, such as `pose.position.x`; empty for none.", ""
         ),
         _VALUE,
-        attribute("max_age_sec", Seconds, "How old a message may be, seconds of the node's clock.", 5.0),
+        attribute(
+            "max_age_sec",
+            Seconds,
+            "How old a message may be, seconds of the node's clock; by default 5, and any age with `transient_local`.",
+            None,
+        ),
         attribute(
             "qos",
             Literal["sensor_data", "reliable", "transient_local"],

@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from sar_compiler.ros.frame_sources import frame_sources
+from sar_compiler.ros.graph_queries import names_in_words, ros_graph
 from sar_compiler.ros.leaves.leaf import of_node
 from sar_compiler.ros.message_values import (
     UnusableValueError,
@@ -17,6 +19,7 @@ from sar_compiler.ros.message_values import (
     value_reports,
 )
 from sar_compiler.ros.poses import yaw_of_turn
+from sar_compiler.tree.guessing import did_you_mean, nearest
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
 _DEPTH = 100
 _MOST_FRAMES = 10_000
 _SUBJECT = "the transforms are"
+# How many frames are named in a message, and how many are compared with a name.
+_MOST_NAMED, _MOST_COMPARED = 8, 200
 _Displacement = tuple[float, float, float]
 
 
@@ -117,6 +122,8 @@ class _Heard(NamedTuple):
 class FrameTree:
     """The frames that a node has heard of; use `frame_tree`.
 
+    A frame that two nodes publish, or one as static and one as moving, is nowhere: which of them is right is not known.
+
     Args:
         node: The rclpy node.
     """
@@ -154,13 +161,12 @@ class FrameTree:
         up, down = self._way_up(source), self._way_up(target)
         shared = next((frame for frame in up if frame in down), None)
         if shared is None:
-            known = {*self._heard, *(each.parent for each in self._heard.values())}
-            missing = [f"'{frame}'" for frame in dict.fromkeys((target, source)) if frame not in known]
-            return (
-                f"no transform of {' and '.join(missing)} has come"
-                if missing
-                else f"'{next(reversed(up))}' and '{next(reversed(down))}', above them, are not connected"
-            )
+            return self._describe_gap(target, source, next(reversed(up)), next(reversed(down)))
+        sources = frame_sources(self._node)
+        for way in (up, down):
+            for frame in list(way)[: list(way).index(shared)]:
+                if conflict := sources.conflict_of(frame):
+                    return conflict
         outward, inward = up[shared], down[shared]
         oldest, newest = min(outward.of_sec, inward.of_sec), max(outward.newest_sec, inward.newest_sec)
         age_sec = 0.0
@@ -171,6 +177,26 @@ class FrameTree:
             except UnusableValueError as error:
                 return str(error)
         return Sighting(inward.transform.inverse.of(outward.transform), age_sec)
+
+    def _describe_gap(self, target: str, source: str, above_source: str, above_target: str) -> str:
+        known = sorted({*self._heard, *(each.parent for each in self._heard.values())})
+        missing = [frame for frame in dict.fromkeys((target, source)) if frame not in known]
+        if not missing:
+            return f"'{above_source}' and '{above_target}', above them, are not connected"
+        text = f"no transform of {' and '.join(map(repr, missing))} has come"
+        if not known:
+            graph = ros_graph(self._node)
+            topic = self._node.resolve_topic_name("/tf")
+            nobody = "" if graph.publishers(topic) else f"; no node publishes on {topic}"
+            elsewhere = graph.transforms()
+            return f"{text}; {elsewhere}" if elsewhere else f"{text}{nobody}"
+        ends = {each.rpartition("/")[2]: each for each in known[:_MOST_COMPARED]}
+        guesses = (ends.get(frame) or nearest(frame, known[:_MOST_COMPARED]) for frame in missing)
+        near = next(filter(None, guesses), None)
+        named = [*map(repr, known[:_MOST_NAMED]), *(["others"] if len(known) > _MOST_NAMED else [])]
+        return (
+            f"{text}; there {'is' if len(named) == 1 else 'are'} {names_in_words(named)}{did_you_mean(near)}"
+        )
 
     def _way_up(self, frame: str) -> dict[str, _Heard]:
         """Return the frames around a frame, the inner ones first, each with where the frame is in it, and since when."""

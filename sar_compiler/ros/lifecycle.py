@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.clock import AWAKE
+from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
 from sar_compiler.ros.leaves.leaf import of_node
 
 if TYPE_CHECKING:
@@ -113,11 +114,6 @@ class PolledService:
             self._client.remove_pending_request(call)
 
 
-def with_full_name(name: str, resolved: str) -> str:
-    """Return a name, followed by its resolved form in brackets if that is not obvious."""
-    return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
-
-
 # By the constants of lifecycle_msgs/msg/State.
 _STATES = {3: "active", 2: "inactive"}
 
@@ -164,7 +160,8 @@ class LifecycleState(PolledService):
     def missing(self, since: float = -math.inf) -> str | None:
         """Ask if it is due, at once if all that is known is of before *since*; describe the last answer, None if that was `active`."""
         if not self.ask(since):
-            return f"node {self.name}: not there (no service {self._service})"
+            there = ros_graph(self._node).ask(Endpoint("node", self.name)).hint
+            return f"node {self.name}: not there (no service {self._service}){there}"
         if self.state is None:
             late = f" for {self.deadline_sec:g} s" if self.is_silent else ""
             return f"node {self.name}: {self._service} has not answered{late}"

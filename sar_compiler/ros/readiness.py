@@ -3,27 +3,27 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
-from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
+from sar_compiler.ros.frame_sources import frame_sources
+from sar_compiler.ros.graph_queries import Endpoint, names_in_words, ros_graph, with_full_name
 from sar_compiler.ros.lifecycle import (
     BEFORE_NAVIGATOR,
     MANAGER,
     NAV2_NODES,
     PolledService,
     nav2_log,
-    with_full_name,
 )
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.poses import estimated_pose
@@ -38,6 +38,8 @@ _INITIAL_POSE_PERIOD_SEC = 1.0
 _LISTEN_SEC = 1.0
 # A pose that is this near to the initial one is the same, metres and radians.
 _AGREES_M, _AGREES_RAD = 0.5, 0.5
+
+_ODOMETRY = Endpoint("topic", "odometry/filtered", "nav_msgs/msg/Odometry")
 
 # What a bring-up without an initial pose fails at.
 _WAITS_FOR_POSE = ("planner_server", "activate")
@@ -60,79 +62,20 @@ class Requirement(ABC):
         """Destroy what was created on the node."""
 
 
-class OneServer:
-    """An action or a service that must have exactly one server.
-
-    Args:
-        node: The node that will call it.
-        kind: `action` or `service`.
-        name: Its relative name.
-        type_name: Its type, `package/srv/Name`; None for any.
-
-    Attributes:
-        is_action: Whether it is an action.
-        title: Its kind and name.
-    """
-
-    def __init__(self, node: Node, kind: str, name: str, type_name: str | None = None) -> None:
-        self._node = node
-        self._type = type_name
-        self.is_action = kind == "action"
-        self._service = node.resolve_service_name(f"{name}/_action/send_goal" if kind == "action" else name)
-        self._resolved = self._service.removesuffix("/_action/send_goal")
-        self.title = f"{kind} {with_full_name(name, self._resolved)}"
-
-    @property
-    def contested(self) -> bool:
-        """Whether several servers would accept the same call."""
-        return int(self._node.count_services(self._service)) > 1
-
-    def missing(self) -> str | None:
-        """Describe a missing server, one of another type, or several of them; None for exactly one."""
-        servers = int(self._node.count_services(self._service))
-        if servers == 1:
-            types = _types_served(self._node, self._service) if self._type else ()
-            return _wrong_type(self.title, "served", types, self._type)
-        if not servers:
-            return f"{self.title}: no server"
-        number, which = ("two", "one") if servers == 2 else (servers, "all but one")  # noqa: PLR2004
-        return f"{self.title}: {number} servers answer to {self._resolved}: stop {which}"
-
-
-def _missing_publisher(node: Node, name: str, type_name: str | None) -> str | None:
-    """Describe a topic's missing publisher, or that there are only those of another type; None if there is one.
-
-    Args:
-        node: The node that will subscribe to it.
-        name: Its relative name.
-        type_name: Its type, `package/msg/Name`; None for any.
-    """
-    topic = node.resolve_topic_name(name)
-    title, publishers = f"topic {with_full_name(name, topic)}", node.get_publishers_info_by_topic(topic)
-    if not publishers:
-        return f"{title}: no publisher"
-    return _wrong_type(title, "published", [each.topic_type for each in publishers], type_name)
-
-
-def _missing_time(node: Node) -> str | None:
-    """Describe that simulated time has not started; None once there is a time."""
-    clock = node.get_clock()
-    came = not clock.ros_time_is_active or clock.now().nanoseconds > 0
-    return None if came else "use_sim_time is set and no /clock has come"
-
-
 class MisplacedRobotError(SarError):
     """A localised robot that a mission would tell another pose.
 
     Attributes:
         place: Where it is by its localisation: x, y (m) and yaw (rad), frame `map`; None if it has one, and does not say which.
         pose: Where the mission begins.
+        sources: The nodes that publish transforms.
     """
 
-    def __init__(self, place: InitialPose | None, pose: InitialPose) -> None:
-        self.place, self.pose = place, pose
+    def __init__(self, place: InitialPose | None, pose: InitialPose, sources: Sequence[str] = ()) -> None:
+        self.place, self.pose, self.sources = place, pose, sources
         start = f"initial_pose ({pose[0]:.2f}, {pose[1]:.2f})"
-        where, value = "knows where the robot is, by its transforms", ""
+        by_nodes = f" (of {names_in_words(sources)})" if sources else ""
+        where, value = f"knows where the robot is, by its transforms{by_nodes}", ""
         if place is not None:
             far = math.dist(place[:2], pose[:2])
             where = f"has the robot at ({place[0]:.2f}, {place[1]:.2f}), {far:.2f} m from {start}"
@@ -162,6 +105,7 @@ class Localised(Requirement):
         self._robot = robot_estimate(node)
         self._heard_of_at = -math.inf if begins_anew else math.inf
         self._sent_at = -math.inf
+        self._localised_at = math.inf
         self._answered = False
         self._answers, self._poses = (
             with_full_name(topic, node.resolve_topic_name(topic)) for topic in ("amcl_pose", "initialpose")
@@ -175,10 +119,17 @@ class Localised(Requirement):
             MisplacedRobotError: If the localisation has a pose that is far from the initial one.
         """
         has_taken_it = self._has_asked and self._robot.pose_at >= self._sent_at
+        now = AWAKE.now()
+        if not (self._answered or has_taken_it):
+            if conflict := self._robot.localisation_conflict():
+                return (
+                    f"topic {self._answers}: no initial pose is sent, it could be another robot's: {conflict}"
+                )
+            if self._is_heard_too_briefly(now):
+                return f"topic {self._answers}: the localisation is listened to"
         self._answered = self._answered or has_taken_it or self._keeps_its_own()
         if self._answered:
             return None
-        now = AWAKE.now()
         heard = self._publisher.get_subscription_count() > 0
         if heard and self._has_been_listened_to(now) and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
             self._sent_at = now
@@ -195,6 +146,13 @@ class Localised(Requirement):
     def _has_asked(self) -> bool:
         return self._sent_at > -math.inf
 
+    def _is_heard_too_briefly(self, now: float) -> bool:
+        """Return whether transforms that have just come, of several publishers, may still turn out to be of two robots."""
+        if not self._robot.is_localised or len(ros_graph(self._node).publisher_ids("/tf")) < 2:  # noqa: PLR2004 - then they are of one
+            return False
+        self._localised_at = min(self._localised_at, now)
+        return now - self._localised_at < _LISTEN_SEC
+
     def _keeps_its_own(self) -> bool:
         """Return whether the localisation has a pose at the initial place, with another yaw.
 
@@ -205,7 +163,7 @@ class Localised(Requirement):
             return False
         place = self._robot.place()
         if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
-            raise MisplacedRobotError(place, self._pose)
+            raise MisplacedRobotError(place, self._pose, ros_graph(self._node).publishers("/tf"))
         turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
         if not turned <= _AGREES_RAD:
             self._node.get_logger().warning(
@@ -215,7 +173,7 @@ class Localised(Requirement):
 
     def _has_been_listened_to(self, now: float) -> bool:
         """Return whether a localisation that has a pose would have said so: what it keeps for latecomers has had time to come."""
-        if self._heard_of_at == math.inf and self._node.count_publishers("amcl_pose"):
+        if self._heard_of_at == math.inf and ros_graph(self._node).publishers("amcl_pose"):
             self._heard_of_at = now
         return now - self._heard_of_at >= _LISTEN_SEC
 
@@ -273,6 +231,8 @@ class NavigatorActive(Requirement):
         stuck, what = _stuck({**states, self._lifecycle.name: state})
         said = self._log.quote(stuck)
         pose = ", and give the initial pose within its initial_transform_timeout"
+        if self._robot.localisation_conflict():
+            pose = ""
         return (
             f"; {MANAGER} has given up starting Nav2 up, {stuck} failed to {what}{f' ({said})' if said else ''}: "
             f"start Nav2 again{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
@@ -280,8 +240,10 @@ class NavigatorActive(Requirement):
 
     def _pose(self) -> str:
         """Describe that the localisation has no pose and is given none: the nodes behind it wait for that."""
-        if self._tells_pose or self._robot.is_localised or not self._node.count_publishers("amcl_pose"):
+        if self._tells_pose or self._robot.is_localised or not ros_graph(self._node).publishers("amcl_pose"):
             return ""
+        if conflict := self._robot.localisation_conflict():
+            return f"; the localisation may be another robot's: {conflict}"
         poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))
         return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
 
@@ -293,29 +255,6 @@ def _stuck(states: Mapping[str, str]) -> tuple[str, str]:
             if states[name] == state:
                 return name, step
     return next(name for name in states if states[name] != "active"), "activate"
-
-
-def _types_served(node: Node, service: str) -> set[str]:
-    """Return the types under which nodes serve a service, by its full name."""
-    types = {kind for _, _, served in services_by_node(node) for kind in served.get(service, ())}
-    # Whose a server is may be known later than the server; until then clients of the name count, too.
-    return types or set(dict(node.get_service_names_and_types()).get(service, ()))
-
-
-def services_by_node(node: Node) -> Iterator[tuple[str, str, dict[str, list[str]]]]:
-    """Yield each node of the graph by its name and namespace, with the services that it serves and their types."""
-    for name, namespace in node.get_node_names_and_namespaces():
-        with suppress(NodeNameNonExistentError):  # it has gone meanwhile
-            yield name, namespace, dict(node.get_service_names_and_types_by_node(name, namespace))
-
-
-def _wrong_type(title: str, how: str, types: Iterable[str], wanted: str | None) -> str | None:
-    """Describe a resource that exists in other types only; None if it has the wanted one, or nothing is known."""
-    # The service of an action that takes goals is of a type of its own.
-    there = sorted({each.removesuffix("_SendGoal") for each in types})
-    if wanted is None or not there or wanted in there:
-        return None
-    return f"{title}: {how} as {', '.join(there)}, must be {wanted}"
 
 
 # How long a server that was killed still counts in the graph (20 s by default of the middleware), and a
@@ -353,7 +292,7 @@ class Readiness:
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
             frame `map`; None to send none and not to wait for it.
         begins_anew: Whether the localisation is known to have no pose yet.
-        types: The types that actions, services and topics must have; those without one may have any.
+        endpoints: How the leaves use actions, services and topics; those that are not among them may be of any type.
         first: Requirements of the caller, who also closes them, to look at before all others.
 
     Attributes:
@@ -368,7 +307,7 @@ class Readiness:
         *,
         initial_pose: InitialPose | None,
         begins_anew: bool = False,
-        types: Mapping[Use, str] | None = None,
+        endpoints: Mapping[Use, Endpoint] | None = None,
         first: Iterable[Requirement] = (),
     ) -> None:
         self.node = node
@@ -377,20 +316,21 @@ class Readiness:
         # The next steps of what is looked at, each of which says what is missing; and what is to be closed in the end.
         self._steps: list[Callable[[], str | None]] = []
         self._closing: list[Requirement] = []
-        self._servers: list[OneServer] = []
+        self._graph = ros_graph(node)
         uses = list(dict.fromkeys(uses))
-        if node.get_clock().ros_time_is_active:
-            self._steps.append(partial(_missing_time, node))
+        self._endpoints = [
+            (endpoints or {}).get(use, Endpoint(use.kind, use.name)) for use in uses if use.kind != "nav2"
+        ]
+        self._steps.append(lambda: self._graph.clock() or None)
         self.uses_nav2 = any(use.kind == "nav2" for use in uses)
         if self.uses_nav2:
             self._wait_for_nav2(initial_pose, begins_anew)
-        for use in uses:
-            type_name = (types or {}).get(use)
-            if use.kind in ("action", "service"):
-                self._servers.append(OneServer(node, use.kind, use.name, type_name))
-                self._steps.append(self._servers[-1].missing)
-            elif use.kind == "topic":
-                self._steps.append(partial(_missing_publisher, node, use.name, type_name))
+        self._steps += [
+            partial(self._missing_endpoint, each) for each in self._endpoints if each.kind != "node"
+        ]
+
+    def _missing_endpoint(self, endpoint: Endpoint) -> str | None:
+        return self._graph.ask(endpoint).line
 
     def _wait_for_nav2(self, initial_pose: InitialPose | None, begins_anew: bool) -> None:
         localizer, navigator = NAV2_NODES
@@ -402,11 +342,15 @@ class Readiness:
         self._steps.append(robot_estimate(self.node).lifecycle(localizer).missing)
         self._closing.append(NavigatorActive(self.node, navigator, tells_pose=initial_pose is not None))
         self._steps.append(self._closing[-1].missing)
+        self._endpoints += [Endpoint("node", name) for name in NAV2_NODES]
+        sources = frame_sources(self.node)
+        self._steps.append(lambda: self._graph.transforms() or sources.conflict() or None)
 
     @property
     def contested(self) -> bool:
         """Whether several servers have the same name, and would all accept the same goal."""
-        return any(each.contested for each in self._servers)
+        servers = any(self._graph.ask(each).is_contested for each in self._endpoints)
+        return servers or self._graph.is_clock_contested
 
     def poll(self) -> bool:
         """Take the next step.
@@ -416,6 +360,8 @@ class Readiness:
         """
         if self.missing():
             return False
+        if self._steps:
+            self.warn()
         self.close()
         return True
 
@@ -423,15 +369,30 @@ class Readiness:
         """Take the next step, and return what is missing, one readable line each."""
         first = {each: line for each in self._first if (line := each.missing()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
-        lines = list(first.values()) or [line for step in self._steps if (line := step()) is not None]
+        lines = [*first.values()] or [line for step in self._steps if (line := step()) is not None]
+        advice = self._graph.advice(self._endpoints) if lines and not first else ""
         # Nav2's nodes declare most of their parameters while they are configured.
         if not lines and self.uses_nav2 and self._parameters.are_awaited():
             return ["the parameters of Nav2: no answer yet"]
-        return lines
+        return [*lines, advice] if advice else lines
+
+    def warn(self) -> None:
+        """Log what does not keep the mission from starting, and may be wrong: several sources, or a clock that is not used."""
+        topics = [each.name for each in self._endpoints if each.kind == "topic"]
+        lines = [self._graph.unused_clock()]
+        if self.uses_nav2:
+            topics += ["map", "amcl_pose", _ODOMETRY.name]
+            odometry = self._graph.ask(_ODOMETRY)
+            lines.append(
+                f"{odometry.title}: {odometry.problem}{odometry.explanation}" if odometry.elsewhere else ""
+            )
+        for line in dict.fromkeys([*lines, *map(self._graph.several_publishers, topics)]):
+            if line:
+                self.node.get_logger().warning(in_one_line(f"{line}."))
 
     def close(self) -> None:
         """Destroy the clients and subscriptions on the node, when the wait is given up."""
-        closing, self._closing, self._steps, self._servers = self._closing, [], [], []
+        closing, self._closing, self._steps, self._endpoints = self._closing, [], [], []
         for each in closing:
             each.close()
         if self.uses_nav2:
@@ -468,6 +429,7 @@ def wait_until_ready(
                 logger.warning(_waiting_line(readiness))
             shadow = contested_since is None or now - contested_since < SHADOW_SEC
             if now - start >= timeout_sec or not shadow:
+                readiness.warn()
                 raise NotReadyError(readiness.missing(), now - start)
             if now - told >= _PROGRESS_PERIOD_SEC:
                 told = now

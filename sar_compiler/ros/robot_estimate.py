@@ -10,6 +10,8 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, NodeTime, deadline_clock
+from sar_compiler.ros.frame_sources import frame_sources
+from sar_compiler.ros.graph_queries import ros_graph
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
 from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
@@ -210,6 +212,13 @@ class RobotEstimate:
             awaiting, self._awaiting = self._awaiting, []
             for listener in awaiting:
                 listener()
+
+    def localisation_conflict(self) -> str:
+        """Describe why the localisation that is heard may be another robot's; empty if nothing says so.
+
+        Until that is settled the localisation is given no pose, and nobody is asked to give it one: it could be the other robot's.
+        """
+        return ros_graph(self._node).foreign_localisation() or frame_sources(self._node).conflict()
 
     def _on_transforms(self, message: bytes) -> None:
         if FROM_MAP in message:

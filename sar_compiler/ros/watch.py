@@ -12,6 +12,8 @@ from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE, deadline_clock, deadline_timer
+from sar_compiler.ros.frame_sources import frame_sources
+from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
 from sar_compiler.ros.leaves.goals import (
     GoalNews,
     cancel_client,
@@ -20,9 +22,9 @@ from sar_compiler.ros.leaves.goals import (
     goals_under_way,
 )
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.lifecycle import NAV2_NODES, with_full_name
+from sar_compiler.ros.lifecycle import NAV2_NODES
 from sar_compiler.ros.poses import estimated_pose
-from sar_compiler.ros.readiness import SHADOW_SEC, OneServer
+from sar_compiler.ros.readiness import SHADOW_SEC
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.sole_mission import SoleMission
 
@@ -158,6 +160,7 @@ class Watch:
       wait meanwhile (`ActionLeaf.hold_timeout_sec`).
     * The robot moves without a goal of the mission: said, or stopped (`UnaskedMotion`).
     * No transform from `map` for 3 s: said, whatever the nodes answer.
+    * A frame, the clock, or a topic of which one source is meant has come to have several: said.
     * No node of Nav2 that the graph shows answers any more, to a new client neither: said (`deafness`).
 
     Args:
@@ -178,11 +181,14 @@ class Watch:
         self.trouble = self.deafness = ""
         self._node = node
         self._sole = sole
-        self._servers = [
-            OneServer(node, use.kind, use.name) for use in uses if use.kind in ("action", "service")
-        ]
-        self._contested: dict[OneServer, float] = {}
+        self._graph = ros_graph(node)
+        self._servers = [Endpoint(use.kind, use.name) for use in uses if use.kind in ("action", "service")]
+        self._contested: dict[Endpoint, float] = {}
+        self._topics = [use.name for use in uses if use.kind == "topic"]
+        self._reported: set[str] = set()
         self._localisation = _Localisation(node) if any(use.kind == "nav2" for use in uses) else None
+        if self._localisation is not None:
+            self._topics += ["odometry/filtered", "map"]
         self._motion = UnaskedMotion(node, drives) if drives else None
         # Steady: what has stopped may be the node's clock.
         deadline_timer(node, _PERIOD_SEC, self.look)
@@ -195,6 +201,7 @@ class Watch:
             self.trouble = self.trouble or self._sole.trouble()
         for server in self._servers:
             self._count_servers(server)
+        self._count_sources()
         if self._localisation is not None:
             for line in self._localisation.look():
                 self._node.get_logger().warning(line)
@@ -202,18 +209,28 @@ class Watch:
         if self._motion is not None:
             self._motion.look()
 
-    def _count_servers(self, server: OneServer) -> None:
-        now = AWAKE.now()
-        if not server.contested:
+    def _count_servers(self, server: Endpoint) -> None:
+        now, answer = AWAKE.now(), self._graph.ask(server)
+        if not answer.is_contested:
             if self._contested.pop(server, None) is not None:
-                self._node.get_logger().warning(f"{server.title} has one server again.")
+                self._node.get_logger().warning(f"{answer.title} has one server again.")
         elif server not in self._contested:
             self._contested[server] = now
             self._node.get_logger().warning(
-                f"{server.missing()}. A server that was killed is seen for some {SHADOW_SEC:g} s."
+                f"{answer.line}. A server that was killed is seen for some {SHADOW_SEC:g} s."
             )
-        elif server.is_action and now - self._contested[server] > SHADOW_SEC:
-            self.trouble = self.trouble or str(server.missing())
+        elif server.kind == "action" and now - self._contested[server] > SHADOW_SEC:
+            self.trouble = self.trouble or str(answer.line)
+
+    def _count_sources(self) -> None:
+        """Report once each frame, topic and clock that has come to have several sources."""
+        lines = [self._graph.clock(), *map(self._graph.several_publishers, self._topics)]
+        if self._localisation is not None:
+            lines.append(frame_sources(self._node).conflict())
+        for line in filter(None, lines):
+            if line not in self._reported:
+                self._reported.add(line)
+                self._node.get_logger().warning(f"{line}.")
 
 
 class _Localisation:
@@ -309,6 +326,8 @@ class _Localisation:
 
     def _restore(self) -> str:
         """Give the localisation, which is back without a pose, the one that it had, if that still holds."""
+        if conflict := self._robot.localisation_conflict():
+            return f"A localisation has come, and is given no pose, it could be another robot's: {conflict}."
         ask = f"give it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
         if self._robot.pose is None:
             return f"The localisation is back, and its last pose is not known: {ask}."

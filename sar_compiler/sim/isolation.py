@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.readiness import services_by_node
+from sar_compiler.ros.graph_queries import UNKNOWN_NODE, services_by_node
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _CLOCK = "/clock"
@@ -27,8 +27,6 @@ _LOOK_EVERY_SEC = 0.02
 
 LOOKING_AROUND = f"Looking whether another simulation or robot is on this machine ({LOOK_AROUND_SEC:g} s)..."
 """The message of a command before it looks for other nodes."""
-# The name that a node has before its announcement arrives, after that of its publisher: up to seconds, on a busy machine.
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"
 _ANOTHER = "another node"
 
 
@@ -184,4 +182,4 @@ def _title(goals: str) -> str:
 
 
 def _full_name(name: str, namespace: str) -> str:
-    return f"node '{namespace.rstrip('/')}/{name}'" if name != _UNKNOWN else _ANOTHER
+    return f"node '{namespace.rstrip('/')}/{name}'" if name != UNKNOWN_NODE else _ANOTHER

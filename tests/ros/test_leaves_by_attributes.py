@@ -253,7 +253,7 @@ class TestRosTransform:
         leaf.tick_once()
         assert (leaf.status, leaf.feedback_message) == (
             Status.RUNNING,
-            "no transform of 'map' and 'camera' has come",
+            "no transform of 'map' and 'camera' has come; no node publishes on /tf",
         )
         self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)))
         self.send(ros, ("odom", "camera", (0.0, 0.0, 0.0)))
@@ -265,8 +265,8 @@ class TestRosTransform:
         ("link", "ago_sec", "said"),
         [
             (("map", "camera", (1.0, 0.0, 0.0)), 100.0, r"the transforms are 10\d\.\d s old, and may be 5 s"),
-            (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has come"),
-            (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has come"),
+            (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has come; there are 'map' and 'odom'"),
+            (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has come; there are 'camera' and 'odom'"),
             (("map", "camera", (math.nan, 0.0, 0.0)), 0.0, "no transform of 'map' and 'camera' has come"),
         ],
     )  # fmt: skip

@@ -176,7 +176,8 @@ class TestServers:
         robot = ros.node("mission", namespace="/robot1")
         detector(ros.node("elsewhere"))
         assert missing(ros, readiness(robot, Use.service("detect_survivor"))) == [
-            "service detect_survivor (/robot1/detect_survivor): no server"
+            "service detect_survivor (/robot1/detect_survivor): no server; there is /detect_survivor",
+            "run with `--ros-args -r detect_survivor:=/detect_survivor`",
         ]
         detector(ros.node("there", namespace="/robot1"))
         wait(ros, readiness(robot, Use.service("detect_survivor")))
@@ -194,7 +195,10 @@ class TestServers:
             lambda: node.count_services("/navigate_to_pose/_action/send_goal") == 2, "both servers"
         )
         [line] = missing(ros, readiness(node, Use.action("navigate_to_pose")))
-        assert line == "action navigate_to_pose: two servers answer to /navigate_to_pose: stop one"
+        assert (
+            line
+            == "action navigate_to_pose: two servers answer to /navigate_to_pose, /one and /two: stop one"
+        )
         assert said.has("Waiting for", "two servers")
         for server in servers:
             server.destroy()
@@ -228,9 +232,11 @@ class TestTypes:
     WANTED = "sar_interfaces/srv/DetectSurvivor"
 
     def ready(self, node: Any, use: Use, type_name: str) -> Readiness:
+        from sar_compiler.ros.graph_queries import Endpoint
         from sar_compiler.ros.readiness import Readiness
 
-        return Readiness(node, [use], initial_pose=None, types={use: type_name})
+        endpoints = {use: Endpoint(use.kind, use.name, type_name)}
+        return Readiness(node, [use], initial_pose=None, endpoints=endpoints)
 
     def test_names_the_type_of_a_service_that_is_another_one(self, ros: Ros) -> None:
         from std_srvs.srv import SetBool
@@ -297,10 +303,11 @@ class TestTypes:
     def test_the_leaves_of_the_mission_say_their_types(self) -> None:
         from sar_compiler import load
         from sar_compiler.compiler import preview_tree
-        from sar_compiler.ros.leaves.leaf import declared_types
+        from sar_compiler.ros.graph_queries import declared_endpoints
 
         tree = preview_tree(load("search_and_rescue").binding())
-        assert declared_types(tree.root) == {
+        types = {use: each.type_name for use, each in declared_endpoints(tree.root).items()}
+        assert types == {
             Use.action("navigate_to_pose"): "nav2_msgs/action/NavigateToPose",
             Use.service("detect_survivor"): self.WANTED,
             Use.service("report_survivor"): "sar_interfaces/srv/ReportSurvivor",

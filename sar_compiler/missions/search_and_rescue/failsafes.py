@@ -168,8 +168,8 @@ class BatterySuffices(_Failsafe, TopicLeaf):
             self._silent_since = self._now_sec()
         # After a message, the base class has waited already.
         waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self.max_age_sec
-        silence = f"nothing on '{self.topic_name}' for {self.max_age_sec:g} s{self.why_unusable}"
-        return self._judge(silence if waited else "")
+        nothing = f"nothing on '{self.topic_name}' for {self.max_age_sec:g} s"
+        return self._judge(f"{nothing}{self.silence_cause}" if waited else "")
 
 
 @dataclass(eq=False, repr=False)

@@ -22,6 +22,7 @@ from sar_compiler.ros.message_values import read_field
 from sar_compiler.runtime.ports import Output
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
+_MAX_AGE_SEC = 5.0
 _LIBRARIES = "*__rosidl_typesupport_c*"
 """What rosidl has generated has such a library beside its Python."""
 
@@ -148,7 +149,7 @@ class RosTopic(TopicLeaf):
         type_: Its type, such as `sensor_msgs/msg/BatteryState`.
         field: A field to write to `value`, such as `pose.position.x`; empty for none.
         value: Where it is written.
-        max_age_sec: How old a message may be, seconds of the node's clock.
+        max_age_sec: How old a message may be, seconds of the node's clock; by default 5, and any age with `transient_local`.
         qos: `sensor_data`, `reliable`, or `transient_local` for what was published before.
         waits: Whether it is RUNNING, instead of FAILURE, while there is no message.
     """
@@ -161,13 +162,16 @@ class RosTopic(TopicLeaf):
         *,
         field: str = "",
         value: Output[object] | None = None,
-        max_age_sec: Seconds = 5.0,
+        max_age_sec: Seconds | None = None,
         qos: str = "sensor_data",
         waits: bool = False,
     ) -> None:
         super().__init__(name)
         self.topic_name, self.topic_type = topic, type_
-        self.max_age_sec, self.qos, self.waits = max_age_sec, qos, waits
+        # What a publisher keeps for latecomers was sent once, however long ago, and still holds.
+        is_limited = max_age_sec is None and qos != "transient_local"
+        self.max_age_sec = _MAX_AGE_SEC if is_limited else max_age_sec
+        self.qos, self.waits = qos, waits
         self._field, self._value = field, value or Output()
 
     def setup(self, **kwargs: Any) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 from py_trees.common import Status
 
 from sar_compiler.ros.clock import Deadline, deadline_clock
+from sar_compiler.ros.graph_queries import explain_absence
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError, MissingNodeError, RosLeaf, alive, find_interface
 from sar_compiler.runtime.clock import Clock, WallClock
 
@@ -57,9 +58,9 @@ class Exchange(ABC):
             self._deadline = self._limit(self._reply_sec)
             self._send()
         elif self._deadline.passed:
+            there = explain_absence(self._leaf.node, self._leaf, self._server_kind, self._server)
             self._give_up(
-                f"no server for the {self._server_kind} '{self._server}' within {self._leaf.server_timeout_sec:g} s; "
-                "is it running, and in this namespace?"
+                f"no server for the {self._server_kind} '{self._server}' within {self._leaf.server_timeout_sec:g} s{there}"
             )
 
     def abandon(self) -> None:

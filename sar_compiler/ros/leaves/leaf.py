@@ -8,7 +8,6 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.spec import Use
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.showing import short_line
@@ -148,12 +147,14 @@ class RosLeaf(Behaviour):
         self.node.get_logger().warning(short_line(text))
 
 
-_QOS = {
+NAMED_QOS = {
     "sensor_data": ("best_effort", "volatile"),
     "reliable": ("reliable", "volatile"),
     "transient_local": ("reliable", "transient_local"),
 }
-_WORDS = {"action": "action", "srv": "service", "msg": "topic"}
+"""The qualities of service that have a name, the least demanding first: reliability and durability."""
+WORDS = {"action": "action", "srv": "service", "msg": "topic"}
+"""The kinds of interfaces, and the words for what is of them."""
 
 
 def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
@@ -169,7 +170,7 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     Raises:
         LeafDefinitionError: If name or type is missing, or the type is not installed.
     """
-    word = _WORDS[kind]
+    word = WORDS[kind]
     if not name or not written:
         missing = f"{word}_type" if name else f"{word}_name"
         raise LeafDefinitionError(f"{owner} has no {missing}; set it on the class, or in the constructor")
@@ -179,17 +180,6 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     if not (package.isidentifier() and cls.isidentifier()):
         raise LeafDefinitionError(f"{owner}: {word}_type is '{written}'; write it as 'package/{kind}/Name'")
     return _imported(owner, written, package, kind, cls)
-
-
-def declared_types(root: Behaviour) -> dict[Use, str]:
-    """Return the types of the actions, services and topics that a tree's leaves declare, as the graph of ROS names them."""
-    types: dict[Use, str] = {}
-    for leaf in root.iterate():
-        for word in _WORDS.values():
-            name, written = getattr(leaf, f"{word}_name", None), getattr(leaf, f"{word}_type", None)
-            if isinstance(name, str) and written:
-                types[Use(word, name)] = written if isinstance(written, str) else interface_name(written)
-    return types
 
 
 def interface_name(interface: Any) -> str:
@@ -212,10 +202,10 @@ def qos_profile(owner: str, written: Any) -> "QoSProfile":
 
     if not isinstance(written, str):
         return written
-    if written not in _QOS:
-        message = f"{owner}: qos is '{written}'; write one of {', '.join(_QOS)}, or an rclpy QoSProfile"
+    if written not in NAMED_QOS:
+        message = f"{owner}: qos is '{written}'; write one of {', '.join(NAMED_QOS)}, or an rclpy QoSProfile"
         raise LeafDefinitionError(message)
-    reliability, durability = _QOS[written]
+    reliability, durability = NAMED_QOS[written]
     return QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.get_from_short_key(reliability),

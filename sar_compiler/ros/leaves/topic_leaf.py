@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.common import ClearingPolicy, Status
 
+from sar_compiler.ros.graph_queries import explain_absence
 from sar_compiler.ros.leaves.leaf import RosLeaf, alive, find_interface, qos_profile
 from sar_compiler.ros.message_values import UnusableValueError, check_stamp, node_sec, value_reports
 
@@ -70,6 +71,16 @@ class TopicLeaf(RosLeaf):
         age_sec = self._now_sec() - self._received_sec
         return self._message if 0.0 <= age_sec <= self.max_age_sec else None
 
+    @property
+    def silence_cause(self) -> str:
+        """Why there is no message that can be used, as the end of a sentence.
+
+        The last one says nothing, or what the ROS graph shows; empty if a publisher is there whose messages reach the leaf.
+        """
+        if self.why_unusable or self._node is None:
+            return self.why_unusable
+        return explain_absence(self._node, self, "topic", self.topic_name)
+
     def setup(self, **kwargs: Any) -> None:
         """Subscribe to the topic.
 
@@ -123,7 +134,7 @@ class TopicLeaf(RosLeaf):
     def on_silence(self) -> Status:
         """Return the status while there is no message: RUNNING for a leaf that `waits`, else FAILURE."""
         old = "" if self._message is None else f" within {self.max_age_sec:g} s"
-        self.feedback_message = f"no message on '{self.topic_name}'{old}{self.why_unusable}"
+        self.feedback_message = f"no message on '{self.topic_name}'{old}{self.silence_cause}"
         return Status.RUNNING if self.waits else Status.FAILURE
 
     @property

@@ -281,7 +281,7 @@ class AwaitSurvivor(TopicLeaf):
 
     def on_silence(self) -> Status:
         """Return RUNNING: nobody new was published."""
-        self.feedback_message = f"nobody new on '{self.topic_name}'"
+        self.feedback_message = f"nobody new on '{self.topic_name}'{self.silence_cause}"
         return self.answer(Status.RUNNING, "listening")
 
     def _found(self, zone: str, place: tuple[float, float] | None) -> Status:

@@ -1,0 +1,208 @@
+"""Frames whose transforms come from more than one node, as those of two robots on one `/tf` do; use `frame_sources`."""
+
+import math
+import time
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from sar_compiler.ros.graph_queries import names_in_words, ros_graph
+from sar_compiler.ros.leaves.leaf import alive, of_node
+from sar_compiler.ros.message_values import RigidTransform, UnusableValueError, frame_name, read_transform
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rclpy.node import Node
+
+# Messages that are kept until somebody asks: half a second of a busy robot.
+_DEPTH = 100
+_MOST_FRAMES = 10_000
+# Two publishers of a frame are found within so long if each sends one transform a second, seconds.
+_CONFLICT_SEC = 2.0
+# A static frame that is also moved: for so long after the last moving transform, seconds.
+_MOVING_SEC = 1.0
+# Bytes of a message as it came: its head, a stamp, and the seven numbers of a transform.
+_HEAD, _STAMP, _NUMBERS = 4, 8, 56
+_NANOSECONDS = 1_000_000_000
+
+
+class TurnsOfPublishers:
+    """Finds out by the numbers of messages whether the transforms of a frame come from publishers that take turns.
+
+    rclpy does not say who has sent a message, but which of its publisher's messages it is. These numbers rise for one publisher. For
+    two that take turns they fall again and again, whatever they are; for one that was started anew they fall once.
+    """
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+        self._falls: dict[str, tuple[float, float]] = {}
+
+    def add(self, children: "Iterable[str]", number: int, at_sec: float) -> None:
+        """Record a message.
+
+        Args:
+            children: The frames of which it has a transform.
+            number: Its number among those of its publisher.
+            at_sec: When it came, seconds.
+        """
+        for child in children:
+            last = self._numbers.get(child)
+            if last is None and len(self._numbers) >= _MOST_FRAMES:
+                continue
+            self._numbers[child] = number
+            if last is not None and number <= last:
+                self._falls[child] = (self._falls.get(child, (-math.inf, -math.inf))[1], at_sec)
+
+    def contested(self, now_sec: float) -> list[str]:
+        """Return the frames that come from several publishers now, seconds as they were given to `add`."""
+        return sorted(child for child, (at, _) in self._falls.items() if now_sec - at <= _CONFLICT_SEC)
+
+
+class _StaticFrame(NamedTuple):
+    """The last static transform of a frame as it was sent, its number, and the publishers that were there when two differed."""
+
+    transform: RigidTransform
+    number: int
+    rivals: frozenset[bytes]
+
+
+class FrameSources:
+    """Listens to transforms for who sends them; use `frame_sources`.
+
+    It has a node of its own, which nobody spins: messages wait until somebody asks, and cost nothing before. (The callback of a
+    subscription would not do: rclpy's EventsExecutor cannot call one that takes the number of a message.)
+
+    Args:
+        node: The node whose topics are meant, as it remaps them.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from rclpy.node import Node
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+        from tf2_msgs.msg import TFMessage
+
+        self._node = node
+        self._turns, self._moved_at = TurnsOfPublishers(), dict[str, float]()
+        self._static: dict[str, _StaticFrame] = {}
+        self._topics = tuple(node.resolve_topic_name(topic) for topic in ("/tf", "/tf_static"))
+        # Without the arguments of the process: they would give it the name of the other one.
+        self._listener = Node(
+            f"_{node.get_name()}_frames",
+            namespace=node.get_namespace(),
+            context=node.context,
+            use_global_arguments=False,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        moving = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        latched = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._subscriptions = [
+            self._listener.create_subscription(TFMessage, topic, lambda _: None, qos, raw=True)
+            for topic, qos in zip(self._topics, (moving, latched), strict=True)
+        ]
+
+    def conflict(self) -> str:
+        """Describe a frame that comes from several nodes, with these; empty if there is none."""
+        self._listen()
+        found = (self._describe(child) for child in (*self._turns.contested(time.time()), *self._static))
+        return next(filter(None, found), "")
+
+    def conflict_of(self, child: str) -> str:
+        """Describe that a frame comes from several nodes, with these; empty if it does not."""
+        self._listen()
+        return self._describe(child)
+
+    def _describe(self, child: str) -> str:
+        if child in self._turns.contested(time.time()):
+            return self._two_sources(child, self._topics[0])
+        static = self._static.get(child)
+        if static is None:
+            return ""
+        graph, (moving_topic, static_topic) = ros_graph(self._node), self._topics
+        if static.rivals and static.rivals <= graph.publisher_ids(static_topic):
+            return self._two_sources(child, static_topic)
+        fixed, moving = graph.publishers(static_topic), graph.publishers(moving_topic)
+        if not fixed or not moving or time.time() - self._moved_at.get(child, -math.inf) > _MOVING_SEC:
+            return ""
+        return (
+            f"frame '{child}' is static ({static_topic}, from {names_in_words(fixed)}) and moves ({moving_topic}, from "
+            f"{names_in_words(moving)}): stop one of the two"
+        )
+
+    def _two_sources(self, child: str, topic: str) -> str:
+        nodes = ros_graph(self._node).publishers(topic)
+        few = len(nodes) <= 2  # noqa: PLR2004 - then these are they
+        who = f"{'' if few else 'two of '}{names_in_words(nodes)}" if nodes else "two publishers"
+        return (
+            f"frame '{child}' has two sources on {topic}, {who}: stop one, or give each robot a namespace and transforms of its "
+            "own (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
+        )
+
+    def _listen(self) -> None:
+        """Read what has come since the last time."""
+        if not alive(self._listener):
+            return
+        for subscription, on_message in zip(
+            self._subscriptions, (self._on_moving, self._on_static), strict=True
+        ):
+            with subscription.handle:
+                # As `rclpy.wait_for_message` does.
+                while (came := subscription.handle.take_message(subscription.msg_type, True)) is not None:  # noqa: FBT003
+                    message, info = came
+                    number = info.get("publication_sequence_number")
+                    if number is not None:  # the middleware knows it
+                        at_sec = info["received_timestamp"] / _NANOSECONDS or time.time()
+                        on_message(message, number, at_sec)
+
+    def _on_moving(self, message: bytes, number: int, at_sec: float) -> None:
+        children = child_frames(message)
+        self._turns.add(children, number, at_sec)
+        for child in children:
+            if child in self._static:
+                self._moved_at[child] = at_sec
+
+    def _on_static(self, message: bytes, number: int, _: float) -> None:
+        from rclpy.serialization import deserialize_message
+        from tf2_msgs.msg import TFMessage
+
+        there = ros_graph(self._node).publisher_ids(self._topics[1])
+        for each in deserialize_message(message, TFMessage).transforms:
+            try:
+                transform = read_transform(each)._replace(stamp_sec=0.0)
+            except UnusableValueError:
+                continue  # which `FrameTree` reports
+            before = self._static.get(transform.child)
+            if before is None and len(self._static) >= _MOST_FRAMES:
+                continue
+            rivals = before.rivals if before is not None else frozenset[bytes]()
+            # What one publisher sends later is a correction. That of another one counts while both are there.
+            if (
+                before is not None
+                and number <= before.number
+                and transform != before.transform
+                and len(there) > 1
+            ):
+                rivals = there
+            self._static[transform.child] = _StaticFrame(transform, number, rivals)
+
+
+def frame_sources(node: "Node") -> FrameSources:
+    """Return who sends the transforms that a node hears, the same object in every call; it exists as long as the node."""
+    return of_node(node, FrameSources, lambda: FrameSources(node))
+
+
+def child_frames(message: bytes) -> list[str]:
+    """Return the frames of which a message of `/tf`, as it came, has a transform; no more than are whole."""
+    order: Literal["little", "big"] = "little" if message[1:2] == b"\1" else "big"
+    at, children = _HEAD + 4, []
+    for _ in range(int.from_bytes(message[_HEAD : _HEAD + 4], order)):
+        at += _STAMP
+        for _ in range(2):  # the parent, and the child
+            length = int.from_bytes(message[at : at + 4], order)
+            name = message[at + 4 : at + 3 + length]
+            at = (at + 4 + length + 3) // 4 * 4
+        # Numbers of eight bytes begin at a multiple of eight, counted from behind the head.
+        at += (_HEAD - at) % 8 + _NUMBERS
+        if at > len(message):
+            break
+        children.append(frame_name(name.decode(errors="replace")))
+    return children

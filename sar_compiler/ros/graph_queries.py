@@ -1,0 +1,549 @@
+"""What the ROS graph shows under a name or the nearest one, and whether its messages reach a node; use `ros_graph`.
+
+Readiness, the watch, leaves' messages and `ros2 doctor` ask here before they guess. Nothing blocks and nothing is subscribed to: the
+answers are what discovery has found until now.
+"""
+
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from inspect import signature
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.clock import AWAKE
+from sar_compiler.ros.leaves.leaf import NAMED_QOS, WORDS, interface_name, of_node, qos_profile
+from sar_compiler.tree.guessing import nearest
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+
+T = TypeVar("T")
+
+# Answers are reused for so long, steady seconds: a wait asks 20 times a second.
+_FRESH_SEC = 0.25
+_GOAL_SERVICE, _STATE_SERVICE = "/_action/send_goal", "/get_state"
+_ACTION_PARTS = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
+_CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
+# So many candidates are named.
+_MOST = 3
+# A name of which the wanted one is the beginning must have at least so many letters in common with it.
+_LEAST_SHARED = 4
+# Types that say nothing about the use of a name.
+_GENERIC_TYPES = ("std_msgs/", "std_srvs/", "lifecycle_msgs/", "rcl_interfaces/")
+# Types of which one source is meant: two are two robots, or an old node and a new one.
+_ONE_SOURCE = (
+    "nav_msgs/msg/Odometry",
+    "nav_msgs/msg/OccupancyGrid",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "sensor_msgs/msg/BatteryState",
+)
+_REMAP_TRANSFORMS = "-r /tf:=tf -r /tf_static:=tf_static"
+# The name of a node before its announcement arrives, after that of its publisher.
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A name that a program uses, and how.
+
+    Attributes:
+        kind: `action`, `service`, `topic` or `node` (a lifecycle node).
+        name: The name as it is written, mostly relative.
+        type_name: Its type, `package/srv/Name`; empty for any.
+        qos: The quality of service of each subscription to a topic.
+        attribute: The attribute of a tree file in which the name can be written; empty if there is none.
+    """
+
+    kind: str
+    name: str
+    type_name: str = ""
+    qos: "tuple[QoSProfile, ...]" = field(default=(), compare=False)
+    attribute: str = ""
+
+    def remappings(self, target: str) -> list[str]:
+        """Return the rules that lead its name to another one, by the full name of that."""
+        parts = {
+            "action": [f"/_action/{part}" for part in _ACTION_PARTS],
+            "node": [_STATE_SERVICE],
+        }.get(self.kind, [""])
+        return [f"-r {self.name}{part}:={target}{part}" for part in parts]
+
+
+@dataclass(frozen=True)
+class GraphAnswer:
+    """What the graph shows for an endpoint.
+
+    Attributes:
+        endpoint: What was asked for.
+        full_name: Its full name, remapped.
+        nodes: The full names of the other nodes that provide it.
+        problem: Why it cannot be used, in words; empty if it can.
+        is_there: Whether some node provides it.
+        is_contested: Whether several servers would accept the same call.
+        elsewhere: The full names under which the same, or the nearest thing, is there, the likeliest first.
+        is_same: Whether these are the same relative name in other namespaces.
+    """
+
+    endpoint: Endpoint
+    full_name: str
+    nodes: tuple[str, ...] = ()
+    problem: str = ""
+    is_there: bool = False
+    is_contested: bool = False
+    elsewhere: tuple[str, ...] = ()
+    is_same: bool = False
+
+    @property
+    def title(self) -> str:
+        """Its kind and name."""
+        return f"{self.endpoint.kind} {with_full_name(self.endpoint.name, self.full_name)}"
+
+    @property
+    def hint(self) -> str:
+        """What is there instead: `; there is /tb1/scan`; empty if nothing is."""
+        return f"; there is {names_in_words(self.elsewhere, 'or')}" if self.elsewhere else ""
+
+    @property
+    def line(self) -> str | None:
+        """The problem with its subject, and what is there instead; None if there is none."""
+        return f"{self.title}: {self.problem}{self.hint}" if self.problem else None
+
+    @property
+    def remedy(self) -> str:
+        """What to write if this alone is elsewhere: `run with …`; empty if it is nowhere."""
+        if not self.elsewhere:
+            return ""
+        target = self.elsewhere[0]
+        rules = f"run with `--ros-args {' '.join(self.endpoint.remappings(target))}`"
+        attribute = self.endpoint.attribute
+        return f'write {attribute}="{target}" in the tree, or {rules}' if attribute else rules
+
+    @property
+    def explanation(self) -> str:
+        """What is there instead, and what to write: the end of a sentence; empty if nothing is there."""
+        return f"{self.hint}: {self.remedy}" if self.elsewhere else ""
+
+    @property
+    def namespaces(self) -> list[str]:
+        """The namespaces in which the same relative name is there."""
+        tail = f"/{self.endpoint.name}"
+        relative = self.is_same and not self.endpoint.name.startswith(("/", "~"))
+        return [name.removesuffix(tail) or "/" for name in self.elsewhere if relative and name.endswith(tail)]
+
+
+class RosGraph:
+    """The ROS graph as a node sees it.
+
+    Args:
+        node: The node that asks; what it provides itself is left out of all answers.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        self._node = node
+        self._own = node.get_fully_qualified_name()
+        self._cache: dict[Any, Any] = {}
+        self._cached_at = -math.inf
+
+    def ask(self, endpoint: Endpoint) -> GraphAnswer:
+        """Return what the graph shows for an endpoint: there and usable, there and not usable, or elsewhere."""
+        return self._cached((endpoint, str(endpoint.qos)), lambda: self._ask(endpoint))
+
+    def advice(self, endpoints: Iterable[Endpoint]) -> str:
+        """Return the command-line rules that lead all endpoints that are elsewhere to where they are; empty if none is.
+
+        One namespace is advised where it takes fewer rules than remapping the names one by one.
+        """
+        answers = [self.ask(each) for each in dict.fromkeys(endpoints)]
+        absent = [each for each in answers if not each.is_there and each.elsewhere]
+        if not absent:
+            return ""
+        spaces = sorted({space for each in absent for space in each.namespaces})
+        one_by_one = self._rules_in(answers, "")
+        in_spaces = {space: self._rules_in(answers, space) for space in spaces}
+        space = min(spaces, key=lambda each: len(in_spaces[each]), default="")
+        if not space or len(in_spaces[space]) > len(one_by_one) - (len(absent) == 1):
+            text = f"run with `--ros-args {' '.join(one_by_one)}`"
+            written = [each for each in absent if each.endpoint.attribute]
+            attributes = " and ".join(f'{each.endpoint.attribute}="{each.elsewhere[0]}"' for each in written)
+            return f"{text}, or write {attributes} in the tree" if attributes else text
+        text = f"run with `--ros-args {' '.join(in_spaces[space])}`"
+        others = [other for other in spaces if other != space and self._fits_as_well(absent, other, space)]
+        return f"{text}, or with {' or '.join(others)} in the place of {space}" if others else text
+
+    def publishers(self, topic: str) -> tuple[str, ...]:
+        """Return the full names of the other nodes that publish on a topic, each once, in alphabetical order.
+
+        Args:
+            topic: The topic, relative or full; remappings apply.
+        """
+        return tuple(sorted({_node_of(each) for each in self._infos(self._node.resolve_topic_name(topic))}))
+
+    def publisher_ids(self, topic: str) -> frozenset[bytes]:
+        """Return what distinguishes the publishers of other nodes on a topic, also of nodes that share a name."""
+        infos = self._infos(self._node.resolve_topic_name(topic))
+        return frozenset(bytes(each.endpoint_gid) for each in infos)
+
+    def several_publishers(self, topic: str) -> str:
+        """Describe that several nodes publish on a topic of which one source is meant; empty if that is not so."""
+        full = self._node.resolve_topic_name(topic)
+        nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
+        if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
+            return ""
+        return f"topic {with_full_name(topic, full)}: {names_in_words(nodes)} publish it; stop all but one"
+
+    def transforms(self) -> str:
+        """Describe why the transforms of this robot do not reach the node; empty if they do, or none are there.
+
+        They are on `/tf` as it is written; a namespaced robot has them in its namespace.
+        """
+        return self._cached("transforms", self._find_transforms)
+
+    @property
+    def is_clock_contested(self) -> bool:
+        """Whether simulated time is used, and comes from several publishers."""
+        return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
+
+    def clock(self) -> str:
+        """Describe what is wrong with simulated time: none comes, or two nodes publish it; empty if all is well."""
+        node_clock = self._node.get_clock()
+        if not node_clock.ros_time_is_active:
+            return ""
+        topic = self._node.resolve_topic_name("/clock")
+        nodes = self.publishers(topic)
+        if self.is_clock_contested:
+            return (
+                f"topic {topic}: {len(self.publisher_ids(topic))} publishers, of {names_in_words(nodes)}: the time jumps "
+                "between them; stop all but one"
+            )
+        if node_clock.now().nanoseconds > 0:
+            return ""
+        missing = f"use_sim_time is set and no {topic} has come"
+        if nodes:
+            return f"{missing} from {nodes[0]}: is the simulation paused?"
+        others = sorted(name for name, types in self._topics().items() if _CLOCK_TYPE in types)
+        if others:
+            return f"{missing}; there is {others[0]}: run with `--ros-args -r /clock:={others[0]}`"
+        return missing
+
+    def unused_clock(self) -> str:
+        """Describe that some node publishes simulated time, and this one does not use it; empty if that is not so."""
+        nodes = self.publishers("/clock")
+        if not nodes or self._node.get_clock().ros_time_is_active:
+            return ""
+        return (
+            f"{names_in_words(nodes)} publish{'es' if len(nodes) == 1 else ''} /clock, and use_sim_time is not set: stamps of "
+            "the robot look old. Run with `--ros-args -p use_sim_time:=true`"
+        )
+
+    def foreign_localisation(self) -> str:
+        """Describe why the localisation that is heard may be another robot's; empty if nothing says so."""
+        poses = self.ask(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
+        if not poses.is_there and poses.is_same:
+            return f"{poses.title} has no publisher; there is {names_in_words(poses.elsewhere, 'or')}"
+        if len(poses.nodes) > 1:
+            return f"{poses.title} has several publishers: {names_in_words(poses.nodes)}"
+        return self.transforms()
+
+    def _ask(self, endpoint: Endpoint) -> GraphAnswer:
+        if endpoint.kind == "topic":
+            return self._ask_topic(endpoint)
+        suffix = {"action": _GOAL_SERVICE, "node": _STATE_SERVICE}.get(endpoint.kind, "")
+        service = self._node.resolve_service_name(f"{endpoint.name}{suffix}")
+        full, count = service.removesuffix(suffix), int(self._node.count_services(service))
+        if not count:
+            return self._absent(endpoint, full, "no server")
+        nodes = tuple(sorted(name for name, served in self._servers() if service in served))
+        problem, is_contested = "", count > 1 and endpoint.kind != "node"
+        if is_contested:
+            number, which = ("two", "one") if count == 2 else (count, "all but one")  # noqa: PLR2004
+            of_nodes = f", {names_in_words(nodes)}" if len(nodes) == count else ""
+            problem = f"{number} servers answer to {full}{of_nodes}: stop {which}"
+        elif endpoint.type_name:
+            types = {kind for _, served in self._servers() for kind in served.get(service, ())}
+            # Whose a server is may be known later than the server; until then clients of the name count, too.
+            types = types or set(dict(self._node.get_service_names_and_types()).get(service, ()))
+            problem = _wrong_type("served", types, endpoint.type_name)
+        return GraphAnswer(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
+
+    def _ask_topic(self, endpoint: Endpoint) -> GraphAnswer:
+        full = self._node.resolve_topic_name(endpoint.name)
+        infos = self._infos(full)
+        if not infos:
+            return self._absent(endpoint, full, "no publisher")
+        problem = _wrong_type("published", {each.topic_type for each in infos}, endpoint.type_name)
+        return GraphAnswer(
+            endpoint, full, self.publishers(full), problem or _unheard(infos, endpoint.qos), is_there=True
+        )
+
+    def _absent(self, endpoint: Endpoint, full: str, problem: str) -> GraphAnswer:
+        there = {
+            "action": self._actions,
+            "service": self._services,
+            "topic": self._topics,
+            "node": self._lifecycle_nodes,
+        }[endpoint.kind]()
+        same = _same_elsewhere(endpoint, full, there)
+        near = same or _nearest_names(endpoint, full, self._node.get_namespace(), there)
+        return GraphAnswer(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
+
+    def _rules_in(self, answers: Sequence[GraphAnswer], space: str) -> list[str]:
+        """Return the rules that a run in a namespace needs; in its present one, if that is empty."""
+        rules = [f"-r __ns:={space}"] if space else []
+        if space not in ("", "/") and f"{space}/tf" in self._topics() and self._resolves_tf_globally:
+            rules.append(_REMAP_TRANSFORMS)
+        for each in answers:
+            target = each.full_name if each.is_there else next(iter(each.elsewhere), "")
+            is_relative = not each.endpoint.name.startswith(("/", "~"))
+            stays = each.is_there and (not space or not is_relative)
+            moves = space in each.namespaces or (
+                bool(space) and is_relative and self._is_in(each.endpoint, space)
+            )
+            if target and not stays and not moves:
+                rules += each.endpoint.remappings(target)
+        return rules
+
+    def _is_in(self, endpoint: Endpoint, space: str) -> bool:
+        """Return whether a relative name is there in a namespace."""
+        moved = Endpoint(endpoint.kind, f"{space.rstrip('/')}/{endpoint.name}")
+        return self.ask(moved).is_there
+
+    def _fits_as_well(self, absent: Sequence[GraphAnswer], space: str, chosen: str) -> bool:
+        fits = [each for each in absent if chosen in each.namespaces]
+        return bool(fits) and all(space in each.namespaces for each in fits)
+
+    @property
+    def _resolves_tf_globally(self) -> bool:
+        return bool(self._node.resolve_topic_name("/tf") == "/tf")
+
+    def _find_transforms(self) -> str:
+        here, space = self._node.resolve_topic_name("/tf"), self._node.get_namespace().rstrip("/")
+        heard, localisers = set(self.publishers("/tf")), set(self.publishers("amcl_pose"))
+        for topic, nodes in sorted(self._cached("publishing", self._find_publishing).items()):
+            if not topic.endswith("/tf") or topic == here:
+                continue
+            # With other robots on the topic, it counts where the nodes of this one publish.
+            inside = {
+                node for node in heard.union(nodes) if space and node.startswith(f"{space}/")
+            } | localisers
+            is_ours = bool(inside & set(nodes)) and not inside & heard
+            if not is_ours and (heard or (localisers and topic != f"{space}/tf")):
+                continue
+            is_own = topic == f"{space}/tf"
+            rules = _REMAP_TRANSFORMS if is_own else f"-r /tf:={topic} -r /tf_static:={topic}_static"
+            return (
+                f"transforms: {names_in_words(sorted(nodes))} publish{'es' if len(nodes) == 1 else ''} them on {topic}, and this "
+                f"node listens to {here}: run with `--ros-args {rules}`"
+            )
+        return ""
+
+    def _infos(self, topic: str) -> list[Any]:
+        """Return the publishers of other nodes on a topic that this node uses, by its full name."""
+        return self._cached((topic, "infos"), lambda: self._find_infos(topic))
+
+    def _find_infos(self, topic: str) -> list[Any]:
+        # rclpy remaps the name here (contrary to what it says, and to `count_publishers`): a foreign name could become another one.
+        infos = self._node.get_publishers_info_by_topic(topic)
+        return [each for each in infos if _node_of(each) != self._own]
+
+    def _find_publishing(self) -> dict[str, dict[str, set[str]]]:
+        """Return the topics on which other nodes publish, with these nodes, and the types of each."""
+        from rclpy.node import NodeNameNonExistentError
+
+        found: dict[str, dict[str, set[str]]] = {}
+        for name, space in self._node.get_node_names_and_namespaces():
+            node = f"{space.rstrip('/')}/{name}"
+            if node == self._own or name == UNKNOWN_NODE:
+                continue
+            with suppress(NodeNameNonExistentError):  # it has gone meanwhile
+                for topic, types in self._node.get_publisher_names_and_types_by_node(name, space):
+                    found.setdefault(topic, {}).setdefault(node, set()).update(types)
+        return found
+
+    def _topics(self) -> dict[str, set[str]]:
+        """Return the topics on which other nodes publish, with their types."""
+        publishing = self._cached("publishing", self._find_publishing)
+        return {
+            topic: set().union(*nodes.values()) for topic, nodes in publishing.items() if "/_" not in topic
+        }
+
+    def _served(self) -> dict[str, set[str]]:
+        """Return the services that other nodes serve, with their types."""
+        return self._cached("services", self._find_served)
+
+    def _find_served(self) -> dict[str, set[str]]:
+        found: dict[str, set[str]] = {}
+        for _, served in self._servers():
+            for name, types in served.items():
+                found.setdefault(name, set()).update(types)
+        return found
+
+    def _servers(self) -> list[tuple[str, dict[str, list[str]]]]:
+        """Return the other nodes by their full names, with the services that they serve."""
+        return self._cached(
+            "servers", lambda: [each for each in self._find_servers() if each[0] != self._own]
+        )
+
+    def _find_servers(self) -> Iterator[tuple[str, dict[str, list[str]]]]:
+        for name, space, served in services_by_node(self._node):
+            yield f"{space.rstrip('/')}/{name}", served
+
+    def _services(self) -> dict[str, set[str]]:
+        return {name: types for name, types in self._served().items() if "/_" not in name}
+
+    def _actions(self) -> dict[str, set[str]]:
+        return {
+            name.removesuffix(_GOAL_SERVICE): {each.removesuffix("_SendGoal") for each in types}
+            for name, types in self._served().items()
+            if name.endswith(_GOAL_SERVICE)
+        }
+
+    def _lifecycle_nodes(self) -> dict[str, set[str]]:
+        return {
+            name.removesuffix(_STATE_SERVICE): types
+            for name, types in self._served().items()
+            if name.endswith(_STATE_SERVICE)
+        }
+
+    def _cached(self, key: Any, find: Callable[[], T]) -> T:
+        now = AWAKE.now()
+        if now - self._cached_at > _FRESH_SEC:
+            self._cache, self._cached_at = {}, now
+        if key not in self._cache:
+            self._cache[key] = find()
+        found: T = self._cache[key]
+        return found
+
+
+def ros_graph(node: "Node") -> RosGraph:
+    """Return the graph as a node sees it, the same object in every call; it exists as long as the node."""
+    return of_node(node, RosGraph, lambda: RosGraph(node))
+
+
+def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
+    """Return the actions, services and topics that a tree's leaves declare, with their types and qualities of service."""
+    found: dict[Use, Endpoint] = {}
+    for leaf in root.iterate():
+        for word in WORDS.values():
+            name, written = getattr(leaf, f"{word}_name", None), getattr(leaf, f"{word}_type", None)
+            if not isinstance(name, str) or not written:
+                continue
+            use, type_name = Use(word, name), written if isinstance(written, str) else interface_name(written)
+            qos = (qos_profile(type(leaf).__name__, leaf.qos),) if hasattr(leaf, "qos") else ()
+            attribute = word if word in signature(type(leaf)).parameters else ""
+            before = found[use].qos if use in found else ()
+            found[use] = Endpoint(word, name, type_name, (*before, *qos), attribute)
+    return found
+
+
+def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
+    """Return the end of a sentence about a leaf's server or topic that is not heard: what is there, and what to write.
+
+    It is empty for a topic that is there, and whose messages reach the leaf.
+    """
+    use = Use(kind, name)
+    answer = ros_graph(node).ask(declared_endpoints(leaf).get(use, Endpoint(kind, name)))
+    if answer.is_there:
+        connected = "" if kind == "topic" else "it is there, and not connected yet"
+        problem = answer.problem or connected
+        return problem and f"; {problem}"
+    return answer.explanation or f"; no node {'publishes it' if kind == 'topic' else 'serves it'}"
+
+
+def with_full_name(name: str, resolved: str) -> str:
+    """Return a name, followed by its resolved form in brackets if that is not obvious."""
+    return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
+
+
+def names_in_words(names: Collection[str], conjunction: str = "and") -> str:
+    """Return names as `/a, /b and /c`."""
+    *most, last = names
+    return f"{', '.join(most)} {conjunction} {last}" if most else last
+
+
+def services_by_node(node: "Node") -> Iterator[tuple[str, str, dict[str, list[str]]]]:
+    """Yield each node of the graph by its name and namespace, with the services that it serves and their types."""
+    from rclpy.node import NodeNameNonExistentError
+
+    for name, namespace in node.get_node_names_and_namespaces():
+        with suppress(NodeNameNonExistentError):  # it has gone meanwhile
+            yield name, namespace, dict(node.get_service_names_and_types_by_node(name, namespace))
+
+
+def _node_of(info: Any) -> str:
+    """Return the full name of the node of a publisher or a subscription."""
+    if info.node_name == UNKNOWN_NODE:
+        return "a node without a name yet"
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
+    """Describe a resource that exists in other types only; empty if it has the wanted one, or nothing is known."""
+    # The service of an action that takes goals is of a type of its own.
+    there = sorted({each.removesuffix("_SendGoal") for each in types})
+    return (
+        "" if not wanted or not there or wanted in there else f"{how} as {', '.join(there)}, must be {wanted}"
+    )
+
+
+def _unheard(infos: Sequence[Any], subscriptions: Iterable["QoSProfile"]) -> str:
+    """Describe that no message of any publisher reaches a subscription, with the quality of service to write; empty if some do."""
+    for wanted in subscriptions:
+        reasons = [(each, _incompatibility(each.qos_profile, wanted)) for each in infos]
+        if reasons and all(reason for _, reason in reasons):
+            info, reason = reasons[0]
+            fitting = next(
+                name
+                for name in reversed(NAMED_QOS)
+                if not any(_incompatibility(each.qos_profile, qos_profile("", name)) for each in infos)
+            )
+            return f'no message of {_node_of(info)} arrives ({reason}): write qos="{fitting}"'
+    return ""
+
+
+def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
+    """Return why messages do not pass between two qualities of service; empty if they do."""
+    from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+    verdict, reasons = qos_check_compatible(offered, wanted)
+    if verdict != QoSCompatibility.ERROR:
+        return ""
+    return ", ".join(
+        each.removeprefix("ERROR: ").lower() for each in reasons.split(";") if each.startswith("ERROR")
+    )
+
+
+def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collection[str]]) -> list[str]:
+    """Return the names that are the wanted one in another namespace, those of the wanted type before others."""
+    tails = {f"/{endpoint.name.lstrip('/~')}", full}
+    same = [name for name in there if any(name.endswith(tail) for tail in tails) or full.endswith(name)]
+    fitting = [name for name in same if not endpoint.type_name or endpoint.type_name in there[name]]
+    return sorted(fitting, key=lambda name: (name.count("/"), name))
+
+
+def _nearest_names(
+    endpoint: Endpoint, full: str, space: str, there: Mapping[str, Collection[str]]
+) -> list[str]:
+    """Return the names that were probably meant: by a typo, a part more or less, or as the only ones of the type."""
+    wanted = endpoint.name.lstrip("/~")
+    fitting = [name for name in sorted(there) if not endpoint.type_name or endpoint.type_name in there[name]]
+    depth, inner = wanted.count("/") + 1, f"{space.rstrip('/')}/"
+    tails = {"/".join(name.split("/")[-depth:]): name for name in fitting}
+    tails |= {name.removeprefix(inner): name for name in fitting if name.startswith(inner)}
+    near = nearest(wanted, tails)
+    if near is not None:
+        return [tails[near]]
+    if not endpoint.type_name or endpoint.kind == "node":
+        return []
+    longer = [name for name in fitting if _is_longer(name, full) or _is_longer(full, name)]
+    is_telling = not endpoint.type_name.startswith(_GENERIC_TYPES) and len(fitting) <= _MOST
+    return longer or (fitting if is_telling else [])
+
+
+def _is_longer(name: str, beginning: str) -> bool:
+    """Return whether a name has a part or some letters more at its end."""
+    return name.startswith(beginning) and len(beginning) > _LEAST_SHARED

@@ -1,0 +1,766 @@
+"""What the ROS graph shows for a name, over real DDS: every case of a name, a type, a quality of service or a source that is wrong."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import pytest
+
+from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.graph_queries import Endpoint, RosGraph, names_in_words, ros_graph
+from tests.ros.conftest import Ros
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sar_compiler.ros.readiness import Readiness
+    from tests.ros.conftest import Said
+
+pytestmark = pytest.mark.ros
+
+DETECT = "sar_interfaces/srv/DetectSurvivor"
+NAVIGATE = "nav2_msgs/action/NavigateToPose"
+ODOMETRY = "nav_msgs/msg/Odometry"
+BATTERY = "sensor_msgs/msg/BatteryState"
+
+
+class Robots:
+    """One context for all tests of the module, in which each test has nodes of its own."""
+
+    def __init__(self, ros: Ros) -> None:
+        self._ros = ros
+        self._servers: list[Any] = []
+        self.nodes: list[Any] = []
+
+    def node(self, full_name: str, **options: Any) -> Any:
+        space, _, name = full_name.rpartition("/")
+        node = self._ros.node(name, namespace=space or "/", **options)
+        self.nodes.append(node)
+        return node
+
+    def serve(self, node: Any, *names: str) -> None:
+        """Serve `amcl` and other lifecycle nodes, services of detection, and what starts with `navigate` as actions."""
+        from lifecycle_msgs.srv import GetState
+        from nav2_msgs.action import NavigateToPose
+        from rclpy.action import ActionServer
+        from sar_interfaces.srv import DetectSurvivor
+
+        def active(_: Any, response: Any) -> Any:
+            response.current_state.label = "active"
+            return response
+
+        for name in names:
+            if "navigate" in name:
+                self._servers.append(ActionServer(node, NavigateToPose, name, NavigateToPose.Result))
+            elif "detect" in name.lower():
+                node.create_service(DetectSurvivor, name, lambda _, response: response)
+            else:
+                node.create_service(GetState, f"{name}/get_state", active)
+
+    def publish(self, node: Any, topic: str, type_name: str, **qos: Any) -> Any:
+        from sar_compiler.ros.leaves.leaf import find_interface
+
+        return node.create_publisher(find_interface("", "msg", topic, type_name), topic, qos_of(**qos))
+
+    def send_transforms(
+        self, node: Any, *links: tuple[str, str], topic: str = "/tf", x: float = 0.0, static: bool = False
+    ) -> None:
+        """Publish transforms of parents and children: 20 times a second, or static ones once."""
+        from geometry_msgs.msg import TransformStamped
+        from tf2_msgs.msg import TFMessage
+
+        message = TFMessage()
+        for parent, child in links:
+            each = TransformStamped(child_frame_id=child)
+            each.header.frame_id = parent
+            each.transform.translation.x, each.transform.rotation.w = x, 1.0
+            message.transforms.append(each)
+        qos = qos_of(durability="transient_local") if static else qos_of()
+        publisher = node.create_publisher(TFMessage, topic, qos)
+
+        def publish() -> None:
+            for each in message.transforms:
+                each.header.stamp = node.get_clock().now().to_msg()
+            publisher.publish(message)
+
+        publish()
+        if not static:
+            node.create_timer(0.05, publish)
+
+    def graph(self, full_name: str = "/mission", **options: Any) -> RosGraph:
+        return ros_graph(self.node(full_name, **options))
+
+    def until(self, condition: Any, what: str) -> None:
+        self._ros.spin_until(condition, what)
+
+    def lines(self, ready: Readiness, *expected: str) -> None:
+        """Spin until exactly these lines are missing."""
+        last: list[str] = []
+
+        def same() -> bool:
+            last[:] = ready.missing()
+            return last == list(expected)
+
+        try:
+            self.until(same, "the lines")
+        except AssertionError:
+            pytest.fail(f"missing: {last}, not {list(expected)}")
+        finally:
+            ready.close()
+
+    def close(self) -> None:
+        for server in self._servers:
+            server.destroy()
+        for node in self.nodes:
+            self._ros.remove(node)
+
+
+def qos_of(
+    reliability: str = "reliable", durability: str = "volatile", *, deadline_sec: float | None = None
+) -> Any:
+    from rclpy.duration import Duration
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    more = {"deadline": Duration(seconds=deadline_sec)} if deadline_sec is not None else {}
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.get_from_short_key(reliability),
+        durability=DurabilityPolicy.get_from_short_key(durability),
+        **more,
+    )
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator[Ros]:
+    ros = Ros()
+    yield ros
+    ros.close()
+
+
+@pytest.fixture
+def robots(context: Ros) -> Iterator[Robots]:
+    world = Robots(context)
+    yield world
+    left = {node.get_fully_qualified_name() for node in world.nodes}
+    world.close()
+    watcher = context.node("watcher")
+
+    def are_gone() -> bool:
+        return not left & {
+            f"{space.rstrip('/')}/{name}" for name, space in watcher.get_node_names_and_namespaces()
+        }
+
+    context.spin_until(are_gone, "the end of the nodes")
+    context.remove(watcher)
+
+
+class Case(NamedTuple):
+    """A name that is wanted, what is there, and what is said."""
+
+    wanted: Endpoint
+    there: str
+    said: str
+    mission: str = "/mission"
+
+
+FIVE = " ".join(
+    f"-r navigate_to_pose/_action/{part}:=/tb1/navigate_to_pose/_action/{part}"
+    for part in ("send_goal", "cancel_goal", "get_result", "feedback", "status")
+)
+DETECTOR = Endpoint("service", "detect_survivor", DETECT)
+BATTERIES = Endpoint("topic", "battery_state", BATTERY)
+NAMES = {
+    "in another namespace": Case(
+        DETECTOR, "/tb1/detect_survivor", "; there is /tb1/detect_survivor: run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`"),
+    "in none, and the mission is in one": Case(
+        DETECTOR, "/detect_survivor", "; there is /detect_survivor: run with `--ros-args -r detect_survivor:=/detect_survivor`", "/tb1/mission"),
+    "deeper": Case(
+        DETECTOR, "/tb1/search/detect_survivor", "; there is /tb1/search/detect_survivor: run with `--ros-args -r detect_survivor:=/tb1/search/detect_survivor`"),
+    "by case": Case(DETECTOR, "/Detect_Survivor", "; there is /Detect_Survivor: run with `--ros-args -r detect_survivor:=/Detect_Survivor`"),
+    "by a typo": Case(DETECTOR, "/detect_surviver", "; there is /detect_surviver: run with `--ros-args -r detect_survivor:=/detect_surviver`"),
+    "by a typo in another namespace": Case(
+        DETECTOR, "/tb1/detect_surviver", "; there is /tb1/detect_surviver: run with `--ros-args -r detect_survivor:=/tb1/detect_surviver`"),
+    "with a part more": Case(
+        DETECTOR, "/detect_survivor/by_camera", "; there is /detect_survivor/by_camera: run with `--ros-args -r detect_survivor:=/detect_survivor/by_camera`"),
+    "by a name of its own, the only one of the type": Case(
+        DETECTOR, "/find/detect_people", "; there is /find/detect_people: run with `--ros-args -r detect_survivor:=/find/detect_people`"),
+    "an action, in another namespace": Case(
+        Endpoint("action", "navigate_to_pose", NAVIGATE, attribute="action"), "/tb1/navigate_to_pose",
+        f'; there is /tb1/navigate_to_pose: write action="/tb1/navigate_to_pose" in the tree, or run with `--ros-args {FIVE}`'),
+    "an action that has no attribute for its name": Case(
+        Endpoint("action", "navigate_to_pose", NAVIGATE), "/tb1/navigate_to_pose",
+        f"; there is /tb1/navigate_to_pose: run with `--ros-args {FIVE}`"),
+    "a lifecycle node": Case(
+        Endpoint("node", "amcl"), "/tb1/amcl", "; there is /tb1/amcl: run with `--ros-args -r amcl/get_state:=/tb1/amcl/get_state`"),
+    "a topic with a leading slash": Case(
+        Endpoint("topic", "/battery_state", BATTERY), "/tb1/battery_state",
+        "; there is /tb1/battery_state: run with `--ros-args -r /battery_state:=/tb1/battery_state`", "/tb1/mission"),
+    "a topic by another name": Case(BATTERIES, "/power/status", "; there is /power/status: run with `--ros-args -r battery_state:=/power/status`"),
+    "a topic with a part less": Case(
+        Endpoint("topic", "battery_state/main", BATTERY), "/battery_state",
+        "; there is /battery_state: run with `--ros-args -r battery_state/main:=/battery_state`"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", NAMES.values(), ids=NAMES)
+def test_a_name_that_is_not_there_is_explained_by_the_nearest_one(robots: Robots, case: Case) -> None:
+    node = robots.node("/other")
+    if case.wanted.kind == "topic":
+        robots.publish(node, case.there, BATTERY)
+    else:
+        robots.serve(node, case.there)
+    graph = robots.graph(case.mission)
+    robots.until(lambda: graph.ask(case.wanted).explanation == case.said, f"{case.said!r}")
+    assert not graph.ask(case.wanted).is_there
+
+
+@pytest.mark.parametrize(
+    ("wanted", "there"),
+    [
+        (Endpoint("service", "detect_survivor", "std_srvs/srv/Trigger"), "/tb1/detect_survivor"),
+        (DETECTOR, "/report_survivor"),
+        (Endpoint("node", "bt_navigator"), "/amcl"),
+    ],
+)
+def test_what_is_of_another_type_or_has_nothing_in_common_is_not_offered(
+    robots: Robots, wanted: Endpoint, there: str
+) -> None:
+    robots.serve(robots.node("/other"), there, "/last")
+    graph = robots.graph()
+    robots.until(lambda: graph.ask(Endpoint("node", "last")).is_there, "the services")
+    assert graph.ask(wanted).explanation == ""
+
+
+def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> None:
+    mission = robots.node("/mission")
+    robots.serve(mission, "/tb1/detect_survivor")
+    robots.publish(mission, "/tb1/battery_state", BATTERY)
+    graph = ros_graph(mission)
+    robots.until(lambda: mission.count_services("/tb1/detect_survivor"), "its own service")
+    assert [graph.ask(each).elsewhere for each in (DETECTOR, BATTERIES)] == [(), ()]
+
+
+class TestNamespaces:
+    def ready(self, node: Any, *uses: Use, pose: bool = True, **types: str) -> Readiness:
+        from sar_compiler.ros.readiness import Readiness
+
+        endpoints = {use: Endpoint(use.kind, use.name, types[use.name]) for use in uses if use.name in types}
+        return Readiness(node, uses, initial_pose=(0.0, 0.0, 0.0) if pose else None, endpoints=endpoints)
+
+    def stack(self, robots: Robots, space: str, *, topic: str | None = None) -> Any:
+        """Start a localised robot with Nav2 in a namespace."""
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+
+        node = robots.node(f"{space}/amcl")
+        robots.serve(node, f"{space}/amcl", f"{space}/bt_navigator", f"{space}/navigate_to_pose")
+        poses = robots.publish(
+            node, "amcl_pose", "geometry_msgs/msg/PoseWithCovarianceStamped", durability="transient_local"
+        )
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id, message.pose.pose.orientation.w = "map", 1.0
+        message.pose.pose.position.x = 4.0
+        poses.publish(message)
+        robots.send_transforms(node, ("map", "odom"), topic=topic or f"{space}/tf", x=4.0)
+        return node
+
+    USES = (Use.nav2(), Use.action("navigate_to_pose"))
+
+    def test_with_everything_in_a_namespace_it_is_named_and_no_pose_is_advised(self, robots: Robots) -> None:
+        """The robot's transforms are on `/tf`, which says where a robot is, and not which one."""
+        self.stack(robots, "/tb1", topic="/tf")
+        mission = robots.node("/mission")
+        robots.lines(
+            self.ready(mission, *self.USES),
+            "topic amcl_pose: no initial pose is sent, it could be another robot's: topic amcl_pose has no publisher; there "
+            "is /tb1/amcl_pose",
+            "node amcl: not there (no service /amcl/get_state); there is /tb1/amcl",
+            "node bt_navigator: not there (no service /bt_navigator/get_state); there is /tb1/bt_navigator",
+            "action navigate_to_pose: no server; there is /tb1/navigate_to_pose",
+            "run with `--ros-args -r __ns:=/tb1`",
+        )
+
+    def test_transforms_in_the_namespace_are_remapped_with_it(self, robots: Robots) -> None:
+        self.stack(robots, "/tb1")
+        graph = robots.graph()
+        wanted = [Endpoint("node", "amcl"), Endpoint("action", "navigate_to_pose", NAVIGATE)]
+        said = "run with `--ros-args -r __ns:=/tb1 -r /tf:=tf -r /tf_static:=tf_static`"
+        robots.until(lambda: graph.advice(wanted) == said, said)
+
+    def test_what_is_there_already_is_remapped_out_of_the_namespace(self, robots: Robots) -> None:
+        self.stack(robots, "/tb1", topic="/tf")
+        robots.serve(robots.node("/detector"), "/detect_survivor")
+        graph = robots.graph()
+        wanted = [Endpoint("node", "amcl"), Endpoint("node", "bt_navigator"), DETECTOR]
+        said = "run with `--ros-args -r __ns:=/tb1 -r detect_survivor:=/detect_survivor`"
+        robots.until(lambda: graph.advice(wanted) == said, said)
+
+    def test_one_name_elsewhere_is_remapped_alone(self, robots: Robots) -> None:
+        node = robots.node("/other")
+        robots.serve(node, "/tb1/detect_survivor")
+        robots.publish(node, "/battery_state", BATTERY)
+        uses = (Use.service("detect_survivor"), Use.topic("battery_state"))
+        robots.lines(
+            self.ready(robots.node("/mission"), *uses),
+            "service detect_survivor: no server; there is /tb1/detect_survivor",
+            "run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`",
+        )
+
+    def test_of_two_robots_both_namespaces_are_named(self, robots: Robots) -> None:
+        for space in ("/tb1", "/tb2"):
+            self.stack(robots, space, topic="/tf")
+        graph = robots.graph()
+        wanted = [Endpoint("node", "amcl"), Endpoint("action", "navigate_to_pose", NAVIGATE)]
+        said = "run with `--ros-args -r __ns:=/tb1`, or with /tb2 in the place of /tb1"
+        robots.until(lambda: graph.advice(wanted) == said, said)
+
+    def test_a_mission_in_a_namespace_that_should_be_in_none_is_told_so(self, robots: Robots) -> None:
+        self.stack(robots, "")
+        graph = robots.graph("/tb1/mission")
+        wanted = [Endpoint("node", "amcl"), Endpoint("action", "navigate_to_pose", NAVIGATE)]
+        said = "run with `--ros-args -r __ns:=/`"
+        robots.until(lambda: graph.advice(wanted) == said, said)
+
+    @pytest.mark.parametrize("is_company", [False, True], ids=["alone", "beside another robot"])
+    def test_a_mission_in_a_namespace_that_does_not_remap_the_transforms_does_not_start(
+        self, robots: Robots, *, is_company: bool
+    ) -> None:
+        self.stack(robots, "/tb1")
+        if is_company:
+            robots.send_transforms(robots.node("/tb2/amcl"), ("map", "tb2/odom"))
+        ready = self.ready(robots.node("/tb1/mission"), *self.USES, pose=False)
+        robots.lines(
+            ready,
+            "transforms: /tb1/amcl publishes them on /tb1/tf, and this node listens to /tf: run with "
+            "`--ros-args -r /tf:=tf -r /tf_static:=tf_static`",
+        )
+
+    def test_a_mission_that_remaps_transforms_which_are_global_is_told_so(self, robots: Robots) -> None:
+        self.stack(robots, "/tb1", topic="/tf")
+        arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
+        graph = robots.graph("/tb1/mission", cli_args=arguments)
+        said = (
+            "transforms: /tb1/amcl publishes them on /tf, and this node listens to /tb1/tf: run with "
+            "`--ros-args -r /tf:=/tf -r /tf_static:=/tf_static`"
+        )
+        robots.until(lambda: graph.transforms() == said, said)
+
+    def test_a_mission_that_listens_where_its_robot_publishes_is_told_nothing(self, robots: Robots) -> None:
+        self.stack(robots, "/tb1")
+        self.stack(robots, "/tb2")
+        arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
+        graph = robots.graph("/tb1/mission", cli_args=arguments)
+        robots.until(lambda: graph.publishers("/tf") and graph.publishers("/tb2/tf"), "both robots")
+        assert (graph.transforms(), graph.foreign_localisation()) == ("", "")
+
+    def test_two_robots_on_one_topic_of_transforms_are_named_and_no_pose_is_told_or_advised(
+        self, robots: Robots
+    ) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+
+        from sar_compiler.ros.frame_sources import frame_sources
+
+        self.stack(robots, "", topic="/tf")
+        other = robots.node("/tb2/amcl")
+        robots.send_transforms(other, ("map", "odom"), x=-9.0)
+        told: list[Any] = []
+        other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
+        mission = robots.node("/mission")
+        conflict = (
+            "frame 'odom' has two sources on /tf, /amcl and /tb2/amcl: stop one, or give each robot a namespace and "
+            "transforms of its own (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
+        )
+        ready = self.ready(mission, *self.USES)
+        robots.until(lambda: len(mission.get_publishers_info_by_topic("/tf")) == 2, "both publishers")
+        robots.until(frame_sources(mission).conflict, "the conflict")
+        robots.lines(
+            ready,
+            f"topic amcl_pose: no initial pose is sent, it could be another robot's: {conflict}",
+            conflict,
+        )
+        assert told == []
+
+    def test_a_check_asks_for_no_pose_while_two_localisations_publish_one(self, robots: Robots) -> None:
+        for space in ("/tb1", "/tb2"):
+            node = robots.node(f"{space}/amcl")
+            robots.publish(node, "/amcl_pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+        graph = robots.graph()
+        said = "topic amcl_pose has several publishers: /tb1/amcl and /tb2/amcl"
+        robots.until(lambda: graph.foreign_localisation() == said, said)
+
+
+BOTH = (
+    "best effort publisher and reliable subscription, volatile publisher and transient local subscription): "
+    'write qos="sensor_data"'
+)
+
+
+class TestQualityOfService:
+    CASES: ClassVar[Any] = (
+        (
+            {"reliability": "best_effort"}, "reliable",
+            'best effort publisher and reliable subscription): write qos="sensor_data"',
+        ),
+        (
+            {}, "transient_local",
+            'volatile publisher and transient local subscription): write qos="reliable"',
+        ),
+        (
+            {"reliability": "best_effort"}, "transient_local",
+            BOTH,
+        ),
+    )  # fmt: skip
+
+    @pytest.mark.parametrize(("offered", "wanted", "said"), CASES)
+    def test_a_publisher_whose_messages_do_not_arrive_is_named_with_what_to_write(
+        self, robots: Robots, offered: dict[str, str], wanted: str, said: str
+    ) -> None:
+        from sar_compiler.ros.leaves.leaf import qos_profile
+
+        robots.publish(robots.node("/tb1/driver"), "/battery_state", BATTERY, **offered)
+        graph = robots.graph()
+        endpoint = Endpoint("topic", "battery_state", BATTERY, (qos_profile("", wanted),))
+        line = f"topic battery_state: no message of /tb1/driver arrives ({said}"
+        robots.until(lambda: graph.ask(endpoint).line == line, line)
+
+    def test_a_deadline_that_the_publisher_does_not_promise_is_named(self, robots: Robots) -> None:
+        robots.publish(robots.node("/driver"), "/battery_state", BATTERY, deadline_sec=3.0)
+        graph = robots.graph()
+        strict, loose = (qos_of(deadline_sec=seconds) for seconds in (1.0, 5.0))
+        endpoint = Endpoint("topic", "battery_state", BATTERY, (loose, strict))
+        robots.until(lambda: graph.ask(endpoint).problem, "the publisher")
+        assert "subscription deadline is less than publisher deadline" in graph.ask(endpoint).problem
+        assert graph.ask(Endpoint("topic", "battery_state", BATTERY, (loose,))).problem == ""
+
+    def test_one_publisher_that_is_heard_is_enough(self, robots: Robots) -> None:
+        robots.publish(robots.node("/one"), "/battery_state", BATTERY, reliability="best_effort")
+        robots.publish(robots.node("/two"), "/battery_state", BATTERY)
+        graph = robots.graph()
+        endpoint = Endpoint("topic", "battery_state", BATTERY, (qos_of(),))
+        robots.until(lambda: len(graph.ask(endpoint).nodes) == 2, "both publishers")
+        assert graph.ask(endpoint).line is None
+
+    def test_a_check_of_a_tree_does_not_pass_over_it(self, robots: Robots) -> None:
+        from sar_compiler.ros.graph_queries import declared_endpoints
+        from sar_compiler.ros.leaves.by_attributes import RosTopic
+        from sar_compiler.ros.readiness import Readiness
+
+        leaf = RosTopic("Battery", "battery_state", BATTERY, qos="reliable")
+        robots.publish(robots.node("/driver"), "/battery_state", BATTERY, reliability="best_effort")
+        ready = Readiness(
+            robots.node("/mission"),
+            [Use.topic("battery_state")],
+            initial_pose=None,
+            endpoints=declared_endpoints(leaf),
+        )
+        robots.lines(
+            ready,
+            "topic battery_state: no message of /driver arrives (best effort publisher and reliable subscription): "
+            'write qos="sensor_data"',
+        )
+
+
+class TestSources:
+    @pytest.mark.parametrize(
+        ("topic", "type_name", "is_told"),
+        [
+            ("map", "nav_msgs/msg/OccupancyGrid", True),
+            ("odometry/filtered", ODOMETRY, True),
+            ("news", "std_msgs/msg/String", False),
+        ],
+    )
+    def test_several_sources_are_named_where_one_is_meant(
+        self, robots: Robots, topic: str, type_name: str, *, is_told: bool
+    ) -> None:
+        for name in ("/one", "/two"):
+            robots.publish(robots.node(name), topic, type_name)
+        graph = robots.graph()
+        robots.until(lambda: len(graph.publishers(topic)) == 2, "both publishers")
+        said = f"topic {topic}: /one and /two publish it; stop all but one"
+        assert graph.several_publishers(topic) == (said if is_told else "")
+
+    def test_a_run_is_warned_of_them_and_of_odometry_under_another_name(
+        self, robots: Robots, said: Said
+    ) -> None:
+        from sar_compiler.ros.readiness import Readiness
+
+        for name in ("/one", "/two"):
+            robots.publish(robots.node(name), "map", "nav_msgs/msg/OccupancyGrid")
+        robots.publish(robots.nodes[0], "odom", ODOMETRY)
+        graph = robots.graph()
+        robots.until(lambda: len(graph.publishers("map")) == 2 and graph.publishers("odom"), "the publishers")
+        Readiness(robots.nodes[-1], [Use.nav2()], initial_pose=None).warn()
+        lines = said.lines()
+        assert any("topic map: /one and /two publish it; stop all but one." in line for line in lines)
+        odometry = "topic odometry/filtered: no publisher; there is /odom: run with `--ros-args -r odometry/filtered:=/odom`."
+        assert any(odometry in line for line in lines)
+
+    def test_a_source_that_has_joined_a_run_is_reported_once(self, robots: Robots, said: Said) -> None:
+        from sar_compiler.ros.watch import Watch
+
+        mission = robots.node("/mission")
+        robots.publish(robots.node("/one"), "battery_state", BATTERY)
+        watch = Watch(mission, [Use.topic("battery_state")])
+        robots.until(lambda: ros_graph(mission).publishers("battery_state") == ("/one",), "the first source")
+        watch.look()
+        robots.publish(robots.node("/two"), "battery_state", BATTERY)
+        line = "topic battery_state: /one and /two publish it; stop all but one."
+        robots.until(lambda: said.has(line), line)
+        watch.look()
+        assert sum(line in each for each in said.lines()) == 1
+
+
+class TestClock:
+    @staticmethod
+    def simulated() -> dict[str, Any]:
+        from rclpy.parameter import Parameter
+
+        return {"parameter_overrides": [Parameter("use_sim_time", value=True)]}
+
+    def clock(self, robots: Robots, node: str, topic: str = "/clock", *, seconds: int | None = None) -> None:
+        from rosgraph_msgs.msg import Clock
+
+        other = robots.node(node)
+        publisher = robots.publish(other, topic, "rosgraph_msgs/msg/Clock")
+        if seconds is not None:
+            message = Clock()
+            message.clock.sec = seconds
+            other.create_timer(0.05, lambda: publisher.publish(message))
+
+    @pytest.mark.parametrize(
+        ("nodes", "topic", "said"),
+        [
+            ((), "", "use_sim_time is set and no /clock has come"),
+            (("/gazebo",), "/clock", "use_sim_time is set and no /clock has come from /gazebo: is the simulation paused?"),
+            (
+                ("/gazebo",), "/tb1/clock",
+                "use_sim_time is set and no /clock has come; there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
+            ),
+            (
+                ("/bag", "/gazebo"), "/clock",
+                "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them; stop all but one",
+            ),
+        ],
+    )  # fmt: skip
+    def test_simulated_time_that_does_not_come_or_comes_twice_is_explained(
+        self, robots: Robots, nodes: tuple[str, ...], topic: str, said: str
+    ) -> None:
+        for node in nodes:
+            self.clock(robots, node, topic)
+        graph = robots.graph(**self.simulated())
+        robots.until(lambda: graph.clock() == said, said)
+
+    def test_two_clocks_keep_a_mission_from_starting_although_time_has_come(self, robots: Robots) -> None:
+        from sar_compiler.ros.readiness import Readiness
+
+        for node in ("/bag", "/gazebo"):
+            self.clock(robots, node, seconds=5)
+        mission = robots.node("/mission", **self.simulated())
+        robots.until(lambda: mission.get_clock().now().nanoseconds, "the time")
+        ready = Readiness(mission, [], initial_pose=None)
+        robots.until(lambda: ready.contested, "both clocks")
+        assert ready.missing() == [
+            "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them; stop all but one"
+        ]
+
+    def test_one_clock_that_is_used_is_told_of_nowhere(self, robots: Robots) -> None:
+        self.clock(robots, "/gazebo", seconds=5)
+        graph = robots.graph(**self.simulated())
+        robots.until(lambda: graph.publishers("/clock") and graph.clock() == "", "the time")
+        assert (graph.unused_clock(), graph.is_clock_contested) == ("", False)
+
+    def test_a_clock_that_the_mission_does_not_use_is_told(self, robots: Robots, said: Said) -> None:
+        from sar_compiler.ros.readiness import Readiness
+
+        self.clock(robots, "/gazebo", seconds=5)
+        mission = robots.node("/mission")
+        robots.until(lambda: mission.count_publishers("/clock"), "the clock")
+        assert Readiness(mission, [], initial_pose=None).poll()
+        assert said.has(
+            "/gazebo publishes /clock, and use_sim_time is not set: stamps of the robot look old. "
+            "Run with `--ros-args -p use_sim_time:=true`."
+        )
+
+
+class TestFrames:
+    def where(self, robots: Robots, target: str, source: str, full_name: str = "/mission") -> Any:
+        """Return a function that looks up a frame in another one as a leaf does."""
+        from sar_compiler.ros.frames import frame_tree
+
+        frames = frame_tree(robots.node(full_name))
+        return lambda: frames.look_up(target, source)
+
+    @pytest.mark.parametrize(
+        ("wanted", "link", "said"),
+        [
+            ("base_footprint", ("odom", "base_link"), "no transform of 'base_footprint' has come; there are 'base_link' and 'odom'"),
+            ("Base_Link", ("odom", "base_link"), "no transform of 'Base_Link' has come; there are 'base_link' and 'odom'; did you mean 'base_link'?"),
+            (
+                "base_link", ("odom", "tb1/base_link"),
+                "no transform of 'base_link' has come; there are 'odom' and 'tb1/base_link'; did you mean 'tb1/base_link'?",
+            ),
+        ],
+    )  # fmt: skip
+    def test_a_frame_that_is_missing_is_told_with_those_that_came(
+        self, robots: Robots, wanted: str, link: tuple[str, str], said: str
+    ) -> None:
+        robots.send_transforms(robots.node("/ekf"), link)
+        look = self.where(robots, "odom", wanted)
+        robots.until(lambda: look() == said, said)
+
+    def test_of_many_frames_eight_are_named(self, robots: Robots) -> None:
+        links = [("map", f"survivor_{number}") for number in range(1, 30)]
+        robots.send_transforms(robots.node("/ekf"), *links)
+        look = self.where(robots, "map", "zebra")
+        robots.until(lambda: "survivor_15 and others" in str(look()).replace("'", ""), "some frames")
+
+    def test_where_none_comes_it_is_told_where_they_are(self, robots: Robots) -> None:
+        robots.send_transforms(robots.node("/tb1/ekf"), ("map", "odom"), topic="/tb1/tf")
+        look = self.where(robots, "map", "odom", "/tb1/mission")
+        said = (
+            "no transform of 'map' and 'odom' has come; transforms: /tb1/ekf publishes them on /tb1/tf, and this node listens "
+            "to /tf: run with `--ros-args -r /tf:=tf -r /tf_static:=tf_static`"
+        )
+        robots.until(lambda: look() == said, said)
+
+    def test_a_frame_of_two_sources_is_nowhere_and_both_are_named(self, robots: Robots) -> None:
+        for name, x in (("/tb1/amcl", 1.0), ("/tb2/amcl", 9.0)):
+            robots.send_transforms(robots.node(name), ("map", "odom"), x=x)
+        look = self.where(robots, "map", "odom")
+        said = "frame 'odom' has two sources on /tf, /tb1/amcl and /tb2/amcl: stop one"
+        robots.until(lambda: str(look()).startswith(said), said)
+
+    def test_nodes_that_publish_other_frames_each_are_no_conflict(self, robots: Robots) -> None:
+        from sar_compiler.ros.frames import frame_tree
+
+        robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
+        robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"))
+        look = self.where(robots, "map", "base_link")
+        robots.until(lambda: not isinstance(look(), str), "the transforms")
+        heard = frame_tree(robots.nodes[-1])
+        messages: list[bool] = []
+        heard.listen(lambda: messages.append(isinstance(look(), str)))
+        robots.until(lambda: len(messages) > 20, "more of them")
+        assert not any(messages)
+
+    @pytest.mark.parametrize(
+        ("numbers", "now", "contested"),
+        [
+            ((1, 2, 3, 1, 2, 3), 3.0, []),  # started anew
+            ((1, 1, 2, 2), 2.0, ["odom"]),
+            ((7, 900, 8, 901, 9), 2.5, ["odom"]),
+            ((7, 900, 8, 901, 9), 3.0, ["odom"]),
+            ((7, 900, 8, 901, 9, 10, 11), 3.5, []),  # the other one has gone
+        ],
+    )
+    def test_publishers_that_take_turns_are_told_from_one_by_the_numbers_of_their_messages(
+        self, numbers: tuple[int, ...], now: float, contested: list[str]
+    ) -> None:
+        from sar_compiler.ros.frame_sources import TurnsOfPublishers
+
+        turns = TurnsOfPublishers()
+        for at, number in enumerate(numbers):
+            turns.add(["odom", f"wheel_{at}"], number, at / 2)
+        assert turns.contested(now) == contested
+
+    def test_a_static_frame_that_moves_is_nowhere_and_both_nodes_are_named(self, robots: Robots) -> None:
+        robots.send_transforms(robots.node("/urdf"), ("odom", "base_link"), topic="/tf_static", static=True)
+        robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"), x=5.0)
+        look = self.where(robots, "odom", "base_link")
+        said = "frame 'base_link' is static (/tf_static, from /urdf) and moves (/tf, from /ekf): stop one of the two"
+        robots.until(lambda: look() == said, said)
+
+    def test_two_static_sources_that_differ_are_named_until_one_is_gone(
+        self, robots: Robots, context: Ros
+    ) -> None:
+        for name, x in (("/one", 1.0), ("/two", 2.0)):
+            robots.send_transforms(robots.node(name), ("map", "dock"), topic="/tf_static", static=True, x=x)
+        look = self.where(robots, "map", "dock")
+        said = "frame 'dock' has two sources on /tf_static, /one and /two: stop one"
+        robots.until(lambda: str(look()).startswith(said), said)
+        context.remove(robots.nodes.pop(0))
+        robots.until(lambda: not isinstance(look(), str), "a frame of one source")
+
+    def test_a_message_as_it_came_is_read_for_its_frames(self) -> None:
+        from geometry_msgs.msg import TransformStamped
+        from rclpy.serialization import serialize_message
+        from tf2_msgs.msg import TFMessage
+
+        from sar_compiler.ros.frame_sources import child_frames
+
+        children = ["odom", "a", "base_link", "", "camera/é"]
+        message = TFMessage()
+        for number, child in enumerate(children):
+            each = TransformStamped(child_frame_id=child)
+            each.header.frame_id, each.transform.translation.x = "p" * number, math.pi
+            message.transforms.append(each)
+        came = serialize_message(message)
+        assert child_frames(came) == children
+        assert child_frames(came[:-1]) == children[:-1]
+        assert child_frames(b"\0\1\0\0\xff\xff\xff\xff") == child_frames(b"") == []
+
+
+class TestLeaves:
+    def test_a_latched_message_does_not_grow_old(self) -> None:
+        from sar_compiler.ros.leaves.by_attributes import RosTopic
+
+        ages = [
+            RosTopic("Map", "map", "nav_msgs/msg/OccupancyGrid", qos=qos, max_age_sec=age).max_age_sec
+            for qos, age in (("transient_local", None), ("transient_local", 2.0), ("reliable", None), ("reliable", 7.0))
+        ]  # fmt: skip
+        assert ages == [None, 2.0, 5.0, 7.0]
+
+    def test_a_leaf_without_a_message_says_what_the_graph_shows(self, robots: Robots) -> None:
+        from sar_compiler.ros.leaves.by_attributes import RosTopic
+
+        mission = robots.node("/mission")
+        leaf = RosTopic("Battery", "battery_state", BATTERY, qos="reliable")
+        leaf.setup(node=mission)
+
+        def says(text: str) -> None:
+            def ticked() -> bool:
+                leaf.tick_once()
+                return leaf.feedback_message == f"no message on 'battery_state'{text}"
+
+            try:
+                robots.until(ticked, text)
+            except AssertionError:
+                pytest.fail(f"{leaf.feedback_message!r}, not {text!r}")
+
+        says("; no node publishes it")
+        driver = robots.node("/tb1/driver")
+        robots.publish(driver, "battery_state", BATTERY)
+        says('; there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
+             "`--ros-args -r battery_state:=/tb1/battery_state`")  # fmt: skip
+        robots.publish(driver, "/battery_state", BATTERY, reliability="best_effort")
+        says("; no message of /tb1/driver arrives (best effort publisher and reliable subscription): "
+             'write qos="sensor_data"')  # fmt: skip
+        robots.publish(driver, "/battery_state", BATTERY)
+        says("")
+        leaf.shutdown()
+
+    def test_a_leaf_without_a_server_says_where_one_is(self, robots: Robots) -> None:
+        from sar_compiler.ros.leaves.by_attributes import RosService
+
+        mission = robots.node("/mission")
+        robots.serve(robots.node("/other"), "/tb1/detect_survivor")
+        graph = ros_graph(mission)
+        robots.until(lambda: graph.ask(DETECTOR).elsewhere, "the service")
+        leaf = RosService("Detect", "detect_survivor", DETECT, server_timeout_sec=0.0)
+        leaf.setup(node=mission)
+        leaf.tick_once()
+        leaf.tick_once()
+        assert leaf.feedback_message == (
+            "'Detect' failed: no server for the service 'detect_survivor' within 0 s; there is /tb1/detect_survivor: write "
+            'service="/tb1/detect_survivor" in the tree, or run with '
+            "`--ros-args -r detect_survivor:=/tb1/detect_survivor`"
+        )
+        leaf.shutdown()
+
+
+def test_names_are_listed_in_words() -> None:
+    assert [names_in_words(names) for names in (["a"], ["a", "b"], ["a", "b", "c"])] == [
+        "a",
+        "a and b",
+        "a, b and c",
+    ]
