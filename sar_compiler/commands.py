@@ -21,6 +21,11 @@ INTERRUPTED = 130
 PIPE_CLOSED = 141
 """The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
 
+_NO_MEMORY = "failed to map segment"
+"""What the loader of libraries says where there is no memory for one."""
+LIMITS_VARIABLE = "SAR_CALL_LIMITS"
+"""The environment variable by which the server of tools for agents tells a call its limits (`agent.call_limits`)."""
+
 _UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
 """What is wrong with standard output where writing it fails, besides a closed pipe."""
 
@@ -48,7 +53,7 @@ INTERFACES = ("bond", "btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "t
 """Packages of messages that no index has: wheels of them are made in a checkout."""
 
 
-def run(command: Callable[[], int], prog: str) -> int:
+def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line for each kind of error
     """Run a command and turn its errors for the user into messages.
 
     Returns:
@@ -64,7 +69,7 @@ def run(command: Callable[[], int], prog: str) -> int:
         print_error(str(error) if isinstance(error, TreeError) else f"{prog}: {error}")
         return USAGE
     except ImportError as error:
-        message = not_installed(error)
+        message = "there is not enough memory for this" if _NO_MEMORY in str(error) else not_installed(error)
         if message is None:
             raise
         print_error(f"{prog}: {message}")
@@ -82,6 +87,11 @@ def run(command: Callable[[], int], prog: str) -> int:
         return USAGE
     except KeyboardInterrupt:
         return INTERRUPTED
+    except MemoryError:
+        # Said only below: with the exception go the frames that hold the memory.
+        pass
+    print_error(f"{prog}: there is not enough memory for this")
+    return USAGE
 
 
 def _done(command: Callable[[], int]) -> int:

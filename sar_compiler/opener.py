@@ -205,6 +205,14 @@ def confine(folders: Iterable[Path], said: str) -> None:
     _confinement = _Confinement(tuple(folders), said)
 
 
+def admit(path: Path) -> None:
+    """Let a confined process read a file, or what is in a folder, that something installed names: a mission, a ROS package."""
+    global _confinement  # noqa: PLW0603 - as above
+    if _confinement is not None:
+        real = Path(os.path.realpath(path))
+        _confinement = _confinement._replace(folders=(*_confinement.folders, real))
+
+
 def read_file(path: str | Path, kind: FileKind) -> FileContent:
     """Read a file.
 

@@ -83,7 +83,11 @@ def try_for(limit_sec: float, call: Callable[[], object]) -> None:
             call()
 
     caller = threading.Thread(target=call_safely, name="end of the process", daemon=True)
-    caller.start()
+    try:
+        caller.start()
+    except RuntimeError:  # there is no memory for another thread
+        call_safely()
+        return
     caller.join(limit_sec)
 
 

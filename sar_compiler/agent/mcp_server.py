@@ -1,25 +1,29 @@
 """The project's commands as tools of the Model Context Protocol, for agents that write trees.
 
-Each call is a process of `sar-compile`, which ends with the call, and after a time limit. Tools read files below the given
-folders, and shipped trees by their names. None of them writes a file, and none approves.
+Each call is a process of `sar-compile`, which ends with the call, and after a time limit. It limits its own memory, and reads
+files below the given folders alone (`agent.call_limits`), and shipped trees by their names. No tool writes a file or approves one.
 """
 
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from subprocess import DEVNULL
 from typing import Any, Literal, TypeAlias
 
 import anyio
+from anyio.abc import ByteReceiveStream
 from mcp.server import MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp.types import ToolAnnotations
 
+from sar_compiler.agent.call_limits import CallLimits
+from sar_compiler.checks.configuration import project_places
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED
 from sar_compiler.errors import SarError
-from sar_compiler.resources import find
+from sar_compiler.resources import find, shipped_root
 from sar_compiler.tree.content import real_path
+from sar_compiler.tree.showing import in_one_line
 
 _INSTRUCTIONS = (
     "Behaviour trees for robots, in YAML or XML. Ask `nodes` which tags there are, write a tree file, `validate` it until it has "
@@ -29,54 +33,128 @@ ToolAnswer: TypeAlias = dict[str, Any]
 Facts: TypeAlias = dict[str, str | int | float | bool]
 
 
-@dataclass(frozen=True)
+_AT_A_TIME = 2
+"""How many calls run at the same time; further ones wait."""
+_MOST_CALLS = 50
+"""How many calls may run or wait; further ones are refused at once."""
+_MOST_OUTPUT_BYTES = 16 * 2**20
+_SHOWN = 60
+
+
 class ToolAccess:
     """What tools may do.
 
-    Attributes:
+    Args:
         roots: The folders of the files that they may read, with links followed; relative paths begin at the first one.
         limit_sec: How long a call may take, seconds.
+        memory_bytes: How much address space a call may take.
         command: What starts `sar-compile`.
         vocabulary: Its options about nodes and palettes.
         includes: Its options about folders to include from.
+        named: The files and folders that these options name.
     """
 
-    roots: Sequence[Path]
-    limit_sec: float
-    command: Sequence[str]
-    vocabulary: Sequence[str] = ()
-    includes: Sequence[str] = ()
+    def __init__(
+        self,
+        roots: Sequence[Path],
+        limit_sec: float,
+        memory_bytes: int,
+        command: Sequence[str],
+        *,
+        vocabulary: Sequence[str] = (),
+        includes: Sequence[str] = (),
+        named: Sequence[Path] = (),
+    ) -> None:
+        self._roots, self._limit_sec, self._memory_bytes, self._command = (
+            roots,
+            limit_sec,
+            memory_bytes,
+            command,
+        )
+        self.vocabulary, self.includes = vocabulary, includes
+        self._said = f"the folders that the tools may read: {', '.join(map(str, roots))}"
+        shipped = [shipped_root() / kind for kind in ("trees", "config")]
+        places = [*roots, *map(real_path, named), *shipped, *project_places([*roots, shipped[0]])]
+        self._environment = CallLimits((*map(str, places),), self._said, memory_bytes).environment()
+        self._turns, self._calls = anyio.Semaphore(_AT_A_TIME), 0
 
     def path(self, name: str) -> str:
         """Return the path of a file, or the name of a shipped tree, for a command that runs in the first folder.
 
+        The call itself is confined to the folders, whatever becomes of the file after this.
+
         Raises:
-            ToolError: If it is a folder, or lies in none of these.
+            ToolError: If it is a folder, lies in none of these, or no file can be called so.
         """
-        place = real_path(self.roots[0] / name)
-        if not place.exists() and find("trees", name, ".xml") != Path(name):
-            return name
-        if not any(place.is_relative_to(root) for root in self.roots):
-            folders = ", ".join(map(str, self.roots))
-            raise ToolError(f"'{name}' lies outside the folders that the tools may read: {folders}")
+        try:
+            place = real_path(self._roots[0] / name)
+            if not place.exists() and find("trees", name, ".xml") != Path(name):
+                return name
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ToolError(f"no file can be called '{in_one_line(name[:_SHOWN])}': {reason}") from None
+        if not any(place.is_relative_to(root) for root in self._roots):
+            raise ToolError(f"'{name}' lies outside {self._said}")
         if place.is_dir():
             raise ToolError(f"'{name}' is a folder; name a file")
-        return os.path.relpath(place, self.roots[0])
+        return os.path.relpath(place, self._roots[0])
 
     async def run(self, command: str, options: Sequence[str], *words: str) -> tuple[int, str, str]:
         """Run a command of `sar-compile`, and return its exit status, and what it has printed on standard output and error.
 
+        Two run at a time. While a call waits for its turn, its time limit does not run.
+
         Raises:
-            ToolError: If it takes too long, or cannot do what it is asked.
+            ToolError: If too many calls wait, or it takes too long or too much, or cannot do what it is asked.
         """
-        line = [*self.command, command, *options, "--", *words]
-        with anyio.move_on_after(self.limit_sec):
-            done = await anyio.run_process(line, check=False, cwd=self.roots[0])
-            said = done.stderr.decode(errors="replace").rstrip()
-            if done.returncode not in (OK, FINDINGS, RULE_FAILED):
-                raise ToolError(said or f"sar-compile {command} has ended with status {done.returncode}")
-            return done.returncode, done.stdout.decode(errors="replace"), said
-        raise ToolError(f"{command} was given up after {self.limit_sec:g} s, the limit of a call")
+        if self._calls >= _MOST_CALLS:
+            raise ToolError(f"{self._calls} calls are not answered yet: call again when some of them are")
+        self._calls += 1
+        try:
+            async with self._turns:
+                status, output, said = await self._call(command, [*options, "--", *words])
+        except (OSError, ValueError) as error:  # too many words, or a zero byte in one
+            raise ToolError(f"{command} cannot be called like this: {error}") from None
+        finally:
+            self._calls -= 1
+        said = said.rstrip()
+        if status < 0:
+            memory = f"it may take {self._memory_bytes // 2**20} MiB of memory, --memory of the server"
+            raise ToolError(f"{command} was ended by signal {-status}: {memory}")
+        if status not in (OK, FINDINGS, RULE_FAILED):
+            raise ToolError(said or f"sar-compile {command} has ended with status {status}")
+        return status, output, said
+
+    async def _call(self, command: str, words: Sequence[str]) -> tuple[int, str, str]:
+        is_too_large = False
+
+        async def read(stream: ByteReceiveStream, into: bytearray) -> None:
+            nonlocal is_too_large
+            async for part in stream:
+                into += part
+                if len(into) > _MOST_OUTPUT_BYTES:
+                    is_too_large = True
+                    process.kill()
+                    return
+
+        with anyio.move_on_after(self._limit_sec):
+            async with await anyio.open_process(
+                [*self._command, command, *words],
+                stdin=DEVNULL,
+                cwd=self._roots[0],
+                env=self._environment,
+            ) as process:
+                output, said = bytearray(), bytearray()
+                assert process.stdout is not None and process.stderr is not None  # noqa: S101, PT018 - pipes
+                async with anyio.create_task_group() as readers:
+                    readers.start_soon(read, process.stdout, output)
+                    readers.start_soon(read, process.stderr, said)
+                status = await process.wait()
+            if is_too_large:
+                most = f"{_MOST_OUTPUT_BYTES // 2**20} MiB"
+                raise ToolError(f"the answer of {command} is larger than {most}: ask for less")
+            return status, output.decode(errors="replace"), said.decode(errors="replace")
+        raise ToolError(f"{command} was given up after {self._limit_sec:g} s, the limit of a call")
 
 
 def find_roots(given: Sequence[Path]) -> list[Path]:

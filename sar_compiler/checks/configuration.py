@@ -5,19 +5,22 @@ somebody else is passed over, and what a file names lies in the repository that 
 """
 
 import dataclasses
+import glob
+import itertools
 import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes.btcpp import NEWEST, VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
-from sar_compiler.opener import SETTINGS, NamedPath, read_file
+from sar_compiler.opener import SETTINGS, NamedPath, UnreadableFileError, read_file
 from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span, TreeError
 from sar_compiler.tree.model import NO_SPANS
 
 if TYPE_CHECKING:
@@ -117,6 +120,31 @@ def enclosing_folder(folder: Path) -> Path:
     if (repository := repository_of(own)) is not None:
         return repository
     return shipped_root() if own.is_relative_to(shipped_root()) else own
+
+
+def project_places(folders: Iterable[Path]) -> list[Path]:
+    """Return what belongs to the projects that folders are part of, and may lie outside of these, with links followed.
+
+    These are the configurations that are sought above the folders, whether they are there or not, and what the one that counts
+    names: palettes, folders to include from, and the trees of its set.
+
+    Args:
+        folders: The folders, with links followed.
+    """
+    places: list[Path] = []
+    for folder in folders:
+        places += [above / name for above in folder.parents for name in (OWN_FILE, SHARED_FILE)]
+        with suppress(TreeError, UnreadableFileError):  # which each command reports
+            found = configuration_for(folder / "a tree file")
+            if found.path is not None and not found.path.is_relative_to(folder):
+                places += [*found.models, *found.include_path]
+                places += [_folder_of(*each) for each in found.trees]
+    return [*map(real_path, places)]
+
+
+def _folder_of(folder: Path, pattern: str) -> Path:
+    """Return the folder below which all files of a pattern lie, or the one file that it is."""
+    return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
 
 
 def _counts(configuration: Path, tree_file: Path) -> bool:

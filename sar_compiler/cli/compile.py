@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from sar_compiler.cli.loading import (
 from sar_compiler.cli.terminal import findings_as_text, painter
 from sar_compiler.commands import (
     FINDINGS,
+    LIMITS_VARIABLE,
     OK,
     USAGE,
     add_version,
@@ -70,6 +72,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: Sequence[str]) -> int:
     interruptible()
+    if LIMITS_VARIABLE in os.environ:
+        from sar_compiler.agent.call_limits import limit_this_process
+
+        limit_this_process(os.environ)
     with gc_paused():  # the imports of a command leave nothing to collect
         arguments = _parser(argv).parse_args(argv)
     # Not before `--help` is answered: it takes a third of the time of that.

@@ -25,7 +25,7 @@ from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_
 from sar_compiler.nodes.models import described_specs, read_models, supplements
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
-from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, read_file
+from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, admit, read_file
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, real_path
@@ -602,6 +602,8 @@ class LoadedTree:
         mission = self.mission(binding)
         if params is None and mission is not None:
             params = mission.default_parameters()
+            if params is not None:
+                admit(params)
         return self._begun(params, binding)[1]
 
     def stage(self, tree_id: str | None = None, params: "str | Path | StartValues | None" = None) -> "Stage":

@@ -25,6 +25,7 @@ from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.opener import admit
 from sar_compiler.project import LoadedTree
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -118,7 +119,10 @@ def default_properties(tree: LoadedTree, binding: Binding) -> Path | None:
     if mission is None:
         return None
     specs = [bound.spec for bound in binding.nodes() if bound.spec.kind.is_leaf]
-    return mission.default_properties({spec.cls for spec in specs if spec.cls and not spec.signature.factory})
+    path = mission.default_properties({spec.cls for spec in specs if spec.cls and not spec.signature.factory})
+    if path is not None:
+        admit(path)
+    return path
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:

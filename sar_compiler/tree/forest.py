@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sar_compiler.opener import NamedPath, UnreadableFileError
+from sar_compiler.opener import NamedPath, UnreadableFileError, admit
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import FORMS
@@ -390,6 +390,7 @@ class _Loader:
         ):
             return None
         self.folders += [share.resolve(), target.parent]
+        admit(target)
         return target
 
     def _resolved(self, element: Element, path: Path) -> Path | None:

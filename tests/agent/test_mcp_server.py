@@ -4,13 +4,18 @@ import asyncio
 import json
 import os
 import subprocess
+import sys
+import threading
 from pathlib import Path
 
 import pytest
 from mcp import Client, StdioServerParameters
+from mcp.server.mcpserver.exceptions import ToolError
 
+from sar_compiler.agent.call_limits import CallLimits
+from sar_compiler.agent.mcp_server import ToolAccess
 from tests.cli.running import run
-from tests.processes import BIN
+from tests.processes import BIN, children_of
 from tests.trees import document
 
 RIGHT = document("<Sequence><ZonesRemaining/><DetectSurvivor/></Sequence>")
@@ -136,6 +141,7 @@ NAMING = [
     ("convert", "file", {"to": "yaml"}),
     ("propose", "file", {}),
     ("propose", "properties", {"file": "right.xml"}),
+    ("propose", "params", {"file": "right.xml"}),
 ]
 
 
@@ -176,6 +182,16 @@ def test_the_folders_that_somebody_names_are_read_and_paths_begin_at_the_first(w
     assert "lies outside the folders that the tools may read: " in above
 
 
+def test_paths_among_the_options_begin_where_the_server_was_started(work, tmp_path):
+    model = '<root BTCPP_format="4"><TreeNodesModel><Action ID="Wave"/></TreeNodesModel></root>'
+    (tmp_path / "palette.xml").write_text(model, encoding="utf-8")
+    (work / "inner").mkdir()
+    (work / "inner" / "waving.xml").write_text(document("<Wave/>"), encoding="utf-8")
+    options = ["--root", "inner", "--model", "../palette.xml"]
+    (answer,) = call(("validate", {"file": "waving.xml"}), options=options)
+    assert answer["output"] == []
+
+
 def test_the_options_about_nodes_are_those_of_every_call(work):
     calls = ("nodes", {"tag": "ComputePathToPose"}), ("verify", {"file": "right.xml"})
     known, verified = call(*calls, options=["--model", "nav2:jazzy", "--include-path", "."])
@@ -191,6 +207,218 @@ def test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered(wor
     )
     assert "verify was given up after 0.01 s, the limit of a call" in given_up
     assert "lies outside" in outside
+
+
+WORDS = [
+    *((tool, {**others, name: None}) for tool, name, others in NAMING),
+    ("nodes", {"tag": None}),
+    ("explain", {"code": None}),
+    ("simulate", {"file": "right.xml", "until": None}),
+    ("verify", {"file": "right.xml", "facts": {"zones_left": None}}),
+    ("propose", {"file": "right.xml", "tree": None}),
+]
+
+
+def filled(arguments, word):
+    """Return arguments with a word for None."""
+    return {
+        name: word if value is None else filled(value, word) if isinstance(value, dict) else value
+        for name, value in arguments.items()
+    }
+
+
+@pytest.mark.parametrize(
+    "word",
+    ["a\0b.xml", "x" * 5000, "x" * 300_000],
+    ids=["zero byte", "long", "too long to pass"],
+)
+def test_words_that_name_nothing_are_errors_in_a_line_and_the_server_says_nothing_of_them(work, word):
+    calls = [(tool, filled(arguments, word)) for tool, arguments in WORDS]
+    script = f"exec {BIN}/sar-compile mcp 2>complaints"
+    command = StdioServerParameters(command="sh", args=["-c", script], cwd=work, env={**os.environ})
+
+    async def talked():
+        async with Client(command) as client:
+            return [await client.call_tool(name, arguments) for name, arguments in calls]
+
+    for (tool, _), answer in zip(calls, asyncio.run(talked()), strict=True):
+        text = answer.content[0].text
+        assert answer.is_error, (tool, text[:200])
+        assert "Traceback" not in text
+    assert "Traceback" not in (work / "complaints").read_text(encoding="utf-8")
+
+
+def test_a_file_that_is_exchanged_after_the_check_is_never_read_outside(work, tmp_path):
+    secret = document("<AlwaysFailure/>", main="Secret")
+    (tmp_path / "secret.xml").write_text(secret, encoding="utf-8")
+    stop, rounds = threading.Event(), []
+
+    def exchange():
+        while not stop.is_set():
+            (work / "new").symlink_to(tmp_path / "secret.xml")
+            (work / "new").replace(work / "right.xml")
+            (work / "new").write_text(RIGHT, encoding="utf-8")
+            (work / "new").replace(work / "right.xml")
+            rounds.append(1)
+
+    thread = threading.Thread(target=exchange)
+    thread.start()
+    try:
+        answers = call(*[("convert", {"file": "right.xml", "to": "xml"})] * 8)
+    finally:
+        stop.set()
+        thread.join()
+    assert len(rounds) > 100
+    assert [each for each in answers if "Secret" in str(each)] == []
+
+
+class TestACall:
+    """What the process of a call may read and take, whatever the server has looked at before."""
+
+    @pytest.fixture
+    def limited(self, work):
+        def run_limited(*words, place=work, memory_mib=2048):
+            limits = CallLimits((str(place),), "the folder of the agent", memory_mib * 2**20)
+            return subprocess.run(
+                [BIN / "sar-compile", *words],
+                env=limits.environment(),
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+
+        return run_limited
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ["validate", "link.xml"],
+            ["convert", "link.xml", "--to", "yaml"],
+            ["diff", "right.xml", "link.xml"],
+            ["verify", "right.xml", "--properties", "link.xml"],
+            ["simulate", "right.xml", "--scenario", "link.xml"],
+            ["validate", "right.xml", "--model", "link.xml"],
+            ["approve", "right.xml", "--propose", "--params", "link.xml"],
+            ["validate", "linked/right.xml"],
+        ],
+        ids=" ".join,
+    )
+    def test_reads_nothing_outside_the_folders(self, limited, words, work, tmp_path):
+        (tmp_path / "elsewhere").mkdir()
+        (tmp_path / "elsewhere" / "right.xml").write_text(RIGHT, encoding="utf-8")
+        (work / "linked").symlink_to(tmp_path / "elsewhere")
+        done = limited(*words)
+        assert done.returncode == 2
+        assert "it lies outside the folder of the agent" in done.stderr
+
+    def test_lists_no_folder_outside_the_folders(self, limited, work, tmp_path):
+        (work / "linked").symlink_to(tmp_path)
+        done = limited("validate", "linked")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == "sar-compile: cannot read linked: it lies outside the folder of the agent\n"
+
+    def test_is_nice_and_limited_in_its_memory(self):
+        program = (
+            "import os, resource\n"
+            "from sar_compiler.agent.call_limits import limit_this_process\n"
+            "limit_this_process(os.environ)\n"
+            "print(os.nice(0), *resource.getrlimit(resource.RLIMIT_AS), 'SAR_CALL_LIMITS' in os.environ)\n"
+        )
+        limits = CallLimits((), "", 300 * 2**20)
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env=limits.environment(),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        nice = min(os.nice(0) + 10, 19)
+        assert done.stdout == f"{nice} {300 * 2**20} {300 * 2**20} False\n"
+
+    def test_that_needs_more_memory_says_so_in_a_line(self, limited):
+        done = limited("verify", "search_sweeps", "--set", "zones_left=5", place="/", memory_mib=90)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == "sar-compile: there is not enough memory for this\n"
+
+    def test_reads_the_configuration_above_its_folder_and_what_that_names(self, work):
+        (work / "sar.toml").write_text(
+            'models = ["palettes/p.xml"]\n[project]\ntrees = ["sets/*.xml"]\n', encoding="utf-8"
+        )
+        for folder in ("palettes", "sets", "trees", "private"):
+            (work / folder).mkdir()
+        model = '<root BTCPP_format="4"><TreeNodesModel><Action ID="Wave"/></TreeNodesModel></root>'
+        (work / "palettes" / "p.xml").write_text(model, encoding="utf-8")
+        (work / "sets" / "part.xml").write_text(document("<Wave/>", main="Part"), encoding="utf-8")
+        (work / "private" / "s.xml").write_text(RIGHT, encoding="utf-8")
+        (work / "trees" / "t.xml").write_text(document('<SubTree ID="Part"/>'), encoding="utf-8")
+        (work / "trees" / "link.xml").symlink_to(work / "private" / "s.xml")
+        calls = [("validate", {"file": each}) for each in ("t.xml", "link.xml", "../private/s.xml")]
+        right, *outside = call(*calls, options=["--root", "trees"])
+        assert right["output"] == []
+        assert ["lies outside" in each for each in outside] == [True, True]
+
+
+# In the place of `sar-compile`: writes when it begins and ends, and then does what its last word says.
+IN_ITS_PLACE = """
+import os, sys, time
+log = os.open("log", os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+os.write(log, b"+")
+if sys.argv[-1] == "stay":
+    time.sleep(0.1)
+elif sys.argv[-1] == "much":
+    sys.stdout.write("x" * 2**25)
+elif sys.argv[-1] == "die":
+    os.abort()
+elif sys.argv[-1] == "forever":
+    time.sleep(1000)
+os.write(log, b"-")
+"""
+
+
+class TestManyCalls:
+    @pytest.fixture
+    def access(self, work):
+        (work / "command.py").write_text(IN_ITS_PLACE, encoding="utf-8")
+        return ToolAccess([work], 60.0, 2**31, [sys.executable, "command.py"])
+
+    def together(self, access, count, word):
+        async def calls():
+            running = (access.run("verify", [], word) for _ in range(count))
+            return await asyncio.gather(*running, return_exceptions=True)
+
+        return asyncio.run(calls())
+
+    def test_two_run_at_a_time_and_all_are_answered(self, access, work):
+        assert self.together(access, 16, "stay") == [(0, "", "")] * 16
+        marks = (work / "log").read_text(encoding="utf-8")
+        running = [marks[:end].count("+") - marks[:end].count("-") for end in range(len(marks) + 1)]
+        assert (max(running), len(marks)) == (2, 32)
+
+    def test_more_than_can_wait_are_refused_at_once(self, access):
+        answers = self.together(access, 60, "")
+        refused = [each for each in answers if isinstance(each, ToolError)]
+        assert len(refused) == 10
+        assert str(refused[0]) == "50 calls are not answered yet: call again when some of them are"
+        assert self.together(access, 1, "") == [(0, "", "")]
+
+    @pytest.mark.parametrize(
+        ("word", "said"),
+        [
+            ("much", "the answer of verify is larger than 16 MiB: ask for less"),
+            ("die", "verify was ended by signal 6: it may take 2048 MiB of memory, --memory of the server"),
+        ],
+    )
+    def test_a_call_that_takes_too_much_is_an_error_that_says_so(self, access, word, said):
+        (answer,) = self.together(access, 1, word)
+        assert str(answer) == said
+
+    def test_a_call_that_is_given_up_ends_its_process_and_lets_others_run(self, work):
+        (work / "command.py").write_text(IN_ITS_PLACE, encoding="utf-8")
+        access = ToolAccess([work], 1.0, 2**31, [sys.executable, "command.py"])
+        answers = self.together(access, 4, "forever")
+        assert {str(each) for each in answers} == {"verify was given up after 1 s, the limit of a call"}
+        assert (work / "log").read_text(encoding="utf-8") == "++++"
+        assert children_of(os.getpid(), "command.py") == []
 
 
 @pytest.mark.parametrize(
