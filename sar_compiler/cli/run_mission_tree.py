@@ -527,6 +527,7 @@ class TreeRun:
         self._robot = robot_estimate(self._node) if drives else None
         if self._robot is not None:
             self._robot.settle_timeout_sec = self._parameters.settle_timeout_sec
+            self._robot.arrival_tolerance_m = self._parameters.arrival_tolerance_m
         refuse_parameters(self._node, self.setup.fixed_parameters)
 
     @property

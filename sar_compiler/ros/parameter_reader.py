@@ -385,6 +385,7 @@ class RunParameters:
         cruise_speed_mps: The speed that estimates of time assume, in m/s.
         settle_timeout_sec: The longest wait for the goals to end when the run is stopped, in seconds.
         blocked_tick_timeout_sec: How long nothing may be ticked, because a leaf blocks, before the goals are canceled; in steady seconds.
+        arrival_tolerance_m: How far from its goal a robot may be that has arrived, in metres; None for Nav2's tolerance and half a metre.
         georeference: Where the frame `map` lies on the earth; None if that is not said.
     """
 
@@ -397,6 +398,7 @@ class RunParameters:
     cruise_speed_mps: float = 0.4
     settle_timeout_sec: float = SETTLE_SEC
     blocked_tick_timeout_sec: float = BLOCKED_TICK_SEC
+    arrival_tolerance_m: float | None = None
     georeference: Georeference | None = None
 
 
@@ -405,7 +407,7 @@ RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
 
 def read_run(reader: ParameterReader) -> RunParameters:
     """Read the parameters of a run; missing ones have their default, and the reader collects mistakes."""
-    limit, start = "time_limit_sec", reader.pose("initial_pose")
+    limit, start, tolerance = "time_limit_sec", reader.pose("initial_pose"), "arrival_tolerance_m"
     return RunParameters(
         tick_rate_hz=_rate(reader, "tick_rate_hz", RunParameters.tick_rate_hz),
         set_initial_pose=reader.switch("set_initial_pose", default=RunParameters.set_initial_pose),
@@ -418,6 +420,7 @@ def read_run(reader: ParameterReader) -> RunParameters:
         blocked_tick_timeout_sec=reader.positive(
             "blocked_tick_timeout_sec", RunParameters.blocked_tick_timeout_sec
         ),
+        arrival_tolerance_m=reader.positive(tolerance, 0.0) if tolerance in reader.parameters else None,
         georeference=_georeference(reader),
     )
 

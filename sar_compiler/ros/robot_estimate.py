@@ -61,6 +61,7 @@ class RobotEstimate:
         odometry_at_pose: The same as it was when `pose` came.
         speed: What the last odometry says: m/s and rad/s.
         settle_timeout_sec: How long it is waited for that the robot stands, seconds.
+        arrival_tolerance_m: How far from its goal a robot may be that has arrived, metres; None for Nav2's tolerance and half a metre.
         lacks: Why the robot cannot drive, in words, by who watches it (`ros.watch`); empty if it can.
         transform_at: When the last transform from `map` came, steady seconds; None if none has come.
     """
@@ -78,6 +79,7 @@ class RobotEstimate:
         self.odometry_at_pose: PlanarPose | None = None
         self.speed = (0.0, 0.0)
         self.settle_timeout_sec = SETTLE_SEC
+        self.arrival_tolerance_m: float | None = None
         self.transform_at: float | None = None
         self.lacks = ""
         self._node, self._reports = node, value_reports(node)
@@ -161,6 +163,13 @@ class RobotEstimate:
     def place(self) -> PlanarPose | None:
         """Return where the robot is by its localisation, in the frame `map`; None if that is not known."""
         return self._place_by_transforms() or self.pose
+
+    def current_place(self) -> PlanarPose | None:
+        """Return where the robot is now, in the frame `map`; None if that is not known, or was known only before."""
+        if self.lost_transforms():
+            return None
+        # Between two poses of the localisation, which come when the robot has moved, only fresh odometry leads on.
+        return self.place() if self.moves is not None else self.pose
 
     def listen(self, listener: PoseListener) -> None:
         """Have a function called with each usable pose of `amcl_pose` that comes from now on."""

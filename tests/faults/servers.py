@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 from tests.waiting import SILENCE_SEC, News
@@ -120,6 +121,7 @@ class Navigation:
         odometry: Whether the robot has odometry, which says 0.3 m/s while it drives (false).
         runs_away: Whether a robot that drives on does so whatever is cancelled (false).
         pose: x and y that the localisation has from the start on (none).
+        arrives: Whether a localisation that has a pose is at the goal when that has succeeded (true).
         deaf: Whether no goal is answered before there is a client that was not there when the first one came (false).
         preempts: Whether a goal that is accepted aborts the one under way (false).
 
@@ -183,7 +185,8 @@ class Navigation:
                 node.create_service(
                     GetState, f"{name}/get_state", lambda _, response, name=name: self._state(name, response)
                 )
-        self._serve_poses(node, script.get("pose"))
+        self._arrives = script.get("arrives", True)
+        self._tell_place = self._serve_poses(node, script.get("pose"))
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._line, self._log = Log, node.create_publisher(Log, "/rosout", latched)
         self._drives_until = -math.inf
@@ -215,7 +218,7 @@ class Navigation:
         node.create_timer(0.05, publish)
         node.create_service(CancelGoal, "follow_path/_action/cancel_goal", stop)
 
-    def _serve_poses(self, node: Any, pose: "list[float] | None") -> None:
+    def _serve_poses(self, node: Any, pose: "list[float] | None") -> "Callable[[float, float], None]":
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -226,15 +229,20 @@ class Navigation:
             position = message.pose.pose.position
             tell("initialpose", x=position.x, y=position.y)
             self._states["bt_navigator"] = "active"
+            self._is_localised = True
             poses.publish(message)
 
-        if pose is not None:
+        def tell_place(x: float, y: float) -> None:
             known = PoseWithCovarianceStamped()
             known.header.frame_id, known.pose.pose.orientation.w = "map", 1.0
-            known.pose.pose.position.x, known.pose.pose.position.y = pose
+            known.pose.pose.position.x, known.pose.pose.position.y = x, y
             poses.publish(known)
 
+        if pose is not None:
+            tell_place(*pose)
+        self._is_localised = pose is not None
         node.create_subscription(PoseWithCovarianceStamped, "initialpose", take, 10)
+        return tell_place
 
     def _state(self, name: str, response: Any) -> Any:
         response.current_state.label = self._states[name]
@@ -288,6 +296,9 @@ class Navigation:
         self._drives_until = time.monotonic() + script.get("drives_on", 0.0)
         if "says" in script:
             self._log.publish(self._line(level=40, name="controller_server", msg=script["says"]))
+        if how == "succeed" and self._arrives and self._is_localised:
+            place = handle.request.pose.pose.position
+            self._tell_place(place.x, place.y)
         ends[how]()
         tell("ended", number=script["number"], how=how)
         return self._type.Result(error_code=script.get("code", 0) if how == "abort" else 0)

@@ -35,7 +35,7 @@ def test_a_clock_that_stops_ends_the_waits_and_is_told(fly, serve):
 
 def test_a_clock_that_stops_is_told_alone_although_the_transforms_stop_with_it(fly, serve):
     clock = serve("clock")
-    navigation = serve("navigation", goals=[{"drive": 18.0}, {}], states={"amcl": None})
+    navigation = serve("navigation", goals=[{"drive": 18.0}, {}], states={"amcl": None}, pose=[0.0, 0.0])
     localiser = serve("localiser")
     run = fly(RESILIENT, use_sim_time="true")
     navigation.wait_for("feedback")
@@ -219,7 +219,7 @@ def _set(ros, **values):
 
 def test_a_run_that_was_stopped_names_that_and_blames_no_server(fly, serve):
     serve("clock")
-    navigation = serve("navigation", goals=[{"drive": 16.0}, {}], states={"amcl": None})
+    navigation = serve("navigation", goals=[{"drive": 16.0}, {}], states={"amcl": None}, pose=[0.0, 0.0])
     serve("localiser")
     run = fly(RESILIENT, use_sim_time="true")
     navigation.wait_for("feedback")

@@ -8,6 +8,7 @@ from py_trees.common import Status
 
 from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.clock import Deadline
+from sar_compiler.ros.leaves.arrivals import Arrival, drives_to_pose, goal_destination
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.goals import (
     SUCCEEDED,
@@ -36,6 +37,9 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     `Use.nav2()` whatever keeps Nav2 from judging it: no server, no acceptance, silence, a node that is not active or answers
     nothing, transforms that have stopped. When `hold_timeout_sec` is over, the means are not available (`on_unavailable`). After a second attempt that was
     rejected or aborted at once the leaf pauses before the next one, whatever the tree does.
+
+    A goal of navigation that has succeeded is no proof that the robot is there: farther from the goal than `arrival_tolerance_m`
+    of the run by its own localisation it has not arrived, and the means are not available. Without a localisation the goal's end counts.
 
     A goal that has ended is no proof that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry says so, for
     `settle_timeout_sec` at most; without odometry the goal's end counts.
@@ -97,6 +101,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._robot: RobotEstimate | None = None
         self._rest: Standstill | None = None
         self._turn: Deadline | None = None
+        self._arrival: Arrival | None = None
         self._rivals: list[GoalStatuses] = []
 
     @abstractmethod
@@ -171,6 +176,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if self._needs_nav2:
             self._robot = robot_estimate(self.node)
             self._robot.driving_nodes.look()
+        elif drives_to_pose(self.interface):
+            robot_estimate(self.node)  # listens from now on
 
     @property
     def _needs_nav2(self) -> bool:
@@ -182,6 +189,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
 
     def _open(self, message: Any) -> ActionGoal:
         self._rest_no_longer()
+        destination = goal_destination(self.interface, message)
+        self._arrival = None if destination is None else Arrival(self.node, destination)
         return ActionGoal(self, cast("ActionPort", self._port), message)
 
     def _begin(self) -> Status:
@@ -224,6 +233,12 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             return self._fail_or_hold(exchange)
         if exchange.trouble and self._robot is not None:
             return self._hold_on_for_server(exchange, self._robot.driving_nodes)
+        if exchange.answer is not None and self._arrival is not None:
+            if self._arrival.is_awaited():
+                self.feedback_message = "waiting for the localisation to follow"
+                return Status.RUNNING
+            if doubt := self._arrival.doubt:
+                return self.on_unavailable(doubt)
         if exchange.answer is not None:
             self._failures = 0
             self.on_available()

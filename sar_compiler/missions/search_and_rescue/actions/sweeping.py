@@ -1,5 +1,6 @@
 """Sweeping the ground of a zone: piece by piece, and what was missed once more."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from concurrent.futures import Future
@@ -40,6 +41,8 @@ Share = Annotated[float, sensible(0, 1)]
 _STANDS_M = 0.05
 # Who was here and is so far away now, metres, and faster than that, m/s, did not drive there: the localisation has jumped.
 _JUMP_M, _FASTEST_MPS = 2.0, 1.5
+# Nav2 takes a pose for passed within 0.7 m of it, unless its tree has another radius; farther away than this the robot was not there, metres.
+_PASSES_M = 3.0
 
 
 @dataclass(eq=False, repr=False)
@@ -254,6 +257,7 @@ class NavigateToPiece(NavigateTo):
         super().__post_init__()
         self._robot: RobotEstimate | None = None
         self._place: tuple[float, float] | None = None
+        self._track: list[tuple[float, float]] = []
         self._looked_at = math.inf
         self._zone_id = ""
 
@@ -270,7 +274,7 @@ class NavigateToPiece(NavigateTo):
         if not sweep.left:
             self.complain(f"'{self.name}' has nowhere to drive to: no piece is open.")
             return self.answer(Status.FAILURE, "no piece")
-        self._zone_id, self._place = zone, None
+        self._zone_id, self._place, self._track = zone, None, []
         # A piece of another pass lies elsewhere: what has failed there says nothing of it.
         again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
         return self._set_out(zone, sweep, again)
@@ -304,6 +308,8 @@ class NavigateToPiece(NavigateTo):
         if place is None or not self._zone_id:
             return
         here = place[:2]
+        if not self._track or math.dist(self._track[-1], here) >= _STANDS_M:
+            self._track.append(here)
         before, self._place = self._place or here, here
         far = math.dist(before, here)
         if far < _STANDS_M:
@@ -361,6 +367,7 @@ class NavigateThroughPieces(NavigateToPiece):
     def on_feedback(self, feedback: Any) -> Status | None:
         """Keep the remaining distance, and mark what was passed."""
         super().on_feedback(feedback)
+        self._look()
         # Nav2 leaves the last one in: of that the result tells.
         passed = (left := poses_left(feedback)) > 0 and self._pass(left)
         if not (passed and self.homing.is_asked):
@@ -384,15 +391,34 @@ class NavigateThroughPieces(NavigateToPiece):
     def _pass(self, left: int) -> bool:
         """Mark pieces as swept until so many of those that were sent are left; return whether there was one to mark."""
         before = self.sweeps.of(self._zone_id).done
-        for _ in range(before, self._end - left):
+        for number in range(before, self._end - left):
+            # Of the last one the arrival was held against the localisation.
+            if left and not self._was_near(self.sweeps.of(self._zone_id).pieces[number]):
+                return number > before
             # A find on the way has ended the drive.
             self.record.zone_searched(self._zone_id, None)
             self.sweeps.advance(self._zone_id, map_extent_of(self.node).obstacles(), self.until_pod)
+            self._track = self._track[-1:]
         return self._end - left > before
+
+    def _was_near(self, piece: MapPose) -> bool:
+        """Return whether the robot has passed a piece by its localisation, or that does not say where it is."""
+        there, track = (piece["x"], piece["y"]), self._track
+        steps = itertools.pairwise(track if len(track) > 1 else track * 2)
+        return not track or min(_distance_to(there, *step) for step in steps) <= _PASSES_M
 
     def _piece_by_piece(self) -> Status:
         self.feedback_message = "piece by piece"
         return self.answer(Status.FAILURE, "piece by piece")
+
+
+def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Return how far a point is from the straight line between two others, metres."""
+    (x, y), along = start, (end[0] - start[0], end[1] - start[1])
+    length = math.hypot(*along)
+    share = ((point[0] - x) * along[0] + (point[1] - y) * along[1]) / length**2 if length else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return math.dist(point, (x + share * along[0], y + share * along[1]))
 
 
 def _plan_of(zone: str, sweep: Sweep) -> tuple[str, int, int]:

@@ -1,0 +1,96 @@
+"""Whether a robot is where its goal of navigation was, by the robot's own localisation.
+
+A server that reports success has not proved it: one that is a stand-in, that was replaced, or that drives by another localisation
+says so although the robot has not moved.
+"""
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.ros.clock import AWAKE, Deadline
+from sar_compiler.ros.leaves.leaf import interface_name
+from sar_compiler.ros.message_values import goal_position
+from sar_compiler.ros.nav2_parameters import nav2_parameters
+from sar_compiler.ros.robot_estimate import robot_estimate
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+EXTRA_TOLERANCE_M = 0.5
+"""How much farther from a goal than Nav2's own tolerance a robot may be by its localisation, metres: the two differ a little."""
+
+# How long the localisation may need to follow the robot, seconds.
+_FOLLOWS_SEC = 2.0
+
+
+# From ROS 2 Kilted on the poses of the second are in a message of their own.
+_POSES: dict[str, Callable[[Any], Any]] = {
+    "nav2_msgs/action/NavigateToPose": lambda goal: [goal.pose],
+    "nav2_msgs/action/NavigateThroughPoses": lambda goal: getattr(goal.poses, "goals", goal.poses),
+    "nav2_msgs/action/FollowWaypoints": lambda goal: goal.poses,
+}
+
+
+def drives_to_pose(interface: Any) -> bool:
+    """Return whether a goal of an action, given its Python class, ends at a pose."""
+    return interface_name(interface) in _POSES
+
+
+def goal_destination(interface: Any, goal: Any) -> tuple[float, float] | None:
+    """Return where a goal of Nav2 ends.
+
+    Args:
+        interface: The Python class of the action.
+        goal: The goal.
+
+    Returns:
+        x and y, metres in the frame `map`; None if the action drives to no pose, or the pose is in another frame.
+    """
+    poses = _POSES[interface_name(interface)](goal) if drives_to_pose(interface) else []
+    return goal_position(poses[-1]) if poses else None
+
+
+class Arrival:
+    """The end of a goal that has succeeded, held against the localisation.
+
+    Args:
+        node: The node that has sent the goal.
+        destination: Where the goal ends, metres in the frame `map`.
+    """
+
+    def __init__(self, node: "Node", destination: tuple[float, float]) -> None:
+        self._node, self._robot, self._destination = node, robot_estimate(node), destination
+        self._due: tuple[Deadline, ...] = ()
+
+    @property
+    def tolerance_m(self) -> float:
+        """How far from the goal the robot may be, metres: the mission's parameter, or Nav2's tolerance and half a metre."""
+        given = self._robot.arrival_tolerance_m
+        return nav2_parameters(self._node).goal_tolerance + EXTRA_TOLERANCE_M if given is None else given
+
+    @property
+    def distance_m(self) -> float | None:
+        """How far from the goal the robot is, metres; None if its localisation does not say."""
+        place = self._robot.current_place()
+        return None if place is None else math.dist(place[:2], self._destination)
+
+    def is_awaited(self) -> bool:
+        """Return whether the localisation may still follow the robot to the goal."""
+        if not self.doubt:
+            return False
+        if not self._due:
+            # By both clocks: a fast simulation does not make the network faster, and one that stands still sends no pose.
+            self._due = Deadline(_FOLLOWS_SEC, AWAKE), Deadline(_FOLLOWS_SEC, self._robot.clock)
+        return not all(each.passed for each in self._due)
+
+    @property
+    def doubt(self) -> str:
+        """Why the robot has not arrived, in words; empty if it has, or nothing can be said."""
+        distance = self.distance_m
+        if distance is None or distance <= self.tolerance_m:
+            return ""
+        return (
+            f"the goal has succeeded, and by the localisation the robot is {distance:.2f} m away from it "
+            f"({self.tolerance_m:.2f} m are allowed)"
+        )
