@@ -14,6 +14,7 @@ from pathlib import Path
 
 from benchmarks import (
     editing,
+    explaining,
     flying,
     journaling,
     large_files,
@@ -50,6 +51,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "large-files": large_files.measure,
     "editing": editing.measure,
     "mending": mending.measure,
+    "explaining": explaining.measure,
 }
 
 

@@ -1,5 +1,6 @@
 """The journal of a run of `sar-run`; what it takes is imported only where somebody has a use for it."""
 
+import math
 import shlex
 from argparse import Namespace
 from collections.abc import Mapping
@@ -123,7 +124,8 @@ class RunJournal(Companion):
 
         self._about["tree"] = nodes = as_data(outline(tree))
         looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
-        self._run_about |= {"tree_id": tree.instance.tree.name, "looks": looks, "constant": _constant(tree)}
+        self._run_about |= {"tree_id": tree.instance.tree.name, "looks": looks}
+        self._run_about |= {"constant": _constant(tree), "limits": _limits(tree)}
         if self.journal.is_resumed:
             require_same_tree(self.journal, tree, nodes)
         self._tree, self._engine = tree, engine
@@ -165,6 +167,20 @@ def _constant(tree: CompiledTree) -> list[int]:
         (number, each, tree.origins[each.id].bound.spec) for number, each in enumerate(pre_order(tree.root))
     )
     return [number for number, each, spec in nodes if not each.children and len(set(spec.outcomes)) == 1]
+
+
+def _limits(tree: CompiledTree) -> dict[str, float]:
+    """Return the time limits of nodes in seconds, by their numbers, as far as they are known before the run."""
+    limits: dict[str, float] = {}
+    for number, each in enumerate(pre_order(tree.root)):
+        bound = tree.origins[each.id].bound
+        if any(tree.origins[child.id].bound is bound for child in each.children):
+            continue  # what conditions put around a node has its spec
+        limit_sec = bound.spec.semantics.limit_sec
+        limit = limit_sec(bound) if limit_sec is not None and len(each.children) == 1 else None
+        if limit is not None and math.isfinite(limit):
+            limits[str(number)] = limit
+    return limits
 
 
 def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:

@@ -18,7 +18,7 @@ from sar_compiler.cli.supervision import ADRIFT
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.journal_entries import LEAF_RAISED, Ending
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.missions.choosing import MissionError
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
@@ -28,7 +28,15 @@ from sar_compiler.process_end import end_at_once, try_for
 from sar_compiler.ros.arguments import readable_ros_errors, security_arguments
 from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.companion import UnfitLeavesError
-from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, send_cancels, tell
+from sar_compiler.ros.engine import (
+    Engine,
+    SetupFailedError,
+    error_text,
+    failure_text,
+    raised_in,
+    send_cancels,
+    tell,
+)
 from sar_compiler.ros.executors import suited
 from sar_compiler.ros.graph_queries import declared_endpoints, ros_graph
 from sar_compiler.ros.leaves.goals import goals_under_way
@@ -43,6 +51,7 @@ from sar_compiler.ros.sole_mission import LOOK_SEC, SoleMission
 from sar_compiler.ros.tick_watch import Cancel, TickWatch, cancel_apart
 from sar_compiler.ros.watch import Watch, refuse_parameters
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
@@ -427,8 +436,14 @@ class TreeRun:
             yield f"The journal's head, for sar-journal check --head: {head}"
 
     def _end_journal(self, ending: Ending, status: int, reason: str) -> None:
-        if self.setup.journal.is_wanted:
-            self.setup.journal.end(ending, status, reason)
+        journal, failure = self.setup.journal, self.engine.failure
+        if not journal.is_wanted:
+            return
+        if failure is not None:
+            raised = raised_in(failure)
+            numbers = (number for number, each in enumerate(pre_order(self.tree.root)) if each is raised)
+            journal.watch(LEAF_RAISED, node=next(numbers, None), text=failure_text(failure))
+        journal.end(ending, status, reason)
 
     def _tick_until_over(self) -> None:
         self.engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)

@@ -29,6 +29,9 @@ PROPERTY_BROKEN, ASSUMPTION_FAILED = "property_broken", "assumption_failed"
 """Kinds of facts that no mission has: the `property` is broken by an `event`, or is `owed` at an end; what the `assumption` is that an answer contradicts.
 Each with the `tick`, the `node` (the leaf's number, null for none) and the `run` that led there: time in seconds, tick, node and deed of the last events."""
 
+LEAF_RAISED = "leaf_raised"
+"""The kind of an entry about a leaf that has raised an exception, which ends the run: its number `node`, null if it is not known, and the `text`."""
+
 OF_ROBOT = ("pose", "plan", "map", "battery", "log")
 """Kinds that are watched of the robot's topics."""
 

@@ -1,4 +1,4 @@
-"""What the leaves of a recorded run did: the entries of its journal as events.
+"""What the leaves of a recorded run did, and what other nodes have decided by themselves: the entries of its journal as events.
 
 A journal has an entry where a node comes to something else than in the tick before. So a leaf that gives the same answer in tick after tick
 has one event for them, and a tick in which nothing was written has none; those at the end of a run are not known.
@@ -13,8 +13,9 @@ from sar_compiler.journal.journal_entries import (
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, tree_nodes
+from sar_compiler.journal.node_ends import NodeEnds
 from sar_compiler.journal.situation import CHANGED
-from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, STARTED, TICKED, Event
+from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, RESET, STARTED, TICKED, Event
 
 _GONE = {"HALTED": HALTED, "IDLE": RESET}
 
@@ -29,6 +30,8 @@ def is_status(entry: JournalEntry, count: int) -> bool:
 
 def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
     """Yield what leaves did in recorded runs, tick by tick; the last event of each tick is its end.
+
+    Before it are those of other nodes that have decided by themselves in the tick.
 
     The path of a leaf has the nodes that attributes ask for, too. Facts that a leaf has noted are those of its next event in that tick. At the
     tick's end are those of a leaf without one, whose tick was broken off. Facts that no leaf has noted, or of which an older journal does
@@ -67,11 +70,15 @@ class _RecordedRun:
         # Of the tick: the facts of leaves of which no event has come since.
         self._facts: dict[int, list[tuple[str, object]]] = {}
         self._before: JournalEntry | None = None
+        self._ends = NodeEnds(self._nodes)
+        self._messages: dict[int, str] = {}
 
     def take(self, entry: JournalEntry) -> Iterator[Event]:
         """Yield the events that an entry tells of."""
         if is_status(entry, len(self._nodes)):
             yield from self._begin_tick(entry)
+            self._ends.receive(entry.data, entry.time)
+            self._messages[entry.data["node"]] = str(entry.data.get("message") or "")
             yield from self._events(
                 entry.data["node"], entry.data["status"], str(entry.data.get("label") or "")
             )
@@ -93,7 +100,16 @@ class _RecordedRun:
         if self._tick:
             facts = [fact for facts in self._facts.values() for fact in facts]
             self._facts.clear()
+            yield from self._decisions()
             yield self._event(0, TICKED, "" if facts else self._root, facts=facts)
+
+    def _decisions(self) -> Iterator[Event]:
+        """Yield what nodes with children have decided by themselves in the tick."""
+        for node in self._ends.end_tick():
+            if self._nodes[node].children and not self._ends.causes[node]:
+                ran_sec = max(0.0, self._time + self._start - self._ends.began_sec(node))
+                event = self._event(node, DECIDED, self._ends.status[node], self._messages.get(node, ""))
+                yield event._replace(ran_sec=ran_sec)
 
     def _events(self, node: int, status: str, label: str) -> Iterator[Event]:
         what = _GONE.get(status, ANSWERED)

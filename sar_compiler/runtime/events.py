@@ -12,6 +12,9 @@ from uuid import UUID
 STARTED, ANSWERED, HALTED, TICKED = "started", "answered", "halted", "ticked"
 """What an event is: a leaf starts, answers, is stopped while it runs; a tick of the tree is over."""
 
+DECIDED = "decided"
+"""A node with children has ended by itself: a time limit, a condition by script, a loop over nothing. Recorded runs alone have it."""
+
 RESET = "reset"
 """A leaf that had ended is at rest again; recorded runs alone tell that, because they leave out answers as in the tick before."""
 
@@ -26,12 +29,13 @@ class Event(NamedTuple):
     Attributes:
         path: The names of the nodes around the leaf, from the root down, and its own; of the end of a tick, the root's alone.
         number: The leaf's number, from 0 in pre-order, as journals number nodes; of the end of a tick, the root's.
-        what: `STARTED`, `ANSWERED`, `HALTED`, `RESET` or `TICKED`.
-        status: What the leaf answered; what the root came to, empty if the tick was not finished.
-        label: What the leaf means by it; empty for nothing more than the status.
+        what: `STARTED`, `ANSWERED`, `HALTED`, `DECIDED`, `RESET` or `TICKED`.
+        status: What the leaf answered, or the node decided; what the root came to, empty if the tick was not finished.
+        label: What the leaf means by it, or the node says; empty for nothing more than the status.
         facts: The facts that the answer has changed; of a recorded run, those that were noted, by kind, with their data.
         tick: The number of the tick in its run, from 1; 0 where there is no run.
         time_sec: When it was, seconds from the run's beginning; None where any time may have passed.
+        ran_sec: How long a node had run that has decided by itself, seconds; 0 for any other event.
     """
 
     path: tuple[str, ...]
@@ -42,6 +46,7 @@ class Event(NamedTuple):
     facts: FactChanges = ()
     tick: int = 0
     time_sec: float | None = None
+    ran_sec: float = 0.0
 
     @property
     def leaf(self) -> str:

@@ -99,6 +99,9 @@ class Script:
     text: str = field(compare=False)
     statements: tuple[Expression, ...]
 
+    def __str__(self) -> str:
+        return self.text
+
     @functools.cached_property
     def by_start(self) -> Mapping[int, Expression]:
         """The statements by the places where they begin."""

@@ -1,4 +1,4 @@
-"""What leaves have answered in recorded runs: how often, after which time, as text, as JSON, and as assumptions about other runs."""
+"""What leaves have answered in recorded runs, and what other nodes have decided: how often, after which time; also as assumptions about other runs."""
 
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -9,7 +9,7 @@ from typing import Any
 from sar_compiler.checks.sweep import Interval, wilson
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
+from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, STARTED, Event
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.plain import as_json, count_text
 from sar_compiler.views.sweep_table import quantile, table_text
@@ -83,10 +83,12 @@ class RunStatistics:
     Attributes:
         runs: How many.
         leaves: The leaves that have come to anything, in the order in which they did.
+        decisions: What other nodes have decided by themselves, such as time limits, by the node's path, the status and its message.
     """
 
     runs: int = 0
     leaves: dict[tuple[str, ...], LeafStatistics] = field(default_factory=dict)
+    decisions: dict[tuple[tuple[str, ...], str, str], AnswerTimes] = field(default_factory=dict)
 
     def add(self, stream: Iterable[JournalEntry]) -> None:
         """Add the runs of a journal.
@@ -100,12 +102,18 @@ class RunStatistics:
             numbers: dict[int, LeafStatistics] = {}
             run = _BegunWork()
             for event in recorded_events(_noting(entries, declared)):
-                if event.what in (STARTED, ANSWERED, HALTED):
+                if event.what == DECIDED:
+                    self._add_decision(event)
+                elif event.what in (STARTED, ANSWERED, HALTED):
                     leaf = self.leaves.setdefault(event.path, LeafStatistics(event.path))
                     numbers[event.number] = leaf
                     run.take(event, leaf)
             for number, leaf in numbers.items():
                 leaf.is_declared |= number in declared
+
+    def _add_decision(self, event: Event) -> None:
+        made = AnswerTimes(event.status, event.label)
+        self.decisions.setdefault((event.path, event.status, event.label), made).times.append(event.ran_sec)
 
 
 def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
@@ -153,11 +161,19 @@ def statistics_as_text(found: RunStatistics, confidence: float) -> str:
         f"{count_text(found.runs, 'run')}. Shares are of the answers that have ended what a leaf had begun, their intervals are Wilson's; "
         "what a leaf answers in tick after tick counts once."
     )
-    return (
-        f"{table_text(lines, 2)}\n\n{said}"
-        if lines
-        else f"{count_text(found.runs, 'run')}; no leaf has answered."
-    )
+    if not lines:
+        return f"{count_text(found.runs, 'run')}; no leaf has answered."
+    decided = [
+        {
+            "node": path[-1],
+            "decided by itself": f"{status}{f', {message}' if message else ''}",
+            "count": str(len(made.times)),
+            "time (median)": f"{quantile(sorted(made.times), 0.5):.1f} s",
+        }
+        for (path, status, message), made in found.decisions.items()
+    ]
+    more = f"\n\n{table_text(decided, 2)}" if decided else ""
+    return f"{table_text(lines, 2)}{more}\n\n{said}"
 
 
 def _line(
@@ -189,21 +205,34 @@ def statistics_as_json(found: RunStatistics, confidence: float) -> str:
         }
         for leaf in found.leaves.values()
     ]
-    return as_json({"runs": found.runs, "confidence": confidence, "interval": "Wilson", "leaves": leaves})
+    decisions = [
+        {
+            "path": list(path),
+            "status": status,
+            "message": message,
+            "count": len(made.times),
+            "time": _times_data(made),
+        }
+        for (path, status, message), made in found.decisions.items()
+    ]
+    about = {"runs": found.runs, "confidence": confidence, "interval": "Wilson"}
+    return as_json({**about, "leaves": leaves, "decisions": decisions})
 
 
 def _answer_data(leaf: LeafStatistics, answer: AnswerTimes, confidence: float) -> Mapping[str, Any]:
-    times = sorted(answer.times)
     return {
         "status": answer.status,
         "label": answer.label,
-        "count": len(times),
-        "share": len(times) / leaf.count,
+        "count": len(answer.times),
+        "share": len(answer.times) / leaf.count,
         "interval": list(leaf.interval(answer, confidence)),
-        "time": {
-            name: quantile(times, part) for name, part in (("p5", 0.05), ("median", 0.5), ("p95", 0.95))
-        },
+        "time": _times_data(answer),
     }
+
+
+def _times_data(answer: AnswerTimes) -> Mapping[str, float]:
+    times = sorted(answer.times)
+    return {name: quantile(times, part) for name, part in (("p5", 0.05), ("median", 0.5), ("p95", 0.95))}
 
 
 def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:

@@ -207,3 +207,21 @@ def test_whatever_is_answered_is_counted_and_its_chances_can_add_up_to_one(answe
         lows, highs = zip(*(each["interval"] for each in look["answers"]), strict=True)
         assert sum(lows) <= 1.0 + 1e-9 <= sum(highs) + 2e-9
     parse_yaml(statistics_as_yaml(found, confidence), "s.yaml", "")
+
+
+LIMITED = {"class": "a.Timeout", "name": "Limit", "children": [leaf("Drive")]}
+
+
+def test_what_time_limits_have_decided_is_counted_beside_the_leaves(place, capsys):
+    expired = [
+        [(1, "RUNNING", ""), (0, "RUNNING")],
+        [],
+        [(0, "FAILURE"), (1, "HALTED")],
+    ]
+    fly(place, *expired, *expired, tree=LIMITED)
+    (decision,) = data(capsys, place)["decisions"]
+    assert (decision["path"], decision["status"], decision["count"]) == (["Limit"], "FAILURE", 2)
+    assert decision["time"]["median"] == 4.0
+    assert ["Limit", "FAILURE", "2", "4.0", "s"] in [
+        line.split() for line in told(capsys, place).splitlines()
+    ]

@@ -44,20 +44,25 @@ def described(node, line=1):
     }
 
 
-def flown(root, ticks=1, journal=None, told=(), **about):
+def flown(root, ticks=1, journal=None, told=(), ending=Ending.OVER, **about):
     """Tick a tree; return the stream of its journal. Facts come after the ticks."""
     journal = journal or Journal()
     stream: list[JournalEntry] = []
     journal.listen(stream.append)
     looks = [["condition" if node.name.endswith("?") else "action", ""] for node in pre_order(root)]
-    journal.begin({"tree": described(root), **about}, {"looks": looks})
+    constant = [number for number, node in enumerate(pre_order(root)) if node.name.startswith("always")]
+    limits = {
+        str(number): node.duration for number, node in enumerate(pre_order(root)) if isinstance(node, Timeout)
+    }
+    run = {"looks": looks, "constant": constant, "limits": limits}
+    journal.begin({"tree": described(root), **about}, run)
     tree = BehaviourTree(root)
     tree.add_visitor(StatusWatch(root, journal))
     for _ in range(ticks):
         tree.tick()
     for kind, data in told:
         journal.note(kind, **data)
-    journal.end(Ending.OVER, int(root.status is not S), "The root has failed.")
+    journal.end(ending, int(root.status is not S), "The root has failed.")
     return stream
 
 
@@ -116,7 +121,7 @@ def test_a_time_limit_is_an_answer_of_its_own():
     reasons = why(flown(root, 1))
     assert names(reasons.answers) == ["limit"]
     assert reasons.first is not None
-    assert reasons.first.message == "timed out"
+    assert reasons.first.message == "its time limit of -1 s expired while one ran"
 
 
 def test_what_failed_in_an_earlier_tick_of_the_same_activation_counts():
@@ -237,6 +242,87 @@ def test_a_reason_with_a_line_break_is_one_line():
     assert line == "complete: a\\nThe root has failed:"
 
 
+def given_up(*ways):
+    """Return why a mission has failed that gives its zone up because each of these ways to search it fails."""
+
+    class Abandon(StatusQueue):
+        def update(self):
+            journal.note("zone_abandoned", zone="zone_a", attempts=1, reason="")
+            return S
+
+    class Begin(StatusQueue):
+        def update(self):
+            journal.note("zone_started", zone="zone_a")
+            return S
+
+    journal = Journal()
+    Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).keep_in(journal)
+    search = Selector("search or give up", memory=True, children=[*ways, Abandon("give up", [S], S)])
+    steps = [Begin("begin", [S], S), search, leaf("complete?", F)]
+    return why(flown(Sequence("root", memory=True, children=steps), 1, journal))
+
+
+def test_a_time_limit_that_was_got_over_is_named_before_what_came_after_it():
+    reasons = given_up(Timeout("limit", leaf("drive", R), duration=0.0), leaf("postpone", F))
+    assert names(reasons.answers) == ["limit", "postpone", "complete?"]
+    assert reasons.first is not None
+    assert reasons.first.message == "its time limit of 0 s expired while drive ran"
+    assert [each.first.name for each in reasons.before] == ["limit", "postpone"]
+
+
+def test_a_condition_because_of_which_a_zone_was_given_up_is_named_before_what_came_after_it():
+    ready = Sequence("search", memory=True, children=[leaf("ready?", F), leaf("drive", R)])
+    assert names(given_up(ready, leaf("postpone", F)).answers)[0] == "ready?"
+
+
+def test_a_leaf_that_always_fails_is_named_where_no_other_way_had_failed_before():
+    search = Sequence("search", memory=True, children=[leaf("always", F), leaf("drive", R)])
+    assert names(given_up(search, leaf("postpone", F)).answers)[0] == "always"
+
+
+def test_an_action_that_failed_is_named_before_a_condition_that_had_led_there():
+    search = Sequence("search", memory=True, children=[leaf("drive", F)])
+    assert names(given_up(leaf("is there?", F), search).answers)[0] == "drive"
+
+
+def test_a_response_that_is_meant_to_fail_is_not_named_before_the_condition_that_it_was_for():
+    response = Sequence("go home", memory=True, children=[leaf("home", S), leaf("always", F)])
+    well = Selector("well or home", memory=True, children=[leaf("battery?", F), response])
+    root = Sequence("root", memory=False, children=[well, leaf("drive", R)])
+    assert names(why(flown(root)).answers) == ["battery?", "always"]
+
+
+def ended_late(stream):
+    """Return the entries of a run that has ended long after its last tick."""
+    return [*stream[:-1], stream[-1]._replace(wall=stream[-1].wall + 100.0)]
+
+
+def test_of_a_run_that_its_time_limit_has_ended_the_leaf_is_named_that_ran_for_most_of_it():
+    reasons = why(ended_late(flown(Sequence("root", memory=True, children=[leaf("stuck", R)]), 3)))
+    assert [(each.name, each.status) for each in reasons.answers] == [("stuck", "RUNNING"), ("run", "ENDED")]
+
+
+def test_what_a_leaf_has_run_in_place_of_is_named_before_it():
+    hold = Selector("free or hold", memory=False, children=[leaf("free?", F), leaf("hold", R)])
+    assert names(why(ended_late(flown(hold, 3))).answers) == ["free?", "hold", "run"]
+
+
+def test_of_a_run_that_was_stopped_the_signal_is_named():
+    began, *rest = flown(leaf("drive", R), 2, ending=Ending.STOPPED)
+    stopped = rest[-1]._replace(data={**rest[-1].data, "status": 130})
+    first = why([began, *rest[:-1], stopped]).first
+    assert first is not None
+    assert (first.name, first.status, first.message) == ("run", "STOPPED", "by SIGINT (Ctrl-C)")
+
+
+def test_a_leaf_that_has_raised_is_named_with_what_it_has_raised():
+    stream = flown(leaf("drive", R), 2, ending=Ending.FAILED)
+    raised = stream[-1]._replace(kind="leaf_raised", data={"node": 0, "text": "no lens"})
+    first = why([*stream[:-1], raised, stream[-1]]).first
+    assert first is not None
+    assert (first.name, first.status, first.message) == ("drive", "RAISED", "no lens")
+
+
 class TestTheFirstDifference:
     def test_two_runs_that_came_to_the_same_have_none(self):
         one, two = (
@@ -303,5 +389,10 @@ class TestTheCommand:
             file.begin_run({}, {}, 0.0)
         file.close()
         assert main(["why", str(tmp_path / "m.journal")]) == 0
-        said = "BROKEN OFF: at 0:00, no goal was active" if has_begun else "not begun: the run has not begun"
-        assert capsys.readouterr().out == f"{said}\n\nThe root has not failed.\n"
+        first = "First to look at:\n  0:00  run KILLED, the process of the run is gone without an end: it was killed, or has crashed\n\n"
+        said = (
+            f"BROKEN OFF: at 0:00, no goal was active\n\n{first}"
+            if has_begun
+            else "not begun: the run has not begun\n\n"
+        )
+        assert capsys.readouterr().out == f"{said}The root has not failed.\n"

@@ -54,7 +54,7 @@ export class WhyView {
   }
 
   name(node, name) {
-    if (!this.choose) return html("b", {}, name);
+    if (!this.choose || node === null) return html("b", {}, name);
     const button = html("button", { type: "button" }, name);
     button.addEventListener("click", () => this.choose(node));
     return button;

@@ -1,0 +1,128 @@
+"""What has explained the ends of a tree's nodes, found out tick by tick from the statuses that a journal has of them.
+
+A node's end is explained by those of its children that have the same status; under one child, also by the other status, because a decorator may
+turn it. Where nothing below explains it, the node itself has decided: a leaf, a time limit, a condition by script, a loop over nothing.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from sar_compiler.journal.mission_state import FAILURE, RUNNING, SUCCESS, NodeState
+
+OTHER_END = {FAILURE: SUCCESS, SUCCESS: FAILURE}
+"""The two statuses with which a node ends, each with the other one."""
+
+_AT_REST = ("IDLE", "HALTED")
+
+
+class NodeEnds:
+    """The last ends of nodes, and what has explained each.
+
+    An explanation is looked for in the tick in which the node ended: afterwards what is below it may be reset.
+
+    Args:
+        nodes: The nodes of the tree, in pre-order.
+
+    Attributes:
+        tick: The number of the tick whose entries are received.
+        status: What each node has come to last, by its number.
+        causes: Of each node that has ended, the numbers of the children that explain it; empty if it has decided itself.
+        halted: The nodes that were stopped in the last finished tick while they were running.
+    """
+
+    def __init__(self, nodes: Sequence[NodeState]) -> None:
+        self._nodes = nodes
+        self.tick = 0
+        self.status: dict[int, str] = {}
+        self.causes: dict[int, list[int]] = {}
+        self.halted: list[int] = []
+        self._began: dict[int, int] = {}
+        self._began_sec: dict[int, float] = {}
+        self._gone: dict[int, int] = {}
+        # Of the tick that is being received: the nodes that were ticked, those above them, those stopped or reset at its end.
+        self._visited: dict[int, None] = {}
+        self._above: dict[int, None] = {}
+        self._going: dict[int, int] = {}
+        self._halting: list[int] = []
+
+    def is_next(self, tick: int) -> bool:
+        """Return whether a tick is another one than that of the entries before."""
+        return tick != self.tick
+
+    def receive(self, data: Mapping[str, Any], time_sec: float) -> None:
+        """Receive the status of a node.
+
+        Args:
+            data: The data of its entry.
+            time_sec: When it was, seconds.
+        """
+        number, status = data["node"], str(data["status"])
+        self.tick = int(data["tick"])
+        if status in _AT_REST:
+            self._going[number] = int(data.get("last", self.tick))
+            if status == "HALTED":
+                self._halting.append(number)
+            return
+        if self.status.get(number) != RUNNING or number in self._gone:
+            self._began[number], self._began_sec[number] = self.tick, time_sec
+        self._gone.pop(number, None)
+        self.status[number] = status
+        self._visited[number] = None
+        parent = self._nodes[number].parent
+        self._above[number if parent is None else parent] = None
+
+    def end_tick(self) -> list[int]:
+        """End a tick; return the numbers of the nodes that have ended in it, in the order in which they did."""
+        self._gone.update(self._going)
+        self.halted, self._halting = self._halting, []
+        ended = []
+        for number in (*self._visited, *self._above):
+            if self.status.get(number) in OTHER_END:
+                if number not in self._visited:
+                    # It has come to the same as before, in an activation of its own.
+                    self._began[number] = self.tick
+                self.causes[number] = list(self._explaining(number))
+                if number not in ended:
+                    ended.append(number)
+        self._visited, self._above, self._going = {}, {}, {}
+        return ended
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the root has failed in the last finished tick, or had failed and was not reset."""
+        return self.status.get(0) == FAILURE and 0 not in self._gone
+
+    def is_running(self, number: int) -> bool:
+        """Return whether a node is running."""
+        return self.status.get(number) == RUNNING and number not in self._gone
+
+    def began_sec(self, number: int) -> float:
+        """Return when the last activation of a node began, seconds."""
+        return self._began_sec.get(number, 0.0)
+
+    def is_part(self, number: int) -> bool:
+        """Return whether the last end of a node belongs to the present activation of its parent."""
+        parent = self._nodes[number].parent
+        began = self._began.get(parent, 0) if parent is not None else 0
+        return self._gone.get(number, began) >= began
+
+    def failed_before(self, number: int) -> Iterator[int]:
+        """Yield the siblings in front of a node that have failed in the present activation of their parent: it was ticked because of that."""
+        parent = self._nodes[number].parent
+        if parent is None:
+            return
+        for sibling in self._nodes[parent].children:
+            if sibling == number:
+                return
+            if self.status.get(sibling) == FAILURE and self.is_part(sibling):
+                yield sibling
+
+    def _explaining(self, number: int) -> Iterator[int]:
+        """Yield the children that explain the end of a node."""
+        children, status = self._nodes[number].children, self.status[number]
+        # One that was reset, and was ticked last before the node began, had no part in it.
+        part = [each for each in children if self._gone.get(each, self._began[number]) >= self._began[number]]
+        same = [each for each in part if self.status.get(each) == status]
+        # A decorator may turn what its child says; a control passes on what it has.
+        turned = [each for each in part if self.status.get(each) == OTHER_END[status]]
+        yield from same or (turned if len(children) == 1 else [])
