@@ -1,4 +1,4 @@
-"""What it costs a tick that Groot2 watches the tree, and that it may hold it. CPU time of the thread that ticks, nobody asking."""
+"""What it costs a tick that Groot2 watches the tree. CPU time of the thread that ticks, nobody asking."""
 
 import tempfile
 from collections.abc import Callable, Iterator
@@ -22,21 +22,18 @@ def measure(effort: Effort) -> Iterator[Result]:
             tree = f'<BehaviorTree ID="Main"><Sequence>{leaves}</Sequence></BehaviorTree>'
             file.write_text(f'<root BTCPP_format="4">{tree}</root>', encoding="utf-8")
             actions = {
-                NONE: _ticks(file, stack, hooks=None),
-                "": _ticks(file, stack, hooks=False),
-                "with hooks": _ticks(file, stack, hooks=True),
+                NONE: _ticks(file, stack, is_watched=False),
+                "": _ticks(file, stack, is_watched=True),
             }
             taken = in_turns(actions, effort.rounds)
-            allowed, none = taken.pop("with hooks"), taken[NONE]
             yield from compared(f"a tick, {size:,} leaves, watched", taken.pop(""), taken)
-            yield from compared(f"a tick, {size:,} leaves, hooks allowed and none set", allowed, {NONE: none})
 
 
-def _ticks(file: Path, stack: ExitStack, *, hooks: bool | None) -> Callable[[], float]:
+def _ticks(file: Path, stack: ExitStack, *, is_watched: bool) -> Callable[[], float]:
     tree = sar_compiler.load(file).compile()
     runner = sar_compiler.TreeRunner(tree)
-    if hooks is not None:
-        publisher = sar_compiler.Groot2Publisher(tree, _PORT, hooks=hooks)
+    if is_watched:
+        publisher = sar_compiler.Groot2Publisher(tree, _PORT)
         publisher.watch(runner)
         # Only what a tick does is measured; two of them cannot have one port.
         publisher.close()

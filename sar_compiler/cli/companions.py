@@ -143,8 +143,7 @@ class RunGroot2(Companion):
         Raises:
             SarError: If the port cannot be had, or the tree is too large.
         """
-        hooks, tell = self._run.options.groot2_hooks, self._run.node.get_logger().warning
-        self._publisher = self._make(tree, self._port, hooks=hooks, tell=tell)
+        self._publisher = self._make(tree, self._port)
         self._publisher.watch(engine)
 
     def end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is answered from before that on

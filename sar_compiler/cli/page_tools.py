@@ -1,12 +1,13 @@
 """What engineers can ask on the page of a run: the blackboard, breakpoints, and what another answer would have led to."""
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from itertools import takewhile
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
+
+from py_trees.behaviour import Behaviour
 
 from sar_compiler.cli.journal_why import first_that_fits, trees_that_ran
 from sar_compiler.cli.run_report import report_page
@@ -16,9 +17,9 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.recorded_events import recorded_events
-from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, HookMode, HookPosition
 from sar_compiler.monitoring.numbered_tree import NumberedTree, TooManyNodesError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError
+from sar_compiler.runtime.breakpoints import Breakpoints
 from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -43,16 +44,15 @@ class LiveTools:
     """The tools of a run in this process.
 
     Args:
-        tell: Called with what breakpoints do, in words, and where the tree is held by one, empty where it goes on.
-        may_hold: Whether the page may hold the tree.
+        log: Called with what breakpoints do, in words, and with where one holds the tree; that is empty when the tree continues.
     """
 
-    def __init__(self, tell: Callable[[str, str], object], *, may_hold: bool) -> None:
-        self._tell, self._may_hold = tell, may_hold
+    def __init__(self, log: Callable[[str, str], object]) -> None:
+        self._log = log
         self._tree: NumberedTree | None = None
-        self._uids: list[int] = []
-        self._hooks: Groot2Hooks | None = None
-        self._hook: Callable[[Groot2Hooks], object] | None = None
+        self._behaviours: list[Behaviour] = []
+        self._breakpoints = Breakpoints(self._log_breakpoint, _PATIENCE_SEC)
+        self._use_breakpoints: Callable[[Breakpoints], object] | None = None
         self._entries: list[JournalEntry] = []
         self._what_if = WhatIf(lambda _robot, _run: self._entries)
 
@@ -61,7 +61,7 @@ class LiveTools:
         """What can be asked."""
         return {
             "entries": Tool(self._blackboard),
-            "breakpoints": Tool(self._breakpoints, is_free=False),
+            "breakpoints": Tool(self._change_breakpoints, is_free=False),
             # It takes the processor from the mission for a moment.
             "otherwise": Tool(self._what_if.ask, is_free=False),
         }
@@ -73,11 +73,9 @@ class LiveTools:
 
     def _begin(self, numbered: NumberedTree, tree: CompiledTree, engine: "Engine") -> None:
         self._tree = numbered
-        self._uids = [numbered.uid_of_inner(each) or numbered.uid(each) for each in pre_order(tree.root)]
-        hooks = Groot2Hooks(numbered, lambda _: None, self._said, _PATIENCE_SEC, "A breakpoint")
-        self._hook = getattr(engine, "hook", None)
-        hooks.wake = getattr(engine, "wake", hooks.wake)
-        self._hooks = hooks
+        self._behaviours = [*pre_order(tree.root)]
+        self._use_breakpoints = getattr(engine, "use_breakpoints", None)
+        self._breakpoints.wake = getattr(engine, "wake", self._breakpoints.wake)
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run."""
@@ -85,22 +83,21 @@ class LiveTools:
             self._entries.append(entry)
 
     def look(self) -> None:
-        """Let a held tree go on where nobody looks any more; called now and then."""
-        if self._hooks is not None:
-            self._hooks.look()
+        """Let a held tree continue where nobody looks any more; called now and then."""
+        self._breakpoints.release_if_abandoned()
 
     def end(self) -> None:
         """Hold the tree no more."""
-        if self._hooks is not None:
-            self._hooks.remove_all()
+        self._breakpoints.clear()
 
-    def _said(self, text: str) -> None:
-        held = self._hooks.held if self._hooks is not None else None
-        place = self._tree.nodes[held.uid - 1].name if held is not None and self._tree is not None else ""
-        self._tell(
-            text,
-            f"The tree is held at a breakpoint before '{place}'. A drive under way goes on." if place else "",
+    def _log_breakpoint(self, text: str) -> None:
+        held = self._breakpoints.held_at
+        where = (
+            ""
+            if held is None
+            else f"The tree is held at a breakpoint before '{held.name}'. A drive under way goes on."
         )
+        self._log(text, where)
 
     def _blackboard(self, _: Mapping[str, Any]) -> object:
         if self._tree is None:
@@ -110,36 +107,32 @@ class LiveTools:
             for path, scope in self._tree.scopes.items()
         ]
 
-    def _breakpoints(self, values: Mapping[str, Any]) -> object:
+    def _change_breakpoints(self, values: Mapping[str, Any]) -> object:
         """Set a breakpoint at a node (`node`, `is_set`), or go on (`goes_on`); return where they are, and which holds the tree."""
-        if self._hooks is None:
+        if self._tree is None:
             raise ToolError(_NO_TREE)
-        self._hooks.heard()
+        self._breakpoints.keep_alive()
         if "node" in values:
-            self._set(self._hooks, values["node"], is_set=bool(values.get("is_set")))
-        held = self._hooks.held
+            self._set(values["node"], is_set=bool(values.get("is_set")))
+        held = self._breakpoints.held_at
         if values.get("goes_on") and held is not None:
-            place = {"uid": held.uid, "position": int(held.position)}
-            self._hooks.unlock(json.dumps({**place, "desired_status": "", "remove_when_done": False}))
+            self._breakpoints.resume()
             held = None
-        uids = {each["uid"] for each in json.loads(self._hooks.dump())}
         return {
-            "nodes": [number for number, uid in enumerate(self._uids) if uid in uids],
-            "held": None if held is None else self._uids.index(held.uid),
+            "nodes": [number for number, each in enumerate(self._behaviours) if each in self._breakpoints],
+            "held": None if held is None else self._behaviours.index(held),
         }
 
-    def _set(self, hooks: Groot2Hooks, number: object, *, is_set: bool) -> None:
-        if not (isinstance(number, int) and 0 <= number < len(self._uids) and self._uids[number]):
+    def _set(self, number: object, *, is_set: bool) -> None:
+        if not (isinstance(number, int) and 0 <= number < len(self._behaviours)):
             raise ToolError(f"there is no node {number} that can be held")
-        place = {"uid": self._uids[number], "position": int(HookPosition.BEFORE)}
         if not is_set:
-            hooks.remove(json.dumps(place))
+            self._breakpoints.remove(self._behaviours[number])
             return
-        if not self._may_hold or self._hook is None:
-            raise ToolError("what ticks this tree is not held here: leave --groot2-hooks and --engine out")
-        self._hook(hooks)
-        hook = {**place, "mode": int(HookMode.BREAKPOINT), "once": False, "desired_status": "SKIPPED"}
-        hooks.insert(json.dumps({**hook, "enabled": True}))
+        if self._use_breakpoints is None:
+            raise ToolError("this engine cannot hold a tree within a tick: leave --engine out")
+        self._use_breakpoints(self._breakpoints)
+        self._breakpoints.add(self._behaviours[number])
 
 
 def _shown(key: str, entry: Entry) -> dict[str, object]:

@@ -170,10 +170,6 @@ def _slips_of_companions(given: Namespace) -> Iterator[str]:
     if given.record is not None and given.record.suffix != ".mcap":
         named = given.record.parent / f"{given.record.stem}.mcap"
         yield f"--record writes MCAP, which readers know by its ending: {named}"
-    if given.groot2_hooks and given.groot2 is None:
-        yield "--groot2-hooks is about what Groot2 may do: add --groot2 PORT"
-    if given.groot2_hooks and given.engine != ENGINES[0]:
-        yield f"--groot2-hooks: {given.engine} cannot be held in the middle of a tick; leave --engine out"
 
 
 def _default_tree(mission: str | None) -> str:
@@ -285,8 +281,7 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
     text = "sum up for people (default text), or for scripts in one line: status, reason, duration in seconds, figures"
     add("--format", choices=("text", "json"), default="text", help=text)
-    text = "let Groot2 hold the tree at breakpoints, and override outcomes"
-    parser.hide(web_port, add("--groot2-hooks", action="store_true", help=text))
+    parser.hide(web_port)
 
 
 def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:

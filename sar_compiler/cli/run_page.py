@@ -64,7 +64,7 @@ class RunPage(Companion):
             node.get_logger().warning(text)
             journal.watch("breakpoint", text=held)
 
-        self._tools = LiveTools(tell, may_hold=not run.options.groot2_hooks)
+        self._tools = LiveTools(tell)
 
         def beat() -> dict[str, object]:
             if self._has_ended:

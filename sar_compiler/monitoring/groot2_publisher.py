@@ -19,25 +19,20 @@ from py_trees.visitors import VisitorBase
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, Hook, RequestError
 from sar_compiler.monitoring.numbered_tree import IDLE, NumberedTree, StatusChange, StatusChanges, tree_xml
 from sar_compiler.runtime.blackboard import MissingEntryError
 
 DEFAULT_PORT = 1667
 _LAST_PORT = 0xFFFF
 _ADDRESS = "tcp://127.0.0.1"
-# What a request may have at most, in bytes: all hooks of a large tree are less.
+# What a request may have at most, in bytes.
 _LARGEST = 1 << 20
 _LONGEST_RECORDING = 1000
-_PATIENCE_SEC = 5.0
-# How often a publisher with hooks looks whether requests still come.
-_LOOK_MSEC = 100
 _VERSION = 2
 _HEADER = struct.Struct("<BBI")
 _STATUS = struct.Struct("<HB")
 # A status in a snapshot from here on: IDLE, and before that it was so much less.
 _WAS = 10
-_BREAKPOINT_REACHED = ord("N")
 
 _Responder = Callable[[Sequence[bytes]], bytes | None]
 """Returns the second frame of a reply to a request with these frames after its header; None for a reply without."""
@@ -54,32 +49,25 @@ class Groot2PortError(SarError):
     """A port on which Groot2 cannot be answered."""
 
 
+class RequestError(SarError):
+    """A request that cannot be answered; its text is the reply."""
+
+
 class Groot2Publisher:
     """Answers Groot2, and whoever else speaks its protocol, on this machine.
 
-    It answers in a thread of its own. Nothing that it is asked changes the tree, unless hooks are allowed.
+    It answers in a thread of its own. No request changes the tree: it has no breakpoints and overrides no outcomes.
 
     Args:
         tree: The tree.
         port: The TCP port of 127.0.0.1 that it answers on; what it tells by itself goes to the next one.
-        hooks: Whether it may be asked to hold the tree at a node, and to put another outcome in the place of a node's.
-        tell: Told in words what hooks do to the tree.
-        patience_sec: Hooks do nothing while no request has come for so many seconds of the steady clock.
 
     Raises:
         TooManyNodesError: If the tree has more nodes than the protocol has numbers.
         Groot2PortError: If there is no such port, or it is taken.
     """
 
-    def __init__(
-        self,
-        tree: CompiledTree,
-        port: int = DEFAULT_PORT,
-        *,
-        hooks: bool = False,
-        tell: Callable[[str], object] = lambda _: None,
-        patience_sec: float = _PATIENCE_SEC,
-    ) -> None:
+    def __init__(self, tree: CompiledTree, port: int = DEFAULT_PORT) -> None:
         self._tree = NumberedTree(tree)
         self._xml = tree_xml(self._tree).encode()
         self._id = uuid.uuid4().bytes
@@ -89,8 +77,6 @@ class Groot2Publisher:
         self._transitions: deque[bytes] = deque(maxlen=_LONGEST_RECORDING)
         self._recording_began = 0
         self._is_recording = False
-        self._may_hook = hooks
-        self._hooks = Groot2Hooks(self._tree, self._tell_of, tell, patience_sec)
         # By the kinds of requests.
         self._answers: Mapping[bytes, _Responder] = {
             b"T": lambda _: self._xml,
@@ -98,16 +84,16 @@ class Groot2Publisher:
             b"B": self._blackboards,
             b"r": self._toggle_recording,
             b"t": self._take_transitions,
-            b"I": self._changing_hooks(self._hooks.insert),
-            b"R": self._changing_hooks(self._hooks.remove),
-            b"U": self._changing_hooks(self._hooks.unlock),
-            b"D": lambda _: self._hooks.dump().encode(),
-            b"A": lambda _: self._hooks.remove_all(),
-            b"X": lambda _: self._hooks.enable(enabled=False),
+            # Groot2 asks for breakpoints when it connects, and removes them when it leaves: there are none.
+            b"D": lambda _: b"[]",
+            b"A": lambda _: None,
+            b"X": lambda _: None,
+            **dict.fromkeys((b"I", b"R", b"U"), _refuse_breakpoint),
         }
         self._context = zmq.Context()
         try:
             self._server = self._bind(zmq.REP, port)
+            # Groot2 subscribes to it, for breakpoints that are reached; nothing is sent.
             self._publisher = self._bind(zmq.PUB, port + 1)
         except BaseException:
             self._context.destroy(linger=0)
@@ -130,18 +116,7 @@ class Groot2Publisher:
         return socket
 
     def watch(self, ticking: Ticking) -> None:
-        """Watch what ticks the tree: a `TreeRunner`, or py_trees' own class.
-
-        Raises:
-            TypeError: If hooks are allowed, and it cannot be held: only a `TreeRunner` can.
-        """
-        if self._may_hook:
-            hook, wake = getattr(ticking, "hook", None), getattr(ticking, "wake", None)
-            if hook is None or wake is None:
-                message = f"hooks=True: a {type(ticking).__name__} cannot be held in the middle of a tick; a TreeRunner can"
-                raise TypeError(message)
-            self._hooks.wake = wake
-            hook(self._hooks)
+        """Watch what ticks the tree: a `TreeRunner`, or py_trees' own class."""
         ticking.add_visitor(self._changes)
 
     def close(self) -> None:
@@ -149,7 +124,6 @@ class Groot2Publisher:
         thread, self._thread = self._thread, None
         if thread is None:
             return
-        self._hooks.remove_all()
         self._publisher.close()
         # Breaks off what the other thread waits for, and waits until that has closed its socket.
         self._context.term()
@@ -163,21 +137,10 @@ class Groot2Publisher:
                 moment = microseconds.to_bytes(6, "little")
                 self._transitions.append(moment + _STATUS.pack(change.uid, change.status))
 
-    def _tell_of(self, hook: Hook) -> None:
-        """Report a hook that the tick has reached; all others who use this socket have ended, or not begun."""
-        self._changes.run_around(hook.uid)
-        header = _HEADER.pack(_VERSION, _BREAKPOINT_REACHED, uuid.uuid4().int & 0xFFFFFFFF)
-        with suppress(zmq.ZMQError):
-            self._publisher.send_multipart([header, b"%d" % hook.uid])
-
     def _serve(self) -> None:
         with self._server, suppress(zmq.ContextTerminated):
             while True:
-                ready = self._server.poll(_LOOK_MSEC if self._may_hook else None)
-                if self._may_hook:
-                    (self._hooks.heard if ready else self._hooks.look)()
-                if ready:
-                    self._server.send_multipart(self._reply(self._server.recv_multipart()))
+                self._server.send_multipart(self._reply(self._server.recv_multipart()))
 
     def _reply(self, frames: list[bytes]) -> list[bytes]:
         try:
@@ -193,18 +156,6 @@ class Groot2Publisher:
             raise RequestError("Request not recognized")
         second = answer(rest)
         return [bytes([_VERSION]) + header[1:] + self._id, *([] if second is None else [second])]
-
-    def _changing_hooks(self, change: Callable[[str], None]) -> _Responder:
-        """Return the answer to a request that changes hooks; to remove them all is always possible."""
-
-        def answer(rest: Sequence[bytes]) -> None:
-            if not self._may_hook:
-                raise RequestError(
-                    "hooks are not allowed here: sar-run --groot2-hooks, or Groot2Publisher(..., hooks=True)"
-                )
-            change(_text(rest))
-
-        return answer
 
     def _statuses(self, _: Sequence[bytes]) -> bytes:
         with self._lock:  # not for longer: the tick waits for it
@@ -243,6 +194,12 @@ class Groot2Publisher:
             taken = b"".join(self._transitions)
             self._transitions.clear()
         return taken
+
+
+def _refuse_breakpoint(_: Sequence[bytes]) -> bytes | None:
+    raise RequestError(
+        "no breakpoints and substitutions by this port: the page has breakpoints (sar-run --view web)"
+    )
 
 
 def _text(rest: Sequence[bytes]) -> str:

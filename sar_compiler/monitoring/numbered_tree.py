@@ -73,24 +73,10 @@ class NumberedTree:
                 f"protocols, which is enough for {MOST_NODES}"
             )
         self._uids = {id(each.behaviour): each.uid for each in self.nodes}
-        self._inner = {id(each.inner): each.uid for each in self.nodes}
 
     def uid(self, behaviour: Behaviour) -> int:
         """Return the number of a behaviour; 0 for one that has none, or shares its node's with its conditions."""
         return self._uids.get(id(behaviour), 0)
-
-    def uid_of_inner(self, behaviour: Behaviour) -> int:
-        """Return the number of a behaviour; 0 for one that has none, or is the conditions of a node."""
-        return self._inner.get(id(behaviour), 0)
-
-    def node(self, uid: int) -> NumberedNode | None:
-        """Return the node of a number; None if there is none."""
-        return self.nodes[uid - 1] if 0 < uid <= len(self.nodes) else None
-
-    def around(self, uid: int) -> Iterator[int]:
-        """Yield the numbers of the nodes around one, from the inside out."""
-        while uid := self.nodes[uid - 1].around:
-            yield uid
 
 
 def _number(root: Behaviour, origins: Origins) -> Iterator[NumberedNode]:
@@ -158,11 +144,6 @@ class StatusChanges(VisitorBase):
             status = number_of(behaviour.status)
             if status == INVALID or (status & ENDED and self.statuses[around] != RUNNING):
                 self._set(uid, IDLE)
-
-    def run_around(self, uid: int) -> None:
-        """Have the nodes around one count as RUNNING, because a tick pauses within."""
-        for each in reversed([*self._tree.around(uid)]):
-            self._set(each, RUNNING)
 
     def _set(self, uid: int, status: int) -> None:
         before = self.statuses[uid]

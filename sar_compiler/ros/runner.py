@@ -34,7 +34,7 @@ from sar_compiler.ros.engine import (
     tell_failure,
 )
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
-from sar_compiler.runtime.hooked_tick import TickHooks, hooked_tick
+from sar_compiler.runtime.breakpoints import Breakpoints, tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 
@@ -147,7 +147,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def __init__(self, tree: CompiledTree | Behaviour, unicode_tree_debug: bool = False) -> None:
         super().__init__(tree if isinstance(tree, Behaviour) else tree.root)
         self._live: LiveTree | None = None
-        self._hooks: TickHooks | None = None
+        self._breakpoints: Breakpoints | None = None
         self._held: Generator[None, None, None] | None = None
         if unicode_tree_debug:
             self.add_visitor(DisplaySnapshotVisitor())
@@ -282,13 +282,12 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         if self.interrupt_tick_tocking:
             self.stop()
 
-    def hook(self, hooks: TickHooks) -> None:
-        """Set hooks, which are called before and after each node and may pause the tick there.
+    def use_breakpoints(self, breakpoints: Breakpoints) -> None:
+        """Let a tick wait at breakpoints.
 
-        While a tick is held, the node's executor goes on with everything else. It is asked again with each beat, and
-        when the tree is woken.
+        The node's executor continues with everything else meanwhile. The tick is tried again with each beat, and when the tree is woken.
         """
-        self._hooks = hooks
+        self._breakpoints = breakpoints
 
     def _tick(
         self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None
@@ -313,15 +312,15 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
     def _tick_nodes(self, visitors: list[VisitorBase]) -> Generator[None, None, None]:
         live = self._live_tree()
-        if not visitors and self._hooks is None:
+        if not visitors and self._breakpoints is None:
             live.tick()
             return
         visits: list[Visit] = []
         try:
-            if self._hooks is None:
+            if self._breakpoints is None:
                 live.tick_and_visit(visits)
             else:
-                for _ in hooked_tick(live, self._hooks, visits):
+                for _ in tick_with_breakpoints(live, self._breakpoints, visits):
                     _show(visits, visitors)
                     yield
         finally:

@@ -10,7 +10,7 @@ from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.project import load
-from sar_compiler.runtime.hooked_tick import hooked_tick
+from sar_compiler.runtime.breakpoints import tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.testing import compiled
 from tests.trees import document
@@ -24,18 +24,18 @@ class Engine:
 
     def __init__(self, root):
         self._live = LiveTree(root)
-        self._hooks: Any = None
+        self._breakpoints: Any = None
         self.woken = 0
 
-    def hook(self, hooks):
-        self._hooks = hooks
+    def use_breakpoints(self, breakpoints):
+        self._breakpoints = breakpoints
 
     def wake(self):
         self.woken += 1
 
     def tick(self):
         """Return a tick, which yields where it is held."""
-        return hooked_tick(self._live, self._hooks, [])
+        return tick_with_breakpoints(self._live, self._breakpoints, [])
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def run(tmp_path):
     path.write_text(document(BODY), encoding="utf-8")
     tree = compiled(path)
     said = []
-    tools = LiveTools(lambda *each: said.append(each), may_hold=True)
+    tools = LiveTools(lambda *each: said.append(each))
     engine: Any = Engine(tree.root)
     tools.begin(tree, engine)
     return tools, engine, said
@@ -65,7 +65,7 @@ def test_a_breakpoint_holds_the_tree_before_its_node_until_somebody_goes_on(run)
     assert ask(tools, "breakpoints", goes_on=True) == {"nodes": [2], "held": None}
     assert [*tick] == []
     assert said[-1][1] == ""
-    assert engine.woken == 2
+    assert engine.woken == 1
 
 
 def test_a_breakpoint_that_is_taken_away_holds_nothing(run):
@@ -79,11 +79,14 @@ def test_a_breakpoint_that_is_taken_away_holds_nothing(run):
 
 def test_nobody_is_held_once_nobody_looks(run):
     tools, engine, _ = run
-    tools._hooks._patience_sec = -1.0
     ask(tools, "breakpoints", node=1, is_set=True)
     tick = engine.tick()
     next(tick)
     tools.look()
+    assert engine.woken == 0
+    tools._breakpoints._patience_sec = -1.0
+    tools.look()
+    assert engine.woken == 1
     assert [*tick] == []
 
 
@@ -93,16 +96,16 @@ def test_what_is_no_node_is_not_held(run, node):
         ask(run[0], "breakpoints", node=node, is_set=True)
 
 
-def test_a_tree_that_others_hold_is_not_held_by_the_page(run):
+def test_an_engine_that_cannot_hold_a_tree_is_named(run):
     tools, _, _ = run
-    tools._may_hold = False
-    with pytest.raises(ToolError, match="not held here"):
+    tools._use_breakpoints = None
+    with pytest.raises(ToolError, match="this engine cannot hold a tree within a tick: leave --engine out"):
         ask(tools, "breakpoints", node=1, is_set=True)
 
 
 def test_the_blackboard_has_each_scope_with_its_entries(run):
     tools, engine, _ = run
-    engine.hook(tools._hooks)
+    engine.use_breakpoints(tools._breakpoints)
     assert [*engine.tick()] == []
     assert ask(tools, "entries") == [
         {"scope": "", "entries": [{"key": "goal", "value": "3", "type": "int", "writes": 1}]}
@@ -119,7 +122,7 @@ def test_who_may_only_look_takes_no_time_from_a_run(run):
 
 
 def test_before_there_is_a_tree_nothing_can_be_asked():
-    tools = LiveTools(lambda *_: None, may_hold=True)
+    tools = LiveTools(lambda *_: None)
     for tool in ("entries", "breakpoints"):
         with pytest.raises(ToolError, match="not made yet"):
             ask(tools, tool)

@@ -1,6 +1,5 @@
 """`sar-run` as others watch it."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -27,30 +26,13 @@ def tree(tmp_path):
     return path
 
 
-def test_groot2_sees_a_mission_and_may_hold_it_only_if_allowed(start, tree):
+def test_groot2_sees_a_mission(start, tree):
     port = free_port()
     run = start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("Wait RUNNING")
     with closing(Client(port)) as client:
         client.see({1: RUNNING, 2: RUNNING})
         assert client.ask("D") == [b"[]"]
     run.stop()
-    run = start("sar-run", tree, "--view", "text", "--groot2", port, "--groot2-hooks").wait_for(
-        "Wait RUNNING"
-    )
-    with closing(Client(port)) as client:
-        hook = {
-            "enabled": True,
-            "uid": 2,
-            "mode": 0,
-            "once": False,
-            "desired_status": "SKIPPED",
-            "position": 0,
-        }
-        client.ask("I", json.dumps(hook).encode())
-        assert client.heard() == ("N", "2")
-        run.wait_for("Groot2 holds the tree before 'Sleep'")
-        # It ends as ever.
-        run.stop()
 
 
 def test_a_port_that_is_taken_ends_the_run_before_it_begins(start, tree):
@@ -67,12 +49,6 @@ def test_without_its_extra_groot2_names_it(library, tree):
     assert (status, "Traceback" in said) == (2, False), said
     assert f"sar-run: --groot2 takes a library that is not here (import of {library}" in said
     assert "pip install 'sar_compiler[groot2]'" in said
-
-
-def test_hooks_without_groot2_are_a_mistake(tree):
-    status, said = run_without("zmq", "cli.run:main", str(tree), "--groot2-hooks")
-    assert status == 2
-    assert "--groot2-hooks is about what Groot2 may do: add --groot2 PORT" in said
 
 
 def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):

@@ -259,7 +259,7 @@ def test_a_value_that_changes_while_it_is_asked_for_is_told_as_it_was(stage):
         ([request("B"), b"a", b"b"], "must be 2 parts message"),
         ([request("B"), b"\xff\xfe"], "the second part is no text in UTF-8"),
         ([request("r")], "must be 2 parts message"),
-        ([request("I"), b"{}"], "hooks are not allowed here: sar-run --groot2-hooks"),
+        ([request("I"), b"{}"], "no breakpoints and substitutions by this port"),
     ],
 )
 def test_a_malformed_request_is_refused_and_the_next_one_answered(frames, words, stage):
@@ -269,14 +269,9 @@ def test_a_malformed_request_is_refused_and_the_next_one_answered(frames, words,
     assert client.statuses() == {1: RUNNING}
 
 
-def test_without_hooks_there_is_none_to_list_or_remove(stage):
+def test_there_are_no_breakpoints_to_list_or_remove(stage):
     _, client = stage(*main('<Queue answers="R"/>'))
     assert (client.ask("D"), client.ask("A"), client.ask("X")) == ([b"[]"], [], [])
-
-
-def test_what_cannot_be_held_is_refused_hooks(stage):
-    with pytest.raises(TypeError, match="a BehaviourTree cannot be held in the middle of a tick"):
-        stage(*main('<Queue answers="R"/>'), hooks=True)
 
 
 def test_a_port_that_is_taken_is_said(tmp_path):

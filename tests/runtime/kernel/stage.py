@@ -15,9 +15,9 @@ from sar_compiler.compiler import CompiledTree, bind_main, compile_tree
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.blackboard import Board
+from sar_compiler.runtime.breakpoints import Breakpoints, tick_with_breakpoints
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.frozen import freeze
-from sar_compiler.runtime.hooked_tick import hooked_tick
 from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.live import LiveTree
@@ -201,22 +201,19 @@ class LiveStage(Stage):
         self.live.stop()
 
 
-class Holding:
-    """Holds a tick before and after each node, and changes nothing."""
+class EveryNode(Breakpoints):
+    """Holds a tick before each node for a moment."""
 
     def before(self, behaviour):
         yield
-        return SKIPPED
-
-    after = before
 
 
 class HeldStage(LiveStage):
-    """Ticked as a run does that is held before and after each node."""
+    """Ticked as a run does that waits at a breakpoint before each node."""
 
     def tick(self) -> str:
         visits: list[Visit] = []
-        for _ in hooked_tick(self.live, Holding(), visits):
+        for _ in tick_with_breakpoints(self.live, EveryNode(print, 1.0), visits):
             pass
         assert visits[-1].behaviour is self.tree.root
         return "SKIPPED" if visits[-1].outcome == SKIPPED else STATUSES[visits[-1].outcome].name

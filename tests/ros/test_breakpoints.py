@@ -1,0 +1,91 @@
+"""A tree that waits at a breakpoint within a tick, while its node continues."""
+
+import pytest
+
+import sar_compiler
+from sar_compiler import TreeRunner
+from sar_compiler.leaves import Clock
+from sar_compiler.runtime.breakpoints import Breakpoints
+from sar_compiler.testing import ManualClock
+from tests.monitoring.test_groot2 import Queue, main
+from tests.ros.conftest import make_ros, ros
+from tests.trees import write
+from tests.waiting import SILENCE_SEC
+
+pytestmark = pytest.mark.ros
+
+__all__ = ["make_ros", "ros"]
+
+
+@pytest.fixture
+def run(ros, tmp_path):
+    """Return the runner of a sequence of two leaves, its breakpoints, and what they log."""
+    path = tmp_path / "tree.xml"
+    write(
+        path,
+        *main('<Sequence><Queue name="one" answers="RS"/><Queue name="two" answers="S"/></Sequence>'),
+        main="Main",
+    )
+    runner = TreeRunner(sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()}))
+    runner.setup(node=ros.node())
+    log: list[str] = []
+    breakpoints = Breakpoints(log.append, SILENCE_SEC)
+    breakpoints.wake = runner.wake
+    runner.use_breakpoints(breakpoints)
+    yield runner, breakpoints, log
+    runner.shutdown()
+
+
+def test_the_node_continues_while_the_tree_is_held_and_resuming_wakes_the_tree(run, ros):
+    runner, breakpoints, log = run
+    one = runner.root.children[0]
+    breakpoints.add(one)
+    counts = []
+    runner.node.create_timer(0.001, lambda: counts.append(runner.count))
+    runner.tick_tock(period_ms=1e7)
+    runner.wake()
+    ros.spin_until(lambda: breakpoints.held_at is one, "the breakpoint")
+    held = len(counts)
+    ros.spin_until(lambda: len(counts) > held + 5, "the node's timer")
+    assert set(counts) == {0}
+    breakpoints.resume()
+    ros.spin_until(lambda: runner.count == 1, "the end of the tick")
+    assert log == [
+        "A breakpoint holds the tree before 'one': it is not ticked until it goes on",
+        "the tree is ticked again",
+    ]
+
+
+def test_a_breakpoint_holds_every_tick_that_reaches_its_node(run):
+    runner, breakpoints, _ = run
+    breakpoints.add(runner.root.children[0])
+    for count in (1, 2):
+        runner.tick()
+        assert runner.count == count - 1
+        breakpoints.resume()
+        runner.tick()
+        assert runner.count == count
+
+
+def test_a_breakpoint_holds_nothing_once_nobody_looks(run, ros):
+    runner, breakpoints, _ = run
+    breakpoints.add(runner.root.children[0])
+    runner.tick_tock(period_ms=1e7)
+    runner.wake()
+    ros.spin_until(lambda: breakpoints.held_at is not None, "the breakpoint")
+    breakpoints._patience_sec = -1.0
+    breakpoints.release_if_abandoned()
+    ros.spin_until(lambda: runner.count == 1, "the end of the tick")
+    breakpoints._patience_sec = SILENCE_SEC
+    breakpoints.keep_alive()
+    runner.wake()
+    ros.spin_until(lambda: breakpoints.held_at is not None, "the breakpoint, again")
+
+
+def test_a_tree_that_is_held_can_be_stopped(run):
+    runner, breakpoints, _ = run
+    runner.tick()
+    breakpoints.add(runner.root.children[0])
+    runner.tick()
+    runner.shutdown()
+    assert [node.status.value for node in runner.root.iterate()] == ["INVALID"] * 3
