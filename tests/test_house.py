@@ -239,7 +239,7 @@ MEASURED = frozenset(
 )
 """Fields of messages that a sensor or a server fills in."""
 READ_ELSEWHERE = {
-    "cli/page_tools.py": {"stamp"},  # of a hook, and of a key of the blackboard
+    "cli/page_tools.py": {"stamp"},  # of a key of the blackboard
     "missions/search_and_rescue/actions/survivors.py": {"survivor_x", "survivor_y"},  # into `MapExtent.check`
     "missions/search_and_rescue/coverage.py": {"origin", "resolution"},  # of an `ObstacleMap`
     "missions/search_and_rescue/orders.py": {"orientation", "position"},  # fills in a request

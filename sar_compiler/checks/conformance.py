@@ -11,12 +11,11 @@ from itertools import takewhile
 from operator import and_, or_
 from typing import NamedTuple
 
-from sar_compiler.checks.property_watch import PropertyWatch, WatchAlarm, only_when, overridden, undeclared
+from sar_compiler.checks.property_watch import PropertyWatch, WatchAlarm, only_when, undeclared
 from sar_compiler.checks.verify.properties import LeftOut, Properties, PropertyFile, properties_of
 from sar_compiler.checks.verify.recorded_runs import FoundTick, LostTick, TreeRuns, Way, ticks_of
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.runtime.answers import OVERRIDDEN
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 from sar_compiler.runtime.kernel.searching import Judgement
 from sar_compiler.runtime.stub_leaf import StubLeaf
@@ -300,8 +299,6 @@ def event_words(event: Event) -> str:
 
 def _why(leaf: StubLeaf, event: Event) -> str:
     """Return what is assumed of a leaf that gives an answer which cannot be now, in words; empty if it can."""
-    if event.label == OVERRIDDEN:
-        return f"it is assumed that {overridden(leaf, event.status)}"
     known = [each for each in leaf.answers if each.status == event.status and event.label in ("", each.label)]
     if not known:
         return f"it is assumed that {undeclared(leaf, event.status, event.label)}"

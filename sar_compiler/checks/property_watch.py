@@ -16,7 +16,7 @@ from sar_compiler.checks.verify.recorded_runs import OtherTreeError
 from sar_compiler.checks.verify.state import Alphabet, Prepared
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.runtime.answers import OVERRIDDEN, Answer
+from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
@@ -314,9 +314,7 @@ class PropertyWatch:
         if leaf is None:
             return
         known = [each for each in leaf.answers if each.status == status]
-        if label == OVERRIDDEN:
-            self._tell_assumption(number, overridden(leaf, status))
-        elif label or not known:
+        if label or not known:
             self._tell_assumption(number, undeclared(leaf, status, label))
         else:
             listed = ", ".join(dict.fromkeys(answer.name for answer in known))
@@ -385,11 +383,6 @@ def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
     """Return what a leaf answers that has given an answer which is none of these, in words."""
     listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
     return f"'{leaf.name}' answers {listed}, and this was {label or status}"
-
-
-def overridden(leaf: StubLeaf, status: str) -> str:
-    """Return that a status was put in the place of a leaf's answer, in words."""
-    return f"'{leaf.name}' answers for itself, and {status} was put in its place"
 
 
 def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:

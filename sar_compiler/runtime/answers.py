@@ -100,10 +100,6 @@ def _share(weight: float, others: float) -> float:
     return weight / (weight + others) if weight else 0.0
 
 
-OVERRIDDEN = "overridden"
-"""The `answer_label` of a leaf whose status was put in its place from outside: it has given no answer."""
-
-
 class DeclaredAnswers:
     """The answers that a live leaf has declared, among which its status and its `answer_label` are looked up.
 
@@ -119,7 +115,7 @@ class DeclaredAnswers:
         self._all = {label for labels in self._labels.values() for label in labels}
 
     def label(self, status: str, said: str) -> str:
-        """Return the label of the answer that a leaf has given; empty if that is not known, `OVERRIDDEN` if it has given none.
+        """Return the label of the answer that a leaf has given; empty if that is not known.
 
         The only answer of a status need not be said. What was said of another status counts for nothing then.
 
@@ -128,14 +124,14 @@ class DeclaredAnswers:
             said: Its `answer_label`.
         """
         labels = self._labels.get(status, [])
-        if said == OVERRIDDEN or said in labels:
+        if said in labels:
             return said
         return labels[0] if len(labels) == 1 else ""
 
     def objection(self, status: str, said: str) -> str:
         """Return why what a leaf has said cannot be so, in words; empty if it can."""
         labels = self._labels.get(status, [])
-        if said in ("", OVERRIDDEN, *labels) or (said in self._all and len(labels) == 1):
+        if said in ("", *labels) or (said in self._all and len(labels) == 1):
             return ""
         known = ", ".join(filter(None, labels)) or "none"
         return f"its answer_label is '{said}' with {status}, of which it has declared: {known}"

@@ -191,11 +191,6 @@ def test_of_a_leaf_that_answers_twice_in_a_tick_it_is_the_answer_that_cannot_be(
     assert misfit.why.endswith("and this was odd")
 
 
-def test_a_status_that_was_put_in_the_place_of_an_answer_is_told():
-    misfit = Flights(TWO).misfit(("FAILURE", "one FAILURE overridden"))
-    assert misfit.why == "it is assumed that 'one' answers for itself, and FAILURE was put in its place"
-
-
 def test_a_leaf_whose_turn_it_was_not_is_told_with_what_would_have_come():
     misfit = Flights(TWO).misfit(("RUNNING", "two RUNNING"))
     assert (misfit.event, misfit.why) == ("two RUNNING", "in no run is it this leaf's turn there")

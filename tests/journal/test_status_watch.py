@@ -9,7 +9,7 @@ from py_trees.trees import BehaviourTree
 
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.runtime.answers import OVERRIDDEN, Answer
+from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
@@ -189,11 +189,6 @@ def test_of_a_leaf_without_declared_answers_there_is_no_label(journal):
     assert watched(journal, leaf("one", Status.SUCCESS), 1) == [(1, 0, "SUCCESS")]
     (entry,) = journal._file.watched("status")
     assert "label" not in entry.data
-
-
-def test_what_was_put_in_its_place_from_outside_is_no_answer(journal):
-    (label,) = labels_of(journal, [Status.FAILURE], [OVERRIDDEN], [])
-    assert label == OVERRIDDEN
 
 
 def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal):
