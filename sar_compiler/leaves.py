@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.message_values import path_points as path_points
     from sar_compiler.ros.message_values import planar_outline as planar_outline
     from sar_compiler.ros.message_values import planar_point as planar_point
+    from sar_compiler.ros.message_values import planar_pose as planar_pose
     from sar_compiler.ros.message_values import poses_left as poses_left
     from sar_compiler.ros.message_values import read_field as read_field
     from sar_compiler.ros.message_values import stamped_pose as stamped_pose

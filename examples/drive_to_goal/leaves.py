@@ -10,7 +10,7 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import Kind, TopicLeaf, Use, register
+from sar_compiler.leaves import Kind, TopicLeaf, Use, planar_pose, register
 
 
 class _OdometryLeaf(TopicLeaf):
@@ -20,11 +20,13 @@ class _OdometryLeaf(TopicLeaf):
     topic_name = "odometry/filtered"
     max_age_sec = 0.5
 
+    def check_message(self, message: Any) -> None:
+        """Count a pose that is none, such as one of NaN, as silence."""
+        planar_pose(message.pose.pose)
+
     def on_message(self, message: Any) -> Status:
         """Return the status for the robot's pose, in the odometry's frame."""
-        position, q = message.pose.pose.position, message.pose.pose.orientation
-        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-        return self.on_pose(position.x, position.y, yaw)
+        return self.on_pose(*planar_pose(message.pose.pose))
 
     @abstractmethod
     def on_pose(self, x: float, y: float, yaw: float) -> Status:

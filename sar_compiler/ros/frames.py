@@ -173,7 +173,7 @@ class FrameTree:
         if oldest < math.inf:
             try:
                 stamp_age(newest, self._node, subject=_SUBJECT)
-                age_sec = stamp_age(oldest, self._node, max_age_sec, subject=_SUBJECT)
+                age_sec = stamp_age(oldest, self._node, max_age_sec, is_strict=True, subject=_SUBJECT)
             except UnusableValueError as error:
                 return str(error)
         return Sighting(inward.transform.inverse.of(outward.transform), age_sec)

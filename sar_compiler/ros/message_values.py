@@ -31,9 +31,9 @@ FARTHEST_M = 100_000.0
 _ROTATION_TOLERANCE, TRANSFORM_TOLERANCE = 0.1, 0.01
 # Rounding of a number in single precision, as a share of it.
 _ROUNDING = 1e-6
-# AMCL stamps its transforms a second ahead, and clocks of two machines differ a little. A simulated clock comes late: at 50 times
-# the machine's speed, half a second of the machine is 25 s.
-_AHEAD_SEC, _SIMULATED_AHEAD_SEC = 2.0, 30.0
+# AMCL stamps its transforms a second ahead, and clocks of two machines differ a little. A simulated clock and messages come late: at 50
+# times the machine's speed, half a second of the machine is 25 s.
+_APART_SEC, _SIMULATED_APART_SEC = 2.0, 30.0
 # Clocks that differ by more are not the same clock.
 _ANOTHER_CLOCK_SEC = 86_400.0
 # A problem that has not been seen for so long is reported again, and a stale stamp only when it stays: after a standstill this
@@ -267,13 +267,13 @@ def planar_pose(pose: Any) -> PlanarPose:
 
 
 def stamped_pose(stamped: Any, frame: str) -> PlanarPose:
-    """Return a `geometry_msgs/msg/PoseStamped` in the plane, in a frame.
+    """Return a `geometry_msgs/msg/PoseStamped` or `PoseWithCovarianceStamped` in the plane, in a frame.
 
     Raises:
         UnusableValueError: If it is in another frame, or `planar_pose` raises it.
     """
     check_frame("the pose", stamped, frame)
-    return planar_pose(stamped.pose)
+    return planar_pose(getattr(stamped.pose, "pose", stamped.pose))
 
 
 def goal_position(pose: Any) -> tuple[float, float] | None:
@@ -536,6 +536,7 @@ def stamp_age(
     max_age_sec: float = math.inf,
     *,
     at_sec: float | None = None,
+    is_strict: bool = False,
     subject: str = "its stamp is",
 ) -> float:
     """Return how old a stamp is by a node's clock, 0 s at least; so is a stamp of zero, which is none.
@@ -544,6 +545,7 @@ def stamp_age(
         stamp: The stamp of a header, or its seconds.
         node: The node.
         max_age_sec: How old it may be, seconds.
+        is_strict: Whether the clocks count as the same; else they may be apart as far as those of two machines.
         at_sec: When its message came, by the node's clock; now if None.
         subject: The beginning of a sentence about it.
 
@@ -555,10 +557,11 @@ def stamp_age(
     is_simulated = node.get_clock().ros_time_is_active
     if then == 0.0 or (is_simulated and now == 0.0):  # no stamp, or no time yet
         return 0.0
-    if then - now > (_SIMULATED_AHEAD_SEC if is_simulated else _AHEAD_SEC):
+    apart = _SIMULATED_APART_SEC if is_simulated else _APART_SEC
+    if then - now > apart:
         text = f"{subject} {_seconds_apart(then - now)} in the future{clock_hint(then - now, node)}"
         raise UnusableValueError(text, ValueProblem.FUTURE)
-    if now - then > max_age_sec:
+    if now - then > max_age_sec + (0.0 if is_strict else apart):
         age = f"{_seconds_apart(now - then)} old, and may be {max_age_sec:g} s"
         text = f"{subject} {age}{clock_hint(now - then, node)}"
         raise UnusableValueError(text, ValueProblem.STALE)

@@ -84,6 +84,7 @@ def test_the_topic_leaf_waits_for_a_pose_and_hears_one_from_before(rover, stage)
     assert (early.status, x.value) == (Status.RUNNING, None)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     pose = PoseWithCovarianceStamped()
+    pose.header.frame_id = "map"
     pose.pose.pose.position.x, pose.pose.pose.position.y = 1.5, -0.5
     stage.host().node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched).publish(pose)
     assert stage.run(early) is Status.SUCCESS
