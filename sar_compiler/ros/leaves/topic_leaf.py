@@ -20,8 +20,8 @@ class TopicLeaf(RosLeaf):
     the setup on, so a message may be older than the activation; `max_age_sec` and `clearing_policy` limit its age.
 
     A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if
-    the content of a message matters, the methods `on_message` and `check_message`. A message that `check_message` refuses, whose stamp
-    is in the future, or older than `max_age_sec`, is reported once and counts as none.
+    the content of a message matters, the method `on_message`. A message for which that raises `UnusableValueError`, whose stamp is in
+    the future, or older than `max_age_sec`, is reported once and counts as none. With `check_message` the usable message before it stays.
 
     Attributes:
         topic_type: `"package/msg/Name"`, or the Python class.
@@ -41,10 +41,8 @@ class TopicLeaf(RosLeaf):
                 topic_name = "battery"
                 max_age_sec = 5.0
 
-                def check_message(self, message: Any) -> None:
-                    battery_share(message)  # a percentage of 85, or NaN, is unknown
-
                 def on_message(self, message: Any) -> Status:
+                    # A percentage of 85, or NaN, is unknown.
                     return Status.SUCCESS if battery_share(message) > 0.2 else Status.FAILURE
     """
 
@@ -106,7 +104,12 @@ class TopicLeaf(RosLeaf):
         """Return the status for the latest message, or for its absence."""
         message = self.message
         self.feedback_message = ""
-        status = self.on_silence() if message is None else self.on_message(message)
+        try:
+            status = self.on_silence() if message is None else self.on_message(message)
+        except UnusableValueError as error:
+            self._refuse(error)
+            self._message = None
+            status = self.on_silence()
         if status is Status.SUCCESS and self.clearing_policy is ClearingPolicy.ON_SUCCESS:
             self._message = None
         return status
@@ -121,7 +124,7 @@ class TopicLeaf(RosLeaf):
         super().shutdown()
 
     def check_message(self, message: Any) -> None:
-        """Hold the fields that `on_message` reads against the definition of the message, with the readers of `sar_compiler.leaves`.
+        """Hold a message against its definition when it comes, with the readers of `sar_compiler.leaves`: one that is refused replaces none.
 
         Raises:
             UnusableValueError: If one of them is outside.
@@ -147,11 +150,14 @@ class TopicLeaf(RosLeaf):
             check_stamp(message, self.node, self.max_age_sec)
             self.check_message(message)
         except UnusableValueError as error:
-            self._problem = str(error)
-            value_reports(self.node).report(f"Topic '{self.topic_name}'", error)
+            self._refuse(error)
             return
         self._problem = ""
         self._receive(message)
+
+    def _refuse(self, error: UnusableValueError) -> None:
+        self._problem = str(error)
+        value_reports(self.node).report(f"Topic '{self.topic_name}'", error)
 
     def _receive(self, message: Any) -> None:
         """Keep a message that can be used."""
