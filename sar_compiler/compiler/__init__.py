@@ -90,8 +90,7 @@ class Origins(Mapping[UUID, Origin]):
         if wrapper is not None:
             return Origin(bound, wrapper)
         attributes = _attributes(instance, bound, known or {})
-        uses = tuple(Use(use.kind, use.name.format_map(attributes)) for use in bound.spec.uses)
-        return Origin(bound, attributes, uses)
+        return Origin(bound, attributes, tuple(_uses(instance, bound, attributes)))
 
     def construction(self, behaviour: UUID) -> Construction:
         """Return how a behaviour was made."""
@@ -159,6 +158,16 @@ def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) 
         if target is not None:
             attributes[parameter.name] = target[1].name
     return attributes
+
+
+def _uses(instance: Instance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
+    """Yield what a node needs outside the tree; not what a key names that has no value yet."""
+    ports = {each.name for each in bound.spec.ports}
+    entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
+    names = {**attributes, **{name: entry.read() for name, entry in entries.items() if entry.exists}}
+    for use in bound.spec.uses:
+        if not any(f"{{{name}}}" in use.name for name, entry in entries.items() if not entry.exists):
+            yield Use(use.kind, use.name.format_map(names))
 
 
 class Arguments:

@@ -5,7 +5,7 @@ other leaf, installed or only described, is a `StubLeaf`: an outcome policy choo
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from types import MappingProxyType
@@ -23,7 +23,7 @@ from sar_compiler.nodes.binding.skips import SkipAnalysis, by_itself, report_mis
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.outcome_sets import ALLOWED, WORD_OF, F, R, S
 from sar_compiler.nodes.palettes import palettes_with
-from sar_compiler.nodes.semantics import Order, Semantics
+from sar_compiler.nodes.semantics import AccessKind, Order, Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import stock
 from sar_compiler.runtime.answers import Answer, Fact
@@ -449,9 +449,8 @@ class SimulationBuilder(Builder):
         said = self._said[instance, bound]
         enums = self._source.enums
         variables = FactVariables(self.facts, instance.scope, enums)
-        for parameter in bound.spec.ports:
-            if parameter.direction is not Direction.INPUT and parameter.name in bound.keys:
-                self.outputs.setdefault(bound.keys[parameter.name].removeprefix(ROOT_SIGN), bound.name)
+        for key in _written_keys(bound):
+            self.outputs.setdefault(key.removeprefix(ROOT_SIGN), bound.name)
         leaf = StubLeaf(
             bound.name, bound.spec.tag, [fill_answer(answer, names) for answer in said], variables, enums
         )
@@ -466,6 +465,16 @@ class SimulationBuilder(Builder):
                 f"the fact '{name}' is {first!r} at the start for '{other}', and {value!r} for '{leaf}'; "
                 f"say which: facts: {{{name}: {first!r}}}"
             )
+
+
+def _written_keys(bound: BoundNode) -> Iterator[str]:
+    """Yield the keys that a leaf writes in a real run: those of its ports, and those within a value."""
+    for parameter in bound.spec.parameters.values():
+        name, role = parameter.name, bound.spec.semantics.keys.get(parameter.name)
+        if parameter.direction in (Direction.OUTPUT, Direction.INOUT) and name in bound.keys:
+            yield bound.keys[name]
+        elif role is not None and role.kind is AccessKind.WRITE and parameter.value_type.keys_in is not None:
+            yield from parameter.value_type.keys_in(bound.values.get(name))
 
 
 class Places:

@@ -18,7 +18,8 @@ name and the children, so that nothing is imported for a tree to be checked::
 from collections.abc import Mapping
 from typing import Any
 
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, Use
+from sar_compiler.nodes.semantics import Semantics
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Rule, Signature, Use
 from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, type_of
 from sar_compiler.runtime.answers import Answer, Fact
 
@@ -84,6 +85,8 @@ def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf
     facts: Mapping[str, Fact] | None = None,
     reads: tuple[str, ...] = (),
     writes: tuple[str, ...] = (),
+    semantics: Semantics = Semantics(),  # noqa: B008 - frozen
+    rule: "Rule | None" = None,
 ) -> NodeSpec:
     """Return the spec of a leaf whose tag is the name of its class; its outcomes are those of its answers.
 
@@ -98,6 +101,8 @@ def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf
         facts: The facts that its answers use, with their initial values.
         reads: Further facts that its behaviour depends on.
         writes: Further facts that it changes.
+        semantics: How it uses the keys in its attributes, where ports do not say it.
+        rule: Reports attributes that do not fit each other.
     """
     return NodeSpec(
         path.rpartition(":")[2],
@@ -110,7 +115,9 @@ def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf
         facts or {},
         reads,
         writes,
+        semantics,
         signature=signature(kind, doc, *parameters),
+        rule=rule,
     )
 
 

@@ -1,67 +1,166 @@
 """Leaves for what ROS offers, without a line of Python: `--model ros:jazzy`."""
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
-from sar_compiler.nodes.declaring import attribute, leaf_spec, output_port
+from sar_compiler.nodes.binding.bound import BoundNode, Collector
+from sar_compiler.nodes.declaring import SCOPE, attribute, handed_over, input_port, leaf_spec, output_port
+from sar_compiler.nodes.ros_fields import DESTINATIONS, FIELD_PATH, FIELDS, Destinations, FieldPath, Fields
+from sar_compiler.nodes.ros_interfaces import (
+    Filler,
+    InterfaceError,
+    check_path,
+    generated_type,
+    is_ros_installed,
+)
+from sar_compiler.nodes.semantics import AccessKind, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.nodes.values import Seconds
 from sar_compiler.runtime.answers import Answer
+from sar_compiler.tree.diagnostic import Advice, Severity, Span
+from sar_compiler.tree.model import Element
 
 VERSIONS = ("jazzy",)
 _HERE = "sar_compiler.ros.leaves.by_attributes"
+_WRITES = KeyRole(AccessKind.WRITE)
+_SENDS = "The {}'s fields as YAML, in which `{{key}}` is a key: `{}`. Or the key of a message."
 _VALUE = output_port("value", object, "Where it is written.", None)
 _SERVER = attribute("server_timeout_sec", Seconds, "How long to wait for a server, seconds.", 10.0)
+_SCOPE = handed_over("scope", SCOPE.target_path, SCOPE.doc, required=False)
+_RESULT = ("value", "fields")
+_NEVER: tuple[str, ...] = ()
+
+
+def _field(of: str, example: str) -> Any:
+    doc = f"The field of the {of} to write to `value`, such as `{example}`; empty for all of it."
+    return attribute("field", FIELD_PATH, doc, None)
+
+
+def _fields(keyword: str, of: str, example: str) -> Any:
+    doc = f"Fields of the {of} with the keys to write: `{example}`."
+    return attribute(keyword, DESTINATIONS, doc, Destinations())
+
+
+def _check(kind: str, **parts: str) -> Callable[[BoundNode, Collector], None]:
+    """Return the rule that checks a leaf's type, fields and values, where ROS is installed.
+
+    Args:
+        kind: What the type is of: `action`, `srv` or `msg`.
+        **parts: The attributes that name fields, each with the part of the interface; empty for the message itself.
+    """
+
+    def rule(bound: BoundNode, collector: Collector) -> None:
+        written = bound.values.get("type")
+        if not isinstance(written, str) or not is_ros_installed():
+            return
+        _check_value(bound, collector)
+        try:
+            interface = generated_type(kind, written)
+        except InterfaceError as error:
+            collector.add("unknown-interface", *_worded(bound, "type", error), **_advice(error))
+            return
+        for name, part in parts.items():
+            wrong = _mistake_in(bound.values.get(name), getattr(interface, part) if part else interface)
+            if wrong is not None:
+                collector.add("wrong-value", *_worded(bound, name, wrong), **_advice(wrong))
+
+    return rule
+
+
+def _mistake_in(value: object, cls: Any) -> InterfaceError | None:
+    """Return what is wrong with an attribute of fields, by a message's class."""
+    try:
+        if isinstance(value, Fields):
+            Filler().fill(cls(), value)
+        elif isinstance(value, FieldPath):
+            check_path(cls, value)
+        elif isinstance(value, Destinations):
+            for path, _ in value.keys:
+                check_path(cls, path)
+    except InterfaceError as error:
+        return error
+    return None
+
+
+def _check_value(bound: BoundNode, collector: Collector) -> None:
+    if bound.values.get("field") is not None and "value" not in bound.keys:
+        message = "field: nothing says where it is written"
+        collector.add("missing-attribute", message, bound.element, hint='write value="{key}"')
+
+
+def _worded(bound: BoundNode, name: str, error: InterfaceError) -> tuple[str, Element, Span]:
+    """Return the message, the element and the place of a finding."""
+    element, place = bound.element, error.place
+    span = element.within_value(name, *place) if place else element.value_span(name)
+    return f"{name}: {error.message}", element, span
+
+
+def _advice(error: InterfaceError) -> Advice:
+    about = Advice(suggestion=error.suggestion, hint=error.hint)
+    if not error.is_certain:
+        about["severity"] = Severity.WARNING
+    return about
+
+
 _SPECS = (
     leaf_spec(
         f"{_HERE}:RosService",
         "Call a service: SUCCESS when it has answered, and has not said no.",
-        attribute("service", str, "The service's name."),
+        input_port("service", str, "The service's name."),
         attribute("type_", str, "Its type, such as `std_srvs/srv/SetBool`."),
-        attribute(
-            "request",
-            str,
-            "The request's fields as YAML, without the braces around: `data: true`.",
-            "",
-        ),
-        attribute("success", str, "A field of the answer that must be true; empty for none.", ""),
-        attribute("field", str, "A field of the answer to write to `value`, such as `location.x`.", ""),
+        input_port("request", FIELDS, _SENDS.format("request", "data: true"), Fields({})),
+        attribute("success", FIELD_PATH, "A field of the answer that must be true; empty for none.", None),
+        _field("answer", "location.x"),
         _VALUE,
+        _fields("fields", "answer", "location.x: {x}, location.y: {y}"),
         _SERVER,
         attribute("timeout_sec", Seconds, "How long to wait for the answer, seconds.", 5.0),
+        _SCOPE,
         uses=(Use.service("{service}"),),
         effects="calls a service",
         answers=(
-            Answer("SUCCESS", "answered"),
-            Answer("FAILURE", "not answered"),
-            Answer("RUNNING", "calling"),
+            Answer("SUCCESS", "answered", writes=_RESULT),
+            Answer("FAILURE", "refused", writes=_RESULT),
+            Answer("FAILURE", "no answer", writes=_NEVER),
+            Answer("RUNNING", "calling", writes=_NEVER),
         ),
+        semantics=Semantics(keys={"fields": _WRITES}),
+        rule=_check("srv", request="Request", success="Response", field="Response", fields="Response"),
     ),
     leaf_spec(
         f"{_HERE}:RosAction",
         "Send a goal to an action: RUNNING until it has ended, SUCCESS if it has succeeded.",
-        attribute("action", str, "The action's name."),
+        input_port("action", str, "The action's name."),
         attribute("type_", str, "Its type, such as `nav2_msgs/action/Wait`."),
-        attribute("goal", str, "The goal's fields as YAML, without the braces around: `time: {sec: 5}`.", ""),
-        attribute("field", str, "A field of the result to write to `value`.", ""),
+        input_port("goal", FIELDS, _SENDS.format("goal", "time: {sec: 5}"), Fields({})),
+        _field("result", "error_code"),
         _VALUE,
+        _fields("fields", "result", "error_code: {code}, error_msg: {text}"),
+        _fields("feedback", "feedback", "distance_remaining: {left}"),
         _SERVER,
         attribute(
             "acceptance_timeout_sec", Seconds, "How long to wait for the goal to be accepted, seconds.", 5.0
         ),
+        _SCOPE,
         uses=(Use.action("{action}"),),
         effects="has a goal carried out",
-        answers=(Answer("SUCCESS", "succeeded"), Answer("FAILURE", "failed"), Answer("RUNNING", "under way")),
+        answers=(
+            Answer("SUCCESS", "succeeded", writes=_RESULT),
+            Answer("FAILURE", "aborted", writes=_RESULT),
+            Answer("FAILURE", "no result", writes=_NEVER),
+            Answer("RUNNING", "under way", writes=_NEVER),
+        ),
+        semantics=Semantics(keys={"fields": _WRITES, "feedback": _WRITES}),
+        rule=_check("action", goal="Goal", field="Result", fields="Result", feedback="Feedback"),
     ),
     leaf_spec(
         f"{_HERE}:RosTopic",
-        "Is there a message of a topic? SUCCESS if so, and a field of the latest one is written.",
-        attribute("topic", str, "The topic's name."),
+        "Is there a message of a topic? SUCCESS if so, and fields of the latest one are written.",
+        input_port("topic", str, "The topic's name."),
         attribute("type_", str, "Its type, such as `sensor_msgs/msg/BatteryState`."),
-        attribute(
-            "field", str, "A field to write to `value`, such as `pose.position.x`; empty for none.", ""
-        ),
+        _field("message", "pose.position.x"),
         _VALUE,
+        _fields("fields", "message", "pose.position.x: {x}"),
         attribute(
             "max_age_sec",
             Seconds,
@@ -80,15 +179,50 @@ _SPECS = (
             "Whether it is RUNNING, instead of FAILURE, while there is no message.",
             default=False,
         ),
+        _SCOPE,
         uses=(Use.topic("{topic}"),),
-        answers=(Answer("SUCCESS", "there"), Answer("FAILURE", "missing"), Answer("RUNNING", "waiting")),
+        answers=(
+            Answer("SUCCESS", "there", writes=_RESULT),
+            Answer("FAILURE", "missing", writes=_NEVER),
+            Answer("RUNNING", "waiting", writes=_NEVER),
+        ),
         kind=Kind.ACTION,
+        semantics=Semantics(keys={"fields": _WRITES}),
+        rule=_check("msg", field="", fields=""),
+    ),
+    leaf_spec(
+        f"{_HERE}:RosPublish",
+        "Publish a message: SUCCESS when it is sent, RUNNING until there is a subscriber.",
+        input_port("topic", str, "The topic's name."),
+        attribute("type_", str, "Its type, such as `std_msgs/msg/String`."),
+        input_port("message", FIELDS, _SENDS.format("message", "data: hello"), Fields({})),
+        attribute(
+            "qos",
+            Literal["reliable", "sensor_data", "transient_local"],
+            "`reliable`, `sensor_data`, or `transient_local` for subscribers that come later as well.",
+            "reliable",
+        ),
+        attribute(
+            "waits",
+            bool,
+            "Whether it is RUNNING until there is a subscriber; one that is `transient_local` never waits.",
+            default=True,
+        ),
+        attribute("timeout_sec", Seconds, "How long to wait for one, seconds; then FAILURE.", 5.0),
+        _SCOPE,
+        effects="publishes a message",
+        answers=(
+            Answer("SUCCESS", "published"),
+            Answer("FAILURE", "no subscriber"),
+            Answer("RUNNING", "waiting"),
+        ),
+        rule=_check("msg", message=""),
     ),
     leaf_spec(
         f"{_HERE}:RosTransform",
         "Where is a frame in another one? SUCCESS if the transforms of `/tf` say so, and it is written; RUNNING while they do not.",
-        attribute("target_frame", str, "The frame in which it is told, such as `map`."),
-        attribute("source_frame", str, "The frame of which it is told, such as `base_link`."),
+        input_port("target_frame", str, "The frame in which it is told, such as `map`."),
+        input_port("source_frame", str, "The frame of which it is told, such as `base_link`."),
         attribute("max_age_sec", Seconds, "How old the transforms may be, seconds of the node's clock.", 5.0),
         attribute("timeout_sec", Seconds, "How long to wait for them, seconds; then FAILURE.", 5.0),
         *(output_port(axis, float, f"Where {axis} is written, metres.", None) for axis in "xyz"),
@@ -97,7 +231,11 @@ _SPECS = (
             output_port(f"q{part}", float, f"Where the quaternion's {part} is written.", None)
             for part in "xyzw"
         ),
-        answers=(Answer("SUCCESS", "known"), Answer("FAILURE", "unknown"), Answer("RUNNING", "waiting")),
+        answers=(
+            Answer("SUCCESS", "known", writes=("x", "y", "z", "yaw", "qx", "qy", "qz", "qw")),
+            Answer("FAILURE", "unknown", writes=_NEVER),
+            Answer("RUNNING", "waiting", writes=_NEVER),
+        ),
         kind=Kind.ACTION,
     ),
 )

@@ -42,6 +42,7 @@ _INT64 = range(-(2**63), 2**63)
 _NO_DIGITS = r"-?([iI][nN][fF]([iI][nN][iI][tT][yY])?|[nN][aA][nN])"
 _NOT_BLANK = r"[\s\S]*\S[\s\S]*"
 _SEPARATOR = ";"
+_NAME_OF_KEY = r"(?a) *@?[A-Za-z_]\w* *"
 JSON = "json:"
 """The prefix of a JSON text, for ports that take any value."""
 _LARGEST_UNSIGNED = 2**32 - 1
@@ -99,6 +100,7 @@ class ValueType(NamedTuple):
         keys_in: Returns the names of the keys in a value that is not itself a name; None if there are none.
         unit: For a duration, the unit of its plain numbers: `ms` or `s`.
         usual: The numbers that make sense to whoever reads them, where others are values as well.
+        takes_braces: Whether braces are around a value as well; a name alone between them is a key all the same.
     """
 
     name: str
@@ -115,6 +117,14 @@ class ValueType(NamedTuple):
     keys_in: Callable[[object], Iterable[str]] | None = None
     unit: str = ""
     usual: SensibleNumbers | None = None
+    takes_braces: bool = False
+
+    def key_in(self, text: str, port: str) -> str | None:
+        """Return the key that the text of a port refers to, as `blackboard_key` does; None if it is a value."""
+        key = blackboard_key(text, port)
+        if key is not None and self.takes_braces and not re.fullmatch(_NAME_OF_KEY, key):
+            return None
+        return key
 
     @property
     def kept(self) -> type | None:

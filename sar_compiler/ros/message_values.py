@@ -12,6 +12,8 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from sar_compiler.errors import SarError
+from sar_compiler.nodes import ros_interfaces
+from sar_compiler.nodes.ros_fields import FieldPath
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.leaf import interface_name, of_node
 from sar_compiler.ros.poses import yaw_of, yaw_of_turn
@@ -200,17 +202,14 @@ def _check_covariance(values: Sequence[float], path: str) -> None:
 
 
 def read_field(message: Any, path: str) -> Any:
-    """Return a field of a message by its path, such as `pose.position.x`, as a plain value.
+    """Return a field of a message by its path, such as `pose.position.x` or `poses[0].header`, as a plain value.
 
     Raises:
         UnusableValueError: If its value is outside the definition of the message.
+        InterfaceError: If a list has no such element.
         AttributeError: If there is no such field.
     """
-    *outer, name = path.split(".")
-    for each in outer:
-        message = getattr(message, each)
-    value = check_field(message, name, path)
-    return value.tolist() if hasattr(value, "tolist") else value
+    return ros_interfaces.read_field(message, FieldPath(path), check_field)
 
 
 def battery_share(message: Any) -> float:

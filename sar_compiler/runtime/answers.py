@@ -50,6 +50,7 @@ class Answer:
         then: A script that changes facts when the answer is given.
         p: How likely it is that it ends what the leaf has begun, at least and at most; None if nobody knows.
         sec: How long the leaf runs before, at least and at most, in seconds; every time between is as likely.
+        writes: The attributes whose keys it has written then; None if that is not known.
     """
 
     status: str
@@ -58,6 +59,7 @@ class Answer:
     then: str = ""
     p: tuple[float, float] | None = None
     sec: tuple[float, float] = (0.0, 0.0)
+    writes: tuple[str, ...] | None = None
 
     @property
     def name(self) -> str:

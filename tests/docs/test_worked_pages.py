@@ -23,6 +23,7 @@ from tests.slowness import without_progress
 
 TREES = Path("docs/writing_a_tree.md").resolve()
 LEAVES = Path("docs/writing_a_leaf.md").resolve()
+ROS_LEAVES = Path("docs/ros_leaves.md").resolve()
 TEN_MINUTES = Path("docs/ten_minutes.md").resolve()
 TUTORIAL = Path("docs/tutorial.md").resolve()
 WORLD = Path("docs/world.md").resolve()
@@ -109,7 +110,14 @@ def test_the_tutorial_does_what_it_says(tmp_path):
 @pytest.mark.ros
 def test_a_leaf_is_written_and_flown_as_the_page_says(tmp_path):
     typed, otherwise = follow(LEAVES, tmp_path)
-    assert typed == 4
+    assert typed == 3
+    assert otherwise == [], "\n".join(otherwise)
+
+
+@pytest.mark.ros
+def test_leaves_by_attributes_are_checked_as_the_page_says(tmp_path):
+    typed, otherwise = follow(ROS_LEAVES, tmp_path)
+    assert typed == 2
     assert otherwise == [], "\n".join(otherwise)
 
 

@@ -15,6 +15,7 @@ from sar_compiler.ros.leaves.by_attributes import RosAction
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.ports import Input
 from tests.missions.test_charging_places import home_of
 from tests.missions.test_charging_places import searching as on_a_line
 from tests.missions.test_sweeping import PIECES, planned, searching
@@ -54,7 +55,7 @@ def through_pieces(stage: "Stage") -> Any:
 
 def by_attributes(_: "Stage") -> Any:
     goal = "pose: {header: {frame_id: map}, pose: {position: {x: 2.0, y: 3.0}}}"
-    return RosAction("Drive", "navigate_to_pose", TO_POSE, goal=goal)
+    return RosAction("Drive", Input("navigate_to_pose"), TO_POSE, goal=Input(goal))
 
 
 # Each with where it drives to.

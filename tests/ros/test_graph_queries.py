@@ -9,6 +9,7 @@ import pytest
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.graph_queries import Endpoint, RosGraph, names_in_words, ros_graph
+from sar_compiler.runtime.ports import Input
 from tests.ros.conftest import Ros
 
 if TYPE_CHECKING:
@@ -445,7 +446,7 @@ class TestQualityOfService:
         from sar_compiler.ros.leaves.by_attributes import RosTopic
         from sar_compiler.ros.readiness import Readiness
 
-        leaf = RosTopic("Battery", "battery_state", BATTERY, qos="reliable")
+        leaf = RosTopic("Battery", Input("battery_state"), BATTERY, qos="reliable")
         robots.publish(robots.node("/driver"), "/battery_state", BATTERY, reliability="best_effort")
         ready = Readiness(
             robots.node("/mission"),
@@ -705,7 +706,7 @@ class TestLeaves:
         from sar_compiler.ros.leaves.by_attributes import RosTopic
 
         ages = [
-            RosTopic("Map", "map", "nav_msgs/msg/OccupancyGrid", qos=qos, max_age_sec=age).max_age_sec
+            RosTopic("Map", Input("map"), "nav_msgs/msg/OccupancyGrid", qos=qos, max_age_sec=age).max_age_sec
             for qos, age in (("transient_local", None), ("transient_local", 2.0), ("reliable", None), ("reliable", 7.0))
         ]  # fmt: skip
         assert ages == [None, 2.0, 5.0, 7.0]
@@ -714,7 +715,7 @@ class TestLeaves:
         from sar_compiler.ros.leaves.by_attributes import RosTopic
 
         mission = robots.node("/mission")
-        leaf = RosTopic("Battery", "battery_state", BATTERY, qos="reliable")
+        leaf = RosTopic("Battery", Input("battery_state"), BATTERY, qos="reliable")
         leaf.setup(node=mission)
 
         def says(text: str) -> None:
@@ -746,7 +747,7 @@ class TestLeaves:
         robots.serve(robots.node("/other"), "/tb1/detect_survivor")
         graph = ros_graph(mission)
         robots.until(lambda: graph.ask(DETECTOR).elsewhere, "the service")
-        leaf = RosService("Detect", "detect_survivor", DETECT, server_timeout_sec=0.0)
+        leaf = RosService("Detect", Input("detect_survivor"), DETECT, server_timeout_sec=0.0)
         leaf.setup(node=mission)
         leaf.tick_once()
         leaf.tick_once()

@@ -10,19 +10,49 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.nodes.ros_fields import read_destinations, read_fields, read_path
 from sar_compiler.nodes.ros_leaves import specs
 from sar_compiler.project import load
 from sar_compiler.ros.leaves import by_attributes
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
 from sar_compiler.ros.poses import turn_by
-from sar_compiler.runtime.ports import Output
+from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.ports import Input, Output, PortError
 from tests.processes import BIN
 from tests.ros.conftest import Ros
 from tests.trees import document
 from tests.waiting import SILENCE_SEC
 
 pytestmark = pytest.mark.ros
+READ: dict[str, Callable[[str], object]] = {
+    "request": read_fields,
+    "goal": read_fields,
+    "message": read_fields,
+    "success": read_path,
+    "field": read_path,
+}
+READ |= {"fields": read_destinations, "feedback": read_destinations}
 POSE = "geometry_msgs/msg/PoseStamped"
+
+
+def made(cls: Any, tag: str, *texts: str, **attributes: Any) -> Any:
+    """Make a leaf of what a tree file would say: the name of a server or topic first, or two frames."""
+    ports = ("request", "goal", "message")
+    values = {name: READ[name](each) if name in READ else each for name, each in attributes.items()}
+    values = {name: Input(each) if name in ports else each for name, each in values.items()}
+    return cls(
+        tag,
+        Input(texts[0]),
+        *(texts[1:] if cls is not by_attributes.RosTransform else [Input(texts[1])]),
+        **values,
+    )
+
+
+def ticked(leaf: Any) -> Status:
+    """Tick a leaf, and return its status."""
+    leaf.tick_once()
+    status: Status = leaf.status
+    return status
 
 
 def run(ros: Ros, leaf: Any, until: Callable[[], object] | None = None) -> Status:
@@ -55,7 +85,10 @@ def switch(ros: Ros, *, success: bool = True) -> list[bool]:
 
 class TestRosService:
     def leaf(self, **attributes: Any) -> by_attributes.RosService:
-        return by_attributes.RosService("Switch", "switch", "std_srvs/srv/SetBool", **attributes)
+        leaf: by_attributes.RosService = made(
+            by_attributes.RosService, "Switch", "switch", "std_srvs/srv/SetBool", **attributes
+        )
+        return leaf
 
     def test_the_request_is_what_the_tree_says_and_a_field_of_the_answer_is_written(self, ros: Ros) -> None:
         asked, said = switch(ros), Output[object]()
@@ -78,9 +111,11 @@ class TestRosService:
         ("attributes", "said"),
         [
             ({"request": "dat: true"}, "'Switch': there is no field 'dat'; did you mean 'data'?"),
-            ({"request": "data: 3"}, "'Switch': data is 3, and must be boolean"),
-            ({"request": "{data: {x: 1}}"}, "'Switch': data is {'x': 1}, and must be boolean"),
-            ({"request": "data: ["}, "'Switch': 'data: [' is no YAML"),
+            ({"request": "data: 3"}, "'Switch': data is 3, and must be boolean, true or false"),
+            (
+                {"request": "{data: {x: 1}}"},
+                "'Switch': data is fields (x), and must be boolean, true or false",
+            ),
             ({"field": "mesage"}, "'Switch': there is no field 'mesage'; did you mean 'message'?"),
             ({"success": "ok"}, "'Switch': there is no field 'ok'"),
         ],
@@ -93,6 +128,60 @@ class TestRosService:
             with pytest.raises(LeafDefinitionError) as raised:
                 ask()
             assert str(raised.value).startswith(said)
+
+    def test_an_answer_that_says_no_has_its_fields_written_too(self, ros: Ros) -> None:
+        switch(ros, success=False)
+        text = Output[object]()
+        leaf = self.leaf(success="success", field="message", value=text)
+        assert run(ros, leaf) is Status.FAILURE
+        assert (text.value, leaf.answer_label) == ("it is locked", "refused")
+
+    def test_without_a_server_nothing_is_written_and_the_answer_says_so(self, ros: Ros) -> None:
+        text = Output[object]()
+        leaf = self.leaf(field="message", value=text, server_timeout_sec=0.0)
+        assert run(ros, leaf) is Status.FAILURE
+        assert (text.value, leaf.answer_label) == (None, "no answer")
+
+    def test_the_name_and_the_values_in_the_request_come_from_keys(self, ros: Ros) -> None:
+        asked, scope = switch(ros), Scope(Board("test"))
+        leaf = by_attributes.RosService(
+            "Switch",
+            Input(scope.resolve("service")),
+            "std_srvs/srv/SetBool",
+            request=Input(read_fields("data: {on}")),
+            scope=scope,
+        )
+        leaf.setup(node=ros.node("mission"))
+        scope.resolve("service").write("switch")
+        for on in (True, 0):
+            scope.resolve("on").write(on)
+            leaf.tick_once()
+            ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "an answer")
+        assert asked == [True, False]
+        scope.resolve("on").write("perhaps")
+        with pytest.raises(PortError, match="request: data is 'perhaps', and must be boolean, true or false"):
+            leaf.tick_once()
+        scope.resolve("on").remove()
+        with pytest.raises(PortError, match=r"request: \{on\}: nothing has been written to 'on' yet"):
+            leaf.tick_once()
+
+    def test_a_whole_request_comes_from_a_key_as_a_message_a_mapping_or_a_text(self, ros: Ros) -> None:
+        from std_srvs.srv import SetBool, Trigger
+
+        asked, entry = switch(ros), Scope(Board("test")).resolve("request")
+        leaf = by_attributes.RosService(
+            "Switch", Input("switch"), "std_srvs/srv/SetBool", request=Input(entry)
+        )
+        leaf.setup(node=ros.node("mission"))
+        for request in (SetBool.Request(data=True), {"data": False}, "data: true"):
+            entry.write(request)
+            leaf.tick_once()
+            ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "an answer")
+        assert asked == [True, False, True]
+        for wrong in (Trigger.Request(), 5, "data: ["):
+            entry.write(wrong)
+            with pytest.raises(PortError, match=r"^request: \{request\}: "):
+                leaf.tick_once()
 
 
 @pytest.mark.parametrize(
@@ -118,13 +207,18 @@ def test_a_run_tells_a_mistake_before_it_waits_for_a_server_that_nobody_has(
     ["os/srv/Trigger", "sar_compiler/srv/Trigger", "no_such_msgs/srv/X", "../x/srv/X", "__main__/srv/X", ""],
 )
 def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> None:
-    leaf = by_attributes.RosService("Call", "call", written)
-    with pytest.raises(LeafDefinitionError, match="'Call': no package of interfaces is called '"):
+    leaf = made(by_attributes.RosService, "Call", "call", written)
+    with pytest.raises(
+        LeafDefinitionError, match=r"'Call': (no package of interfaces is called '|'.*' is no type)"
+    ):
         leaf.setup(node=ros.node())
 
 
 class TestRosAction:
-    def test_the_goal_is_what_the_tree_says_and_its_end_is_the_leafs(self, ros: Ros) -> None:
+    TYPE = "nav2_msgs/action/NavigateToPose"
+
+    def server(self, ros: Ros, name: str = "go") -> list[Any]:
+        """Serve an action that goes to x, and aborts below 0; return the goals."""
         from nav2_msgs.action import NavigateToPose
         from rclpy.action import ActionServer
 
@@ -132,22 +226,147 @@ class TestRosAction:
 
         def execute(handle: Any) -> Any:
             goals.append(handle.request)
+            handle.publish_feedback(NavigateToPose.Feedback(distance_remaining=1.25))
             (handle.succeed if handle.request.pose.pose.position.x > 0 else handle.abort)()
-            return NavigateToPose.Result(error_code=7)
+            return NavigateToPose.Result(error_code=7, error_msg="no path")
 
-        server = ActionServer(ros.node("server"), NavigateToPose, "go", execute)
-        told = Output[object]()
+        node = ros.node(f"server_of_{name}")
+        node.kept = ActionServer(node, NavigateToPose, name, execute)
+        return goals
 
-        def leaf(x: float) -> by_attributes.RosAction:
-            goal = f"pose: {{header: {{frame_id: map}}, pose: {{position: {{x: {x}}}}}}}"
-            kind = "nav2_msgs/action/NavigateToPose"
-            return by_attributes.RosAction("Go", "go", kind, goal=goal, field="error_code", value=told)
+    def leaf(self, x: float, **attributes: Any) -> by_attributes.RosAction:
+        goal = f"pose: {{header: {{frame_id: map}}, pose: {{position: {{x: {x}}}}}}}"
+        leaf: by_attributes.RosAction = made(
+            by_attributes.RosAction, "Go", "go", self.TYPE, goal=goal, **attributes
+        )
+        return leaf
 
-        assert run(ros, leaf(2)) is Status.SUCCESS
+    def test_the_goal_is_what_the_tree_says_and_its_end_is_the_leafs(self, ros: Ros) -> None:
+        goals, told = self.server(ros), Output[object]()
+        leaf = self.leaf(2, field="error_code", value=told)
+        assert run(ros, leaf) is Status.SUCCESS
         assert (goals[0].pose.header.frame_id, goals[0].pose.pose.position.x) == ("map", 2.0)
-        assert told.value == 7
-        assert run(ros, leaf(-2.5)) is Status.FAILURE
-        server.destroy()
+        assert (told.value, leaf.answer_label) == (7, "succeeded")
+
+    def test_an_aborted_goals_result_is_written_and_its_error_is_told(self, ros: Ros) -> None:
+        self.server(ros)
+        scope = Scope(Board("test"))
+        leaf = self.leaf(-2.5, fields="error_code: {code}, error_msg: {text}", scope=scope)
+        assert run(ros, leaf) is Status.FAILURE
+        assert (scope.resolve("code").read(), scope.resolve("text").read()) == (7, "no path")
+        assert leaf.answer_label == "aborted"
+        assert leaf.feedback_message == "'Go' failed: 'go': aborted (status 6): error_code 7: no path"
+
+    def test_without_a_result_nothing_is_written_and_the_answer_says_so(self, ros: Ros) -> None:
+        code = Output[object]()
+        leaf = self.leaf(1, field="error_code", value=code, server_timeout_sec=0.0)
+        assert run(ros, leaf) is Status.FAILURE
+        assert (code.value, leaf.answer_label) == (None, "no result")
+
+    def test_a_whole_result_is_written_as_the_message_that_it_is(self, ros: Ros) -> None:
+        self.server(ros)
+        whole: Any = Output()
+        run(ros, self.leaf(-1, value=whole))
+        assert (type(whole.value).__name__, whole.value.error_msg) == ("NavigateToPose_Result", "no path")
+
+    def test_feedback_is_written_while_the_goal_is_under_way(self, ros: Ros) -> None:
+        from nav2_msgs.action import NavigateToPose
+        from rclpy.action import ActionServer
+        from rclpy.task import Future
+
+        async def execute(handle: Any) -> Any:
+            feedback = NavigateToPose.Feedback(distance_remaining=1.25)
+            timer = node.create_timer(0.02, lambda: handle.publish_feedback(feedback))
+            await is_seen
+            timer.cancel()
+            handle.succeed()
+            return NavigateToPose.Result()
+
+        node, scope, is_seen = ros.node("server"), Scope(Board("test")), Future()
+        node.kept = ActionServer(node, NavigateToPose, "go", execute)
+        leaf = self.leaf(2, feedback="distance_remaining: {left}", scope=scope)
+        left = scope.resolve("left")
+        run(ros, leaf, lambda: left.exists)
+        assert (left.read(), leaf.status) == (1.25, Status.RUNNING)
+        is_seen.set_result(None)
+        ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "the end of the goal")
+
+    def test_the_goal_goes_to_the_server_that_a_key_names_when_the_leaf_is_entered(self, ros: Ros) -> None:
+        first, second = self.server(ros, "first"), self.server(ros, "second")
+        action = Scope(Board("test")).resolve("where")
+        leaf = by_attributes.RosAction(
+            "Go", Input(action), self.TYPE, goal=Input(read_fields("behavior_tree: x"))
+        )
+        leaf.setup(node=ros.node("mission"))
+        for name in ("first", "second", "first"):
+            action.write(name)
+            leaf.tick_once()
+            ros.spin_until(lambda: ticked(leaf) is not Status.RUNNING, f"an end on {name}")
+        assert (len(first), len(second)) == (2, 1)
+        action.write("no name")
+        with pytest.raises(
+            PortError, match=r"action: \{where\}: 'no name' is no name of a server or a topic"
+        ):
+            leaf.tick_once()
+        leaf.shutdown()
+
+
+class TestRosPublish:
+    def leaf(self, **attributes: Any) -> by_attributes.RosPublish:
+        texts = ("Say", "said", "std_msgs/msg/String")
+        leaf: by_attributes.RosPublish = made(by_attributes.RosPublish, *texts, **attributes)
+        return leaf
+
+    def listen(self, ros: Ros, qos: Any = 10) -> list[str]:
+        from std_msgs.msg import String
+
+        heard: list[str] = []
+        ros.node(f"listener_{len(ros.executor.get_nodes())}").create_subscription(
+            String, "said", lambda message: heard.append(message.data), qos
+        )
+        return heard
+
+    def test_it_runs_until_there_is_a_subscriber_which_hears_the_message_once(self, ros: Ros) -> None:
+        leaf = self.leaf(message="data: hello", timeout_sec=1000.0)
+        leaf.setup(node=ros.node("mission"))
+        leaf.tick_once()
+        assert (leaf.status, leaf.feedback_message) == (Status.RUNNING, "waiting for a subscriber of '/said'")
+        heard = self.listen(ros)
+        ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "the publishing")
+        ros.spin_until(lambda: heard, "the message")
+        assert heard == ["hello"]
+
+    def test_without_a_subscriber_it_fails_after_its_time_out_unless_it_need_not_wait(self, ros: Ros) -> None:
+        leaf = self.leaf(timeout_sec=0.0)
+        assert run(ros, leaf) is Status.FAILURE
+        assert leaf.feedback_message == "'Say': nothing subscribes to '/said' within 0 s"
+        assert run(ros, self.leaf(waits=False)) is Status.SUCCESS
+
+    def test_a_latched_message_reaches_who_comes_later_and_of_two_leaves_the_last_one(self, ros: Ros) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        node = ros.node("mission")
+        for text in ("first", "second"):
+            leaf = self.leaf(message=f"data: {text}", qos="transient_local")
+            leaf.setup(node=node)
+            leaf.tick_once()
+            assert leaf.status is Status.SUCCESS
+        heard = self.listen(ros, QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        ros.spin_until(lambda: heard, "the latched message")
+        assert heard == ["second"]
+
+    def test_now_is_the_time_of_the_nodes_clock(self, ros: Ros) -> None:
+        from std_msgs.msg import Header
+
+        heard: list[Any] = []
+        node = ros.node("mission")
+        node.create_subscription(Header, "stamped", heard.append, 10)
+        leaf = made(by_attributes.RosPublish, "Say", "stamped", "std_msgs/msg/Header", message="stamp: now")
+        before = node.get_clock().now().nanoseconds
+        leaf.setup(node=node)
+        ros.spin_until(lambda: ticked(leaf) and heard, "the message")
+        stamp = heard[0].stamp.sec * 10**9 + heard[0].stamp.nanosec
+        assert before <= stamp <= node.get_clock().now().nanoseconds
 
 
 class TestRosTopic:
@@ -156,7 +375,9 @@ class TestRosTopic:
 
         publisher = ros.node("source").create_publisher(PoseStamped, "place", 1)
         at = Output[object]()
-        leaf = by_attributes.RosTopic("Place", "place", POSE, field="pose.position.x", value=at, waits=True)
+        leaf = made(
+            by_attributes.RosTopic, "Place", "place", POSE, field="pose.position.x", value=at, waits=True
+        )
 
         def is_written() -> bool:
             message = PoseStamped()
@@ -169,22 +390,42 @@ class TestRosTopic:
 
     @pytest.mark.parametrize(("waits", "status"), [(True, Status.RUNNING), (False, Status.FAILURE)])
     def test_without_a_message_it_waits_only_if_it_is_to(self, ros: Ros, waits: bool, status: Status) -> None:
-        leaf = by_attributes.RosTopic("Place", "place", POSE, waits=waits)
+        leaf = made(by_attributes.RosTopic, "Place", "place", POSE, waits=waits)
         assert run(ros, leaf, lambda: True) is status
 
-    @pytest.mark.parametrize(
-        ("field", "said"),
-        [
-            ("pose.position", "'Place': 'pose.position' has fields of its own: write one of them, such as pose.position.x"),
-            ("pose.positon.x", "'Place': there is no field 'pose.positon.x'; did you mean 'position'?"),
-        ],
-    )  # fmt: skip
-    def test_a_field_that_is_none_is_told_before_the_first_tick(
-        self, ros: Ros, field: str, said: str
-    ) -> None:
+    def test_a_field_that_is_none_is_told_before_the_first_tick(self, ros: Ros) -> None:
         with pytest.raises(LeafDefinitionError) as raised:
-            by_attributes.RosTopic("Place", "place", POSE, field=field).setup(node=ros.node())
-        assert str(raised.value) == said
+            made(by_attributes.RosTopic, "Place", "place", POSE, field="pose.positon.x").setup(
+                node=ros.node()
+            )
+        assert str(raised.value) == "'Place': there is no field 'pose.positon.x'; did you mean 'position'?"
+
+    def test_the_name_of_the_topic_comes_from_a_key_whenever_the_leaf_is_entered(self, ros: Ros) -> None:
+        from std_msgs.msg import String
+
+        node, scope, said = ros.node("source"), Scope(Board("test")), Output[object]()
+        topic = scope.resolve("topic")
+        leaf = by_attributes.RosTopic(
+            "Said", Input(topic), "std_msgs/msg/String", field=read_path("data"), value=said, waits=True
+        )
+        leaf.setup(node=ros.node("mission"))
+        for name in ("first", "second"):
+            topic.write(name)
+            publisher = node.create_publisher(String, name, 1)
+
+            def is_heard(publisher: Any = publisher, name: str = name) -> bool:
+                publisher.publish(String(data=f"on {name}"))
+                leaf.tick_once()
+                return leaf.status is Status.SUCCESS
+
+            ros.spin_until(is_heard, f"a message on {name}")
+            assert said.value == f"on {name}"
+        topic.write("no name")
+        with pytest.raises(
+            PortError,
+            match=r"topic: \{topic\}: 'no name' is no name of a server or a topic: topic name must not",
+        ):
+            leaf.tick_once()
 
 
 class TestRosTransform:
@@ -226,7 +467,10 @@ class TestRosTransform:
     def leaf(
         self, target: str = "map", source: str = "camera", **attributes: Any
     ) -> by_attributes.RosTransform:
-        return by_attributes.RosTransform("Where", target, source, **attributes)
+        leaf: by_attributes.RosTransform = made(
+            by_attributes.RosTransform, "Where", target, source, **attributes
+        )
+        return leaf
 
     def test_where_a_frame_is_goes_through_all_between_and_is_written(self, ros: Ros) -> None:
         self.send(ros, ("base_link", "camera", (0.5, 0.0, 0.0)), static=True, ago_sec=1000.0)
@@ -290,19 +534,12 @@ class TestRosTransform:
         run(ros, leaf, lambda: leaf.feedback_message == said)
 
 
-def test_numbers_and_lists_are_plain_values() -> None:
-    from sensor_msgs.msg import BatteryState
-
-    message = by_attributes.filled("X", BatteryState(), "percentage: 1, cell_voltage: [3.5, 3.0]")
-    assert by_attributes.field_of("X", message, "percentage") == 1.0
-    assert list(by_attributes.field_of("X", message, "cell_voltage")) == [3.5, 3.0]  # type: ignore[call-overload]
-
-
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Door"><Sequence name="Main" memory="true">
 <RosTopic topic="battery_state" type="sensor_msgs/msg/BatteryState" field="percentage" value="{battery}" waits="true"/>
 <RosService service="door/open" type="std_srvs/srv/SetBool" request="data: true" success="success"/>
 <RosAction action="dock" type="nav2_msgs/action/NavigateToPose"/>
 <RosTransform target_frame="map" source_frame="base_link" x="{x}" yaw="{yaw}"/>
+<RosPublish topic="door/opened" type="std_msgs/msg/String" message="data: at {x}"/>
 </Sequence></BehaviorTree></root>"""
 
 

@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.nodes.ros_fields import read_path
 from sar_compiler.ros.leaves.by_attributes import RosTopic, RosTransform
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
-from sar_compiler.runtime.ports import Output
+from sar_compiler.runtime.ports import Input, Output
 from tests.ros.conftest import Ros
 
 pytestmark = pytest.mark.ros
@@ -201,7 +202,9 @@ class TestTopicLeaf:
 
         node, value = ros.node("mission"), Output[object]()
         lines = logged(node, monkeypatch)
-        leaf = RosTopic("Battery", "battery", "sensor_msgs/msg/BatteryState", field=field, value=value)
+        leaf = RosTopic(
+            "Battery", Input("battery"), "sensor_msgs/msg/BatteryState", field=read_path(field), value=value
+        )
         leaf.setup(node=node)
         return leaf, value, lines, ros.node("driver").create_publisher(BatteryState, "battery", 10)
 
@@ -249,7 +252,7 @@ def test_a_transform_of_another_time_says_nothing_of_now(ros: Ros, seconds: floa
     from geometry_msgs.msg import TransformStamped
     from tf2_msgs.msg import TFMessage
 
-    leaf = RosTransform("Where", "map", "base_link", timeout_sec=1000.0)
+    leaf = RosTransform("Where", Input("map"), Input("base_link"), timeout_sec=1000.0)
     leaf.setup(node=ros.node("mission"))
     publisher = ros.node("localisation").create_publisher(TFMessage, "/tf", 10)
     frames = [TransformStamped(child_frame_id=child) for child in ("odom", "base_link")]

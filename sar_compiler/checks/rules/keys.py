@@ -18,6 +18,7 @@ from sar_compiler.checks.rules.entry_accesses import (
     parted_in,
 )
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
+from sar_compiler.checks.rules.unwritten_ends import find_unwritten_ends
 from sar_compiler.nodes.binding.bound import BoundNode, file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
@@ -61,6 +62,7 @@ def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
             yield from _unwritten(entry, board, context)
             continue
         yield from _doubt(_too_early(entry)) if board.is_foreign else _too_early(entry)
+        yield from find_unwritten_ends(entry, context.outcomes)
         yield from _overwritten(entry, context)
         if not board.is_foreign:
             yield from _side_by_side(entry)

@@ -11,7 +11,6 @@ from sar_compiler.nodes.values import (
     CONDITION,
     ConversionError,
     ValueType,
-    blackboard_key,
     join_words,
     type_of,
 )
@@ -167,7 +166,7 @@ class AttributeBinder:
 
     def _value(self, bound: BoundNode, parameter: Parameter, text: str) -> None:
         name = parameter.name
-        key = blackboard_key(text, name)
+        key = parameter.value_type.key_in(text, name)
         if key is not None and name not in bound.spec.fixed:
             bound.keys = {**bound.keys, name: key}
             if parameter.value_type.names_key:

@@ -120,16 +120,16 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         """
         return None
 
-    def on_result(self, status: int, result: Any) -> Status:  # noqa: ARG002 - for subclasses
+    def on_result(self, status: int, result: Any) -> Status:
         """Return the leaf's status after the end of the goal; with RUNNING the next `goal` is sent.
 
-        By default SUCCESS if the status is `STATUS_SUCCEEDED`, else FAILURE.
+        By default SUCCESS if the status is `STATUS_SUCCEEDED`, else FAILURE with the error that the result reports.
 
         Args:
             status: A constant of `action_msgs/msg/GoalStatus`.
             result: The result, an `interface.Result`.
         """
-        return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status))
+        return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status, result))
 
     def on_hold(self, obstacle: str) -> None:
         """Hook called when the leaf begins to wait for what keeps the server from judging its goal, in words."""

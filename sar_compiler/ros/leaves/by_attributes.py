@@ -1,30 +1,236 @@
 """Leaves that need no Python: what they call, and with what, stands in the tree. The palette `ros:jazzy` has them."""
 
-import reprlib
-from collections.abc import Mapping
-from contextlib import suppress
-from importlib.util import find_spec
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
-import yaml
 from py_trees.common import Status
 
-from sar_compiler.nodes.values import Seconds
+from sar_compiler.nodes.ros_fields import (
+    Destinations,
+    FieldPath,
+    Fields,
+    Ready,
+    keys_of,
+    read_fields,
+    value_of,
+)
+from sar_compiler.nodes.ros_interfaces import (
+    Filler,
+    InterfaceError,
+    check_path,
+    full_type,
+    generated_type,
+    reported_error,
+)
+from sar_compiler.nodes.values import ConversionError, Seconds
 from sar_compiler.ros.clock import Deadline, deadline_clock
 from sar_compiler.ros.frames import FrameTree, Transform, frame_tree
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.client_leaf import ServiceLeaf
-from sar_compiler.ros.leaves.goals import SUCCEEDED, describe_status
-from sar_compiler.ros.leaves.leaf import LeafDefinitionError, RosLeaf, find_interface
+from sar_compiler.ros.leaves.goals import ABORTED, CANCELED, SUCCEEDED, ActionPort, describe_status
+from sar_compiler.ros.leaves.leaf import LeafDefinitionError, RosLeaf, alive, of_node, qos_profile
 from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
-from sar_compiler.ros.message_values import read_field
-from sar_compiler.runtime.ports import Output
-from sar_compiler.tree.guessing import did_you_mean, nearest
+from sar_compiler.ros.message_values import UnusableValueError, read_field
+from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.ports import Input, Output, PortError
 
+_NO_FIELDS = Fields({})
+_NOTHING = Destinations()
 _MAX_AGE_SEC = 5.0
-_LIBRARIES = "*__rosidl_typesupport_c*"
-"""What rosidl has generated has such a library beside its Python."""
+_FLUSH_SEC = 0.5
+"""How long the end of a run waits for subscribers that have not acknowledged a message."""
+
+
+class _Sent:
+    """The fields of a message that is sent, with the keys in them.
+
+    Args:
+        leaf: The leaf.
+        attribute: The attribute that has them, for messages.
+        port: The fields; or the key of a message, of a mapping, or of such a text.
+        scope: Where keys are looked up.
+    """
+
+    def __init__(self, leaf: RosLeaf, attribute: str, port: Input[object], scope: Scope) -> None:
+        self._leaf, self._attribute, self._port, self._scope = leaf, attribute, port, scope
+        constant = None if port.entry is not None else port.get()
+        self._fields = read_fields(constant) if isinstance(constant, str) else constant
+        for key in keys_of(self._fields) if isinstance(self._fields, Fields) else ():
+            scope.resolve(key).declare()
+
+    def check(self, cls: Any) -> None:
+        """Check the fields against a message's class, as far as they stand in the file.
+
+        Raises:
+            InterfaceError: If a field is not there, or a value does not fit.
+        """
+        if isinstance(self._fields, Fields):
+            Filler().fill(cls(), self._fields)
+
+    def message(self, cls: Any) -> Any:
+        """Return a message with the values that the keys hold now.
+
+        Raises:
+            PortError: If nothing was written to a key, or what it holds does not fit.
+        """
+        source = f"{{{self._port.entry.key}}}" if self._port.entry is not None else ""
+        try:
+            found = self._fields if self._port.entry is None else self._held(self._port.get())
+            if isinstance(found, Ready) and isinstance(found.message, cls):
+                return found.message
+            if not isinstance(found, Fields):
+                raise InterfaceError(f"it holds no fields of {cls.__name__}")  # noqa: TRY301 - as those of a filler
+            return Filler(self._read_key, self._now).fill(cls(), found)
+        except (InterfaceError, ConversionError) as error:
+            message = f"{self._attribute}: {source and f'{source}: '}{error}"
+            raise PortError(message, self._attribute, source.strip("{}")) from error
+
+    @staticmethod
+    def _held(value: object) -> object:
+        return read_fields(value) if isinstance(value, str) else value_of(value)
+
+    def _read_key(self, key: str) -> object:
+        return Input[object](self._scope.resolve(key), name=self._attribute).get()
+
+    def _now(self) -> tuple[int, int]:
+        seconds, nanoseconds = self._leaf.node.get_clock().now().seconds_nanoseconds()
+        return int(seconds), int(nanoseconds)
+
+
+class _Received:
+    """The fields of a message that comes, and where they are written.
+
+    Args:
+        scope: Where the keys of *fields* are looked up.
+        fields: Fields with their keys.
+        field: One more field, for *value*; None for the whole message.
+        value: Where that is written; None for nowhere.
+    """
+
+    def __init__(
+        self,
+        scope: Scope,
+        fields: Destinations,
+        field: FieldPath | None = None,
+        value: Output[object] | None = None,
+    ) -> None:
+        self._field = field
+        self._outputs: list[tuple[FieldPath | None, Output[object]]] = []
+        for path, key in fields.keys:
+            entry = scope.resolve(key)
+            entry.declare()
+            self._outputs.append((path, Output(entry)))
+        if value is not None:
+            self._outputs.append((field, value))
+
+    def __bool__(self) -> bool:
+        """Return whether anything is written."""
+        return bool(self._outputs)
+
+    def check(self, cls: Any) -> None:
+        """Check the fields against a message's class.
+
+        Raises:
+            InterfaceError: If one is not there.
+        """
+        for path in (self._field, *(path for path, _ in self._outputs)):
+            if path is not None:
+                check_path(cls, path)
+
+    def require_usable(self, message: Any) -> None:
+        """Hold the fields against the definition of the message.
+
+        Raises:
+            UnusableValueError: If one of them is outside.
+        """
+        for path, _ in self._outputs:
+            if path is not None:
+                with suppress(InterfaceError):  # a list without such an element, which `write` reports
+                    read_field(message, path.text)
+
+    def write(self, message: Any) -> str:
+        """Write the fields; return why one cannot be, empty if all were."""
+        missing = ""
+        for path, output in self._outputs:
+            try:
+                output.set(message if path is None else read_field(message, path.text))
+            except (InterfaceError, UnusableValueError) as error:  # noqa: PERF203 - the others are written all the same
+                missing = missing or str(error)
+        return missing
+
+
+class _GraphName:
+    """The name of a server or a topic: a text, or what a key holds when the leaf is entered.
+
+    Args:
+        port: The name.
+        attribute: Its attribute, for messages.
+    """
+
+    def __init__(self, port: Input[str], attribute: str) -> None:
+        self._port, self._attribute = port, attribute
+
+    @property
+    def known(self) -> str:
+        """The name that it has before the first tick; empty if a key has none then."""
+        return str(self._port.get("")) if self._port.entry is not None else self._port.get()
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it stands in the file."""
+        return self._port.entry is None
+
+    @property
+    def shown(self) -> str:
+        """The name, or the key that has it."""
+        return self.known or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
+
+    def now(self) -> str:
+        """Return the name.
+
+        Raises:
+            PortError: If nothing was written to its key, or what it holds is no name.
+        """
+        name = self._port.get()
+        if self._port.entry is not None:
+            reason = _objection_to(name)
+            if reason:
+                source = self._port.entry.key
+                raise PortError(f"{self._attribute}: {{{source}}}: {reason}", self._attribute, source)
+        return name
+
+
+def _objection_to(name: object) -> str:
+    """Return why something is no name of a server or a topic; empty if it is one."""
+    from rclpy.exceptions import NameValidationException
+    from rclpy.validate_topic_name import validate_topic_name
+
+    if not name or not isinstance(name, str):
+        return f"{name!r} is no name of a server or a topic"
+    try:
+        validate_topic_name(name)
+    except NameValidationException as error:
+        reason = str(error).partition(":\n")[0].rpartition(": ")[2]
+        return f"'{name}' is no name of a server or a topic: {reason}"
+    return ""
+
+
+def _defined(kind: str, name: _GraphName, written: str) -> Any:
+    """Return the class of the type that a leaf names, whose server or topic has a name as far as it is known."""
+    objection = name.is_fixed and _objection_to(name.known)
+    if objection:
+        raise InterfaceError(objection)
+    return generated_type(kind, written)
+
+
+@contextmanager
+def _definition_of(leaf: RosLeaf) -> Iterator[None]:
+    """Turn what a check of a leaf's attributes finds into the error that a start reports."""
+    try:
+        yield
+    except InterfaceError as error:
+        raise LeafDefinitionError(f"'{leaf.name}': {error}") from error
 
 
 class RosService(ServiceLeaf):
@@ -33,31 +239,39 @@ class RosService(ServiceLeaf):
     Args:
         service: The service's name.
         type_: Its type, such as `std_srvs/srv/SetBool`.
-        request: The request's fields as YAML, without the braces around: `data: true`.
+        request: The request's fields as YAML, in which `{key}` is a key: `data: true`.
         success: A field of the answer that must be true; empty for none.
-        field: A field of the answer to write to `value`, such as `location.x`.
+        field: The field of the answer to write to `value`, such as `location.x`; empty for the whole answer.
         value: Where it is written.
+        fields: Further fields of the answer with the keys to write: `x: {x}, y: {y}`.
         server_timeout_sec: How long to wait for a server, seconds.
         timeout_sec: How long to wait for the answer, seconds.
+        scope: Where keys are looked up.
     """
 
     def __init__(  # noqa: PLR0913 - a file's attributes
         self,
         name: str,
-        service: str,
+        service: Input[str],
         type_: str,
         *,
-        request: str = "",
-        success: str = "",
-        field: str = "",
+        request: Input[object] = Input(_NO_FIELDS),
+        success: FieldPath | None = None,
+        field: FieldPath | None = None,
         value: Output[object] | None = None,
+        fields: Destinations = _NOTHING,
         server_timeout_sec: Seconds = 10.0,
         timeout_sec: Seconds = 5.0,
+        scope: Scope | None = None,
     ) -> None:
         super().__init__(name)
-        self.service_name, self.service_type = service, type_
+        scope = scope or Scope(Board(name))
+        self._name = _GraphName(service, "service")
+        self.service_name, self.service_type = self._name.known, full_type("srv", type_)
         self.server_timeout_sec, self.timeout_sec = server_timeout_sec, timeout_sec
-        self._request, self._success, self._field, self._value = request, success, field, value or Output()
+        self._success = success
+        self._sent = _Sent(self, "request", request, scope)
+        self._received = _Received(scope, fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
         """Create the client of a type that is one of ROS's interfaces."""
@@ -65,56 +279,112 @@ class RosService(ServiceLeaf):
         super().setup(**kwargs)
 
     def require_definition(self) -> None:
-        """Read the request once, and look for the fields of the answer."""
-        interface = _interface_of(self.name, "srv", self.service_name, self.service_type)
-        filled(self.name, interface.Request(), self._request)
-        for field in filter(None, (self._success, self._field)):
-            field_of(self.name, interface.Response(), field)
+        """Check the request, and the fields of the answer."""
+        with _definition_of(self):
+            interface = _defined("srv", self._name, self.service_type)
+            self._sent.check(interface.Request)
+            self._received.check(interface.Response)
+            if self._success:
+                check_path(interface.Response, self._success)
+
+    def initialise(self) -> None:
+        """Call the server that the name stands for now."""
+        name = self._name.now()
+        if name != self.service_name:
+            self._drop()
+            self._disconnect()
+            self.service_name = name
+            self._connect()
+        super().initialise()
+
+    def _server(self) -> tuple[str, str, Any]:
+        return "srv", self.service_name or self._name.shown, self.service_type
+
+    def _connect(self) -> None:
+        if self.service_name:
+            super()._connect()
 
     def request(self) -> Any:
         """Return the request."""
-        return filled(self.name, self.interface.Request(), self._request)
+        return self._sent.message(self.interface.Request)
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE without an answer."""
+        return self.answer(super().on_failure(reason), "no answer")
 
     def on_response(self, response: Any) -> Status:
-        """Return SUCCESS unless the answer says no, and write its field."""
-        if self._success and not field_of(self.name, response, self._success):
-            said = getattr(response, "message", self._success)
+        """Write the answer's fields; return SUCCESS unless it says no."""
+        missing = self._received.write(response)
+        if self._success and not self._is_true(response, self._success):
+            said = _reason_beside(response, self._success) or str(self._success)
             self.complain(f"'{self.name}': '{self.service_name}' says no: {said}")
-            return Status.FAILURE
-        if self._field:
-            self._value.set(field_of(self.name, response, self._field))
-        return Status.SUCCESS
+            return self.answer(Status.FAILURE, "refused")
+        if missing:
+            return self.on_failure(missing)
+        return self.answer(Status.SUCCESS, "answered")
+
+    @staticmethod
+    def _is_true(response: Any, field: FieldPath) -> bool:
+        try:
+            return bool(read_field(response, field.text))
+        except InterfaceError:
+            return False
+
+
+def _reason_beside(response: Any, field: FieldPath) -> str:
+    """Return why a field of an answer is not true: what stands beside it, or in the answer."""
+    around, dot, _ = field.text.rpartition(".")
+    beside = ""
+    if dot:
+        try:
+            beside = reported_error(read_field(response, around))
+        except InterfaceError as error:
+            beside = str(error)
+    return beside or reported_error(response)
 
 
 class RosAction(ActionLeaf):
     """Send a goal to an action: RUNNING until it has ended, SUCCESS if it has succeeded.
 
+    The result's fields are written on every end that has a result, also when the goal was aborted or canceled.
+
     Args:
         action: The action's name.
         type_: Its type, such as `nav2_msgs/action/Wait`.
-        goal: The goal's fields as YAML, without the braces around: `time: {sec: 5}`.
-        field: A field of the result to write to `value`.
+        goal: The goal's fields as YAML, in which `{key}` is a key: `time: {sec: 5}`.
+        field: The field of the result to write to `value`; empty for the whole result.
         value: Where it is written.
+        fields: Further fields of the result with the keys to write: `error_code: {code}, error_msg: {text}`.
+        feedback: Fields of the feedback with the keys to write, at each tick: `distance_remaining: {left}`.
         server_timeout_sec: How long to wait for a server, seconds.
         acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
+        scope: Where keys are looked up.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - a file's attributes
         self,
         name: str,
-        action: str,
+        action: Input[str],
         type_: str,
         *,
-        goal: str = "",
-        field: str = "",
+        goal: Input[object] = Input(_NO_FIELDS),
+        field: FieldPath | None = None,
         value: Output[object] | None = None,
+        fields: Destinations = _NOTHING,
+        feedback: Destinations = _NOTHING,
         server_timeout_sec: Seconds = 10.0,
         acceptance_timeout_sec: Seconds = 5.0,
+        scope: Scope | None = None,
     ) -> None:
         super().__init__(name)
-        self.action_name, self.action_type = action, type_
+        scope = scope or Scope(Board(name))
+        self._name = _GraphName(action, "action")
+        self.action_name, self.action_type = self._name.known, full_type("action", type_)
         self.server_timeout_sec, self.acceptance_timeout_sec = server_timeout_sec, acceptance_timeout_sec
-        self._goal, self._field, self._value = goal, field, value or Output()
+        self._sent = _Sent(self, "goal", goal, scope)
+        self._received = _Received(scope, fields, field, value)
+        self._feedback = _Received(scope, feedback)
+        self._former_ports: dict[str, ActionPort] = {}
 
     def setup(self, **kwargs: Any) -> None:
         """Create the client of a type that is one of ROS's interfaces."""
@@ -122,57 +392,118 @@ class RosAction(ActionLeaf):
         super().setup(**kwargs)
 
     def require_definition(self) -> None:
-        """Read the goal once, and look for the field of the result."""
-        interface = _interface_of(self.name, "action", self.action_name, self.action_type)
-        filled(self.name, interface.Goal(), self._goal)
-        if self._field:
-            field_of(self.name, interface.Result(), self._field)
+        """Check the goal, and the fields of result and feedback."""
+        with _definition_of(self):
+            interface = _defined("action", self._name, self.action_type)
+            self._sent.check(interface.Goal)
+            self._received.check(interface.Result)
+            self._feedback.check(interface.Feedback)
+
+    def initialise(self) -> None:
+        """Send a goal to the server that the name stands for now."""
+        name = self._name.now()
+        if name != self.action_name:
+            self._drop()
+            if self._port is not None:
+                # The end of a goal of this server may still be awaited.
+                self._former_ports[self.action_name] = self._port
+            self.action_name = name
+            self._port = self._former_ports.pop(name, None)
+            if self._port is None:
+                self._connect()
+        super().initialise()
+
+    def shutdown(self) -> None:
+        """Cancel a goal in flight, and release the clients of all servers."""
+        self._drop()
+        if self.settled():
+            for port in self._former_ports.values():
+                port.release()
+        self._former_ports = {}
+        super().shutdown()
+
+    def _server(self) -> tuple[str, str, Any]:
+        return "action", self.action_name or self._name.shown, self.action_type
+
+    def _connect(self) -> None:
+        if self.action_name:
+            super()._connect()
 
     def goal(self) -> Any:
         """Return the goal."""
-        return filled(self.name, self.interface.Goal(), self._goal)
+        return self._sent.message(self.interface.Goal)
+
+    def on_feedback(self, feedback: Any) -> None:
+        """Write the feedback's fields."""
+        self._feedback.write(feedback)
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE without a result."""
+        return self.answer(super().on_failure(reason), "no result")
+
+    def on_unavailable(self, reason: str) -> Status:
+        """Return FAILURE, with the result if the goal has one: it has succeeded, and the robot is not there."""
+        failed, goal = super().on_unavailable(reason), self._exchange
+        if (
+            goal is None
+            or goal.answer is None
+            or goal.is_result_lost
+            or self._received.write(goal.answer.result)
+        ):
+            return failed
+        return self.answer(failed, "aborted")
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Return SUCCESS if the goal has succeeded, and write the result's field."""
-        if status != SUCCEEDED:
-            return self.on_failure(f"'{self.action_name}': {describe_status(status)}")
-        if self._field:
-            self._value.set(field_of(self.name, result, self._field))
-        return Status.SUCCESS
+        """Write the result's fields if there is one; return SUCCESS if the goal has succeeded."""
+        is_lost = self._exchange is not None and self._exchange.is_result_lost
+        has_result = status in (SUCCEEDED, ABORTED, CANCELED) and not is_lost
+        missing = (
+            self._received.write(result) if has_result else "its result is lost" if self._received else ""
+        )
+        if status == SUCCEEDED:
+            return self.on_failure(missing) if missing else self.answer(Status.SUCCESS, "succeeded")
+        reason = describe_status(status, result if has_result else None)
+        failed = self.on_failure(f"'{self.action_name}': {reason}")
+        return self.answer(failed, "aborted" if has_result and not missing else "no result")
 
 
 class RosTopic(TopicLeaf):
-    """Is there a message of a topic? SUCCESS if so, and a field of the latest one is written.
+    """Is there a message of a topic? SUCCESS if so, and fields of the latest one are written.
 
     Args:
         topic: The topic's name.
         type_: Its type, such as `sensor_msgs/msg/BatteryState`.
-        field: A field to write to `value`, such as `pose.position.x`; empty for none.
+        field: The field to write to `value`, such as `pose.position.x`; empty for the whole message.
         value: Where it is written.
+        fields: Further fields with the keys to write: `pose.position.x: {x}`.
         max_age_sec: How old a message may be, seconds of the node's clock; by default 5, and any age with `transient_local`.
         qos: `sensor_data`, `reliable`, or `transient_local` for what was published before.
         waits: Whether it is RUNNING, instead of FAILURE, while there is no message.
+        scope: Where keys are looked up.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - a file's attributes
         self,
         name: str,
-        topic: str,
+        topic: Input[str],
         type_: str,
         *,
-        field: str = "",
+        field: FieldPath | None = None,
         value: Output[object] | None = None,
+        fields: Destinations = _NOTHING,
         max_age_sec: Seconds | None = None,
         qos: str = "sensor_data",
         waits: bool = False,
+        scope: Scope | None = None,
     ) -> None:
         super().__init__(name)
-        self.topic_name, self.topic_type = topic, type_
+        self._name = _GraphName(topic, "topic")
+        self.topic_name, self.topic_type = self._name.known, full_type("msg", type_)
         # What a publisher keeps for latecomers was sent once, however long ago, and still holds.
         is_limited = max_age_sec is None and qos != "transient_local"
         self.max_age_sec = _MAX_AGE_SEC if is_limited else max_age_sec
         self.qos, self.waits = qos, waits
-        self._field, self._value = field, value or Output()
+        self._received = _Received(scope or Scope(Board(name)), fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
         """Subscribe to a topic of a type that is one of ROS's interfaces."""
@@ -180,21 +511,124 @@ class RosTopic(TopicLeaf):
         super().setup(**kwargs)
 
     def require_definition(self) -> None:
-        """Look for the field."""
-        message = _interface_of(self.name, "msg", self.topic_name, self.topic_type)
-        if self._field:
-            field_of(self.name, message(), self._field)
+        """Check the fields."""
+        with _definition_of(self):
+            self._received.check(_defined("msg", self._name, self.topic_type))
+
+    def initialise(self) -> None:
+        """Listen to the topic that the name stands for now."""
+        name = self._name.now()
+        if name != self.topic_name:
+            self.topic_name = name
+            self.subscribe()
+        super().initialise()
+
+    def subscribe(self) -> None:
+        """Subscribe to the topic; later if its name is not known yet."""
+        if self.topic_name:
+            super().subscribe()
 
     def check_message(self, message: Any) -> None:
-        """Hold the field against the definition of the message."""
-        if self._field:
-            read_field(message, self._field)
+        """Hold the fields against the definition of the message."""
+        self._received.require_usable(message)
 
     def on_message(self, message: Any) -> Status:
-        """Return SUCCESS, and write the field."""
-        if self._field:
-            self._value.set(read_field(message, self._field))
+        """Return SUCCESS, and write the fields."""
+        missing = self._received.write(message)
+        if missing:
+            self.complain(f"'{self.name}': {missing}")
+            return Status.FAILURE
         return Status.SUCCESS
+
+
+class RosPublish(RosLeaf):
+    """Publish a message: SUCCESS when it is sent, RUNNING until there is a subscriber.
+
+    Args:
+        topic: The topic's name.
+        type_: Its type, such as `std_msgs/msg/String`.
+        message: The message's fields as YAML, in which `{key}` is a key: `data: hello`.
+        qos: `reliable`, `sensor_data`, or `transient_local` for subscribers that come later as well.
+        waits: Whether it is RUNNING until there is a subscriber; one that is `transient_local` never waits.
+        timeout_sec: How long to wait for one, seconds; then FAILURE.
+        scope: Where keys are looked up.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        topic: Input[str],
+        type_: str,
+        *,
+        message: Input[object] = Input(_NO_FIELDS),
+        qos: str = "reliable",
+        waits: bool = True,
+        timeout_sec: Seconds = 5.0,
+        scope: Scope | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._name = _GraphName(topic, "topic")
+        self._type, self._qos, self.timeout_sec = full_type("msg", type_), qos, timeout_sec
+        self._waits = waits and qos != "transient_local"
+        self._sent = _Sent(self, "message", message, scope or Scope(Board(name)))
+        self._publisher: Any = None
+        self._deadline = Deadline(timeout_sec)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Create the publisher, if the topic's name is known, so that subscribers find it before the first tick.
+
+        Args:
+            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+        """
+        self.require_definition()
+        self.shutdown()
+        super().setup(**kwargs)
+        if self._name.known:
+            self._publisher = self._publisher_of(self._name.known)
+
+    def require_definition(self) -> None:
+        """Check the message."""
+        with _definition_of(self):
+            self._sent.check(_defined("msg", self._name, self._type))
+
+    def initialise(self) -> None:
+        """Publish on the topic that the name stands for now."""
+        self._publisher = self._publisher_of(self._name.now())
+        self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
+
+    def update(self) -> Status:
+        """Publish the message, once there is a subscriber."""
+        topic = self._publisher.topic_name
+        if self._waits and not self._publisher.get_subscription_count():
+            self.feedback_message = f"waiting for a subscriber of '{topic}'"
+            if not self._deadline.passed:
+                return Status.RUNNING
+            self.complain(f"'{self.name}': nothing subscribes to '{topic}' within {self.timeout_sec:g} s")
+            return Status.FAILURE
+        self._publisher.publish(self._sent.message(self._publisher.msg_type))
+        self.feedback_message = ""
+        return Status.SUCCESS
+
+    def shutdown(self) -> None:
+        """Let subscribers acknowledge what was published; the publisher exists as long as the node, for all leaves."""
+        from rclpy.duration import Duration
+
+        if self._publisher is not None and alive(self.node):
+            self._publisher.wait_for_all_acked(Duration(seconds=_FLUSH_SEC))
+        self._publisher = None
+        super().shutdown()
+
+    def _publisher_of(self, topic: str) -> Any:
+        """Return the node's publisher of a topic: one for all leaves, so that the last message is the last of all."""
+        kind = generated_type("msg", self._type)
+        qos = qos_profile(type(self).__name__, self._qos)
+        qos.depth = 1 if self._qos == "transient_local" else _DEPTH
+        key = RosPublish, topic, kind, self._qos
+        return of_node(self.node, key, lambda: self.node.create_publisher(kind, topic, qos))
+
+
+_DEPTH = 10
+"""How many messages wait for subscribers that are slow, as with `ros2 topic pub`."""
 
 
 class RosTransform(RosLeaf):
@@ -218,8 +652,8 @@ class RosTransform(RosLeaf):
     def __init__(  # noqa: PLR0913 - a file's attributes
         self,
         name: str,
-        target_frame: str,
-        source_frame: str,
+        target_frame: Input[str],
+        source_frame: Input[str],
         *,
         max_age_sec: Seconds = 5.0,
         timeout_sec: Seconds = 5.0,
@@ -234,7 +668,8 @@ class RosTransform(RosLeaf):
     ) -> None:
         super().__init__(name)
         self.max_age_sec, self.timeout_sec = max_age_sec, timeout_sec
-        self._target, self._source = target_frame, source_frame
+        self._frame_ports = target_frame, source_frame
+        self._target = self._source = ""
         written = {"x": x, "y": y, "z": z, "yaw": yaw, "qx": qx, "qy": qy, "qz": qz, "qw": qw}
         self._written = {part: output for part, output in written.items() if output is not None}
         self._frames: FrameTree | None = None
@@ -252,7 +687,8 @@ class RosTransform(RosLeaf):
         self._frames.listen(self._on_transforms)
 
     def initialise(self) -> None:
-        """Wait from now on."""
+        """Wait from now on for the frames that the ports name."""
+        self._target, self._source = (port.get() for port in self._frame_ports)
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:
@@ -285,96 +721,3 @@ class RosTransform(RosLeaf):
     def _on_transforms(self) -> None:
         if self.status is Status.RUNNING and isinstance(self._look_up(), Transform):
             self._wake()
-
-
-def _interface_of(owner: str, kind: str, name: str, written: str) -> Any:
-    """Return the class of a type that a file names."""
-    require_interfaces(owner, written)
-    return find_interface(owner, kind, name, written)
-
-
-def require_interfaces(owner: str, written: str) -> None:
-    """Check that a type that a file names is one of ROS's interfaces: of nothing else a module is imported.
-
-    Args:
-        owner: The leaf, for messages.
-        written: The type, such as `std_srvs/srv/Trigger`.
-
-    Raises:
-        LeafDefinitionError: If its package is not installed, or was not generated by rosidl.
-    """
-    package = written.partition("/")[0]
-    spec = None
-    with suppress(ImportError, ValueError):  # `__main__` has none
-        spec = find_spec(package) if package.isidentifier() else None
-    folders = [Path(folder) for folder in (spec.submodule_search_locations or ())] if spec is not None else []
-    if not any(library for folder in folders for library in folder.glob(f"{package}_s{_LIBRARIES}")):
-        raise LeafDefinitionError(
-            f"'{owner}': no package of interfaces is called '{package}'; write the type as package/kind/Name, "
-            "such as std_srvs/srv/Trigger, and source its workspace"
-        )
-
-
-def filled(owner: str, message: Any, text: str) -> Any:
-    """Return a message with the fields that a YAML text gives: `data: true, speed: 2`.
-
-    Raises:
-        LeafDefinitionError: If the text is no mapping, or a field is not there, or of another type.
-    """
-    try:
-        # In a tree file braces around a whole value are a key.
-        fields = yaml.safe_load(text if text.startswith("{") else f"{{{text}}}")
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise LeafDefinitionError(f"'{owner}': {text!r:.80} is no YAML: {error}") from error
-    _fill(owner, message, fields, "")
-    return message
-
-
-def _fill(owner: str, message: Any, fields: Any, path: str) -> None:
-    kinds = message.get_fields_and_field_types()
-    # From Jazzy on messages look at the types of their fields only where they are told to.
-    if hasattr(message, "_check_fields"):
-        message._check_fields = True
-    if not isinstance(fields, Mapping):
-        raise LeafDefinitionError(
-            f"'{owner}': {path or 'this'} must be fields, such as {{{next(iter(kinds), '')}: ...}}"
-        )
-    for name, value in fields.items():
-        where = f"{path}.{name}" if path else str(name)
-        if name not in kinds:
-            raise LeafDefinitionError(
-                f"'{owner}': there is no field '{where}'{did_you_mean(nearest(str(name), kinds))}"
-            )
-        inner = getattr(message, name)
-        if hasattr(inner, "get_fields_and_field_types"):
-            _fill(owner, inner, value, where)
-            continue
-        is_whole = isinstance(value, int) and not isinstance(value, bool)
-        try:
-            setattr(message, name, float(value) if is_whole and kinds[name] in ("double", "float") else value)
-        except (AssertionError, TypeError, ValueError, OverflowError) as error:
-            raise LeafDefinitionError(
-                f"'{owner}': {where} is {reprlib.repr(value)}, and must be {kinds[name]}"
-            ) from error
-
-
-def field_of(owner: str, message: Any, path: str) -> object:
-    """Return a field of a message by its path, such as `pose.position.x`, as a plain value.
-
-    Raises:
-        LeafDefinitionError: If there is no such field, or it is a message of its own.
-    """
-    value = message
-    for name in path.split("."):
-        kinds = value.get_fields_and_field_types() if hasattr(value, "get_fields_and_field_types") else {}
-        if name not in kinds:
-            raise LeafDefinitionError(
-                f"'{owner}': there is no field '{path}'{did_you_mean(nearest(name, kinds))}"
-            )
-        value = getattr(value, name)
-    if hasattr(value, "get_fields_and_field_types"):
-        inner = next(iter(value.get_fields_and_field_types()), "")
-        raise LeafDefinitionError(
-            f"'{owner}': '{path}' has fields of its own: write one of them, such as {path}.{inner}"
-        )
-    return value.tolist() if hasattr(value, "tolist") else value

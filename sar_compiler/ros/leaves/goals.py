@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from weakref import WeakMethod
 
+from sar_compiler.nodes.ros_interfaces import reported_error
 from sar_compiler.ros.clock import AWAKE, Deadline
 from sar_compiler.ros.leaves.client_leaf import Exchange
 from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
@@ -282,9 +283,11 @@ _PULSE_SEC = 1.0
 _CHASE_SEC = 1.0
 
 
-def describe_status(status: int) -> str:
-    """Return a goal's final status other than success, in words and as a number."""
-    return f"{_FAILURES.get(status, 'not finished')} (status {status})"
+def describe_status(status: int, result: Any = None) -> str:
+    """Return a goal's final status other than success, in words and as a number, with what its result says of the error."""
+    words = f"{_FAILURES.get(status, 'not finished')} (status {status})"
+    reason = reported_error(result) if result is not None else ""
+    return f"{words}: {reason}" if reason else words
 
 
 class ActionPort:
@@ -423,6 +426,7 @@ class ActionGoal(Exchange):
         answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
             `result`; None until then.
         rejected: Whether the server refused the goal.
+        is_result_lost: Whether the server's result has not come, so that the one in the answer is empty.
         ended_at: When its end was seen, steady seconds; infinite until then.
     """
 
@@ -433,7 +437,7 @@ class ActionGoal(Exchange):
 
     def __init__(self, leaf: "ActionLeaf", port: ActionPort, message: Any) -> None:
         super().__init__(leaf, port.name, leaf.acceptance_timeout_sec)
-        self.rejected = False
+        self.rejected = self.is_result_lost = False
         self.ended_at = math.inf
         self._port, self._message = port, message
         # Its own id, so that it can be cancelled before the server has said anything.
@@ -592,6 +596,7 @@ class ActionGoal(Exchange):
             self._port.warn(
                 f"The result of the goal of '{self._port.name}' is lost; the status topic has its end: {status}."
             )
+            self.is_result_lost = True
             self.answer = SimpleNamespace(status=status, result=self._port.action_type.Result())
 
     def _miss_server(self) -> None:

@@ -90,6 +90,11 @@ class TopicLeaf(RosLeaf):
         """
         self.shutdown()
         super().setup(**kwargs)
+        self.subscribe()
+
+    def subscribe(self) -> None:
+        """Subscribe to the topic, instead of the one before, whose message is forgotten."""
+        self._unsubscribe()
         owner = type(self).__name__
         interface = find_interface(owner, "msg", self.topic_name, self.topic_type)
         qos = qos_profile(owner, self.qos)
@@ -116,12 +121,15 @@ class TopicLeaf(RosLeaf):
 
     def shutdown(self) -> None:
         """Forget the message and end the subscription, which is gone already if the node is."""
+        self._unsubscribe()
+        super().shutdown()
+
+    def _unsubscribe(self) -> None:
         self._message = None
         if self._subscription is not None:
             if alive(self.node):
                 self.node.destroy_subscription(self._subscription)
             self._subscription = None
-        super().shutdown()
 
     def check_message(self, message: Any) -> None:
         """Hold a message against its definition when it comes, with the readers of `sar_compiler.leaves`: one that is refused replaces none.

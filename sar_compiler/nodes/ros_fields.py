@@ -1,0 +1,352 @@
+"""Fields of ROS messages as an attribute of a tree file writes them: YAML, in which `{key}` is a key of the blackboard.
+
+Only the text is read here, so that it works without ROS; `ros_interfaces` puts the values into messages.
+"""
+
+import dataclasses
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import yaml
+
+from sar_compiler.nodes.values import ConversionError, ValueType
+from sar_compiler.runtime.blackboard import ROOT_SIGN
+
+# `@` begins no scalar in YAML, and a key may begin with it; a field such as `poses[0]` has brackets, which end one between braces.
+# Characters that nobody writes stand for them while YAML is read, so that all places stay the same.
+_MASKS = str.maketrans({ROOT_SIGN: "\ue000", "[": "\ue001", "]": "\ue002"})
+_UNMASKS = {after: before for before, after in _MASKS.items() if isinstance(after, str)}
+_MASKED = re.compile(rf"(?<=\{{)\s*{ROOT_SIGN}(?=\w)|(?<=\w)\[\d+\](?=[\w.\[\]]*\s*:)")
+_KEY = re.compile(r"[@\ue000]?[A-Za-z_]\w*", re.ASCII)
+_MOST_CHARACTERS = 100_000
+_DEEPEST = 50
+_PATH = re.compile(r"[A-Za-z]\w*(\[[0-9]{1,6}\])?(\.[A-Za-z]\w*(\[[0-9]{1,6}\])?)*", re.ASCII)
+_EXAMPLE = "write fields, such as x: 1.5, y: {key}"
+
+PlaceInText: TypeAlias = tuple[int, int]
+"""The start and the end of a part of the text."""
+
+
+@dataclass(frozen=True)
+class KeyReference:
+    """A key of the blackboard, which is read when the message is made."""
+
+    name: str
+    place: PlaceInText
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A single value.
+
+    Attributes:
+        text: Its text.
+        value: What YAML reads in it: a number, a truth value, a text, bytes, None.
+        place: Its place; None for a value that comes from the blackboard.
+    """
+
+    text: str
+    value: object
+    place: PlaceInText | None = None
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list."""
+
+    items: "tuple[FieldValue, ...]"
+    place: PlaceInText | None = None
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Fields by their names, each with the place of its name.
+
+    Attributes:
+        fields: The fields.
+        text: All that was written, for the outermost ones.
+    """
+
+    fields: "Mapping[str, tuple[FieldValue, PlaceInText | None]]"
+    place: PlaceInText | None = None
+    text: str = dataclasses.field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A message, or a part of one, that a key holds."""
+
+    message: object
+    place: PlaceInText | None = None
+
+
+FieldValue: TypeAlias = KeyReference | Scalar | Items | Fields | Ready
+
+
+def keys_of(value: FieldValue) -> Iterator[str]:
+    """Yield the keys in some fields, each as often as it is there."""
+    if isinstance(value, KeyReference):
+        yield value.name
+    elif isinstance(value, Items):
+        for each in value.items:
+            yield from keys_of(each)
+    elif isinstance(value, Fields):
+        for inner, _ in value.fields.values():
+            yield from keys_of(inner)
+
+
+def value_of(found: object, place: PlaceInText | None = None) -> FieldValue:
+    """Return a value of the blackboard as one of a message: numbers, texts, lists, mappings, or messages.
+
+    Args:
+        found: The value.
+        place: Where its key is written.
+    """
+    if found is None or isinstance(found, (bool, int, float, str, bytes)):
+        return Scalar(str(found), found, place)
+    if isinstance(found, Mapping):
+        return Fields({str(name): (value_of(inner, place), place) for name, inner in found.items()}, place)
+    if hasattr(found, "get_fields_and_field_types"):
+        return Ready(found, place)
+    if hasattr(found, "tolist"):  # an array of Python, or of numpy
+        return value_of(found.tolist(), place)
+    if isinstance(found, Sequence):
+        return Items(tuple(value_of(each, place) for each in found), place)
+    return Ready(found, place)
+
+
+def read_fields(text: str) -> Fields:
+    """Read fields, with or without braces around them.
+
+    As `ros2 service call` does it reads YAML; `{key}` in the place of a value is a key of the blackboard, and a comma may
+    separate the outermost fields without braces.
+
+    Raises:
+        ConversionError: If that is no YAML, or no fields; has the place.
+    """
+    if len(text) > _MOST_CHARACTERS:
+        raise ConversionError(f"{len(text)} characters are more than the {_MOST_CHARACTERS} that are read")
+    if not text.strip():
+        return Fields({}, text=text)
+    depth = max(itertools.accumulate((each in "[{") - (each in "]}") for each in text))
+    if depth > _DEEPEST:
+        raise ConversionError("it is nested too deeply")
+    node, shift = _composed(_MASKED.sub(lambda match: match[0].translate(_MASKS), text))
+    found = _Reader(text, shift).value(node)
+    if not isinstance(found, Fields):
+        raise ConversionError(f"{_shown(text)} is no field with a value", hint=_EXAMPLE)
+    return dataclasses.replace(found, text=text)
+
+
+def _composed(text: str) -> tuple[yaml.Node, int]:
+    """Return the YAML in a text, and how many characters were put before it."""
+    # First as it is, which is what ROS reads. `a: 1, b: 2` is no YAML without braces.
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+    except (yaml.YAMLError, ValueError):
+        node = None
+    if isinstance(node, yaml.MappingNode) or (node is not None and text.lstrip()[:1] in "{["):
+        return node, 0
+    try:
+        wrapped = yaml.compose(f"{{{text}\n}}", Loader=yaml.SafeLoader)
+    except yaml.YAMLError as error:
+        raise _no_yaml(text, error) from error
+    assert wrapped is not None  # noqa: S101 - there are braces
+    return wrapped, 1
+
+
+def _no_yaml(text: str, error: yaml.YAMLError) -> ConversionError:
+    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "not readable"
+    mark = getattr(error, "problem_mark", None)
+    at = min(max(mark.index - 1, 0), len(text) - 1) if mark is not None else 0
+    return ConversionError(
+        f"{_shown(text)} is no YAML: {problem}", hint=_EXAMPLE, place=(at, at + 1) if mark else None
+    )
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 60 else f"{text[:57]}...")  # noqa: PLR2004 - a line of a terminal
+
+
+class _Reader:
+    """Makes values of the nodes of YAML.
+
+    Args:
+        text: The text, as it was written.
+        shift: How many characters stand before it in what YAML has read.
+    """
+
+    def __init__(self, text: str, shift: int) -> None:
+        self._text, self._shift = text, shift
+        self._seen: set[int] = set()
+        self._constructor = yaml.constructor.SafeConstructor()
+
+    def value(self, node: yaml.Node) -> FieldValue:
+        """Return the value of a node, and of all in it."""
+        place = self._place(node)
+        if id(node) in self._seen:
+            # An alias of a list of aliases would be a value of any size.
+            raise ConversionError(
+                "an alias (*) is not read here", hint="write the value once more", place=place
+            )
+        self._seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            return Items(tuple(self.value(each) for each in node.value), place)
+        if isinstance(node, yaml.MappingNode):
+            return self._key(node, place) or self._fields(node, place)
+        try:
+            found = self._constructor.construct_object(node)
+        except (yaml.YAMLError, ValueError) as error:
+            problem = getattr(error, "problem", None) or error
+            raise ConversionError(
+                f"'{node.value}' is no value: {problem}", hint="write it in quotes", place=place
+            ) from error
+        return Scalar(_unmasked(node.value), _unmasked(found) if isinstance(found, str) else found, place)
+
+    def _key(self, node: yaml.MappingNode, place: PlaceInText) -> KeyReference | None:
+        """Return the key that a mapping such as `{x}` is; None for any other."""
+        if len(node.value) != 1 or not node.flow_style:
+            return None
+        name, nothing = node.value[0]
+        is_alone = isinstance(nothing, yaml.ScalarNode) and nothing.value == "" and nothing.style is None
+        is_name = isinstance(name, yaml.ScalarNode) and name.style is None and _KEY.fullmatch(name.value)
+        # `{x:}` is a field without a value.
+        written = self._text[place[0] : place[1]]
+        if not (is_alone and is_name) or ":" in written:
+            return None
+        return KeyReference(_unmasked(name.value), place)
+
+    def _fields(self, node: yaml.MappingNode, place: PlaceInText) -> Fields:
+        found: dict[str, tuple[FieldValue, PlaceInText | None]] = {}
+        for name, inner in node.value:
+            at = self._place(name)
+            if not isinstance(name, yaml.ScalarNode) or name.value == "<<":
+                raise ConversionError("a field has a name", hint=_EXAMPLE, place=at)
+            field = _unmasked(name.value)
+            if field in found:
+                raise ConversionError(f"'{field}' is written twice", hint="delete one of the two", place=at)
+            found[field] = self.value(inner), at
+        return Fields(found, place)
+
+    def _place(self, node: yaml.Node) -> PlaceInText:
+        begin, end = (mark.index - self._shift for mark in (node.start_mark, node.end_mark))
+        return min(max(begin, 0), len(self._text)), min(max(end, 0), len(self._text))
+
+
+def _unmasked(text: str) -> str:
+    return "".join(chr(_UNMASKS.get(each, ord(each))) for each in text)
+
+
+@dataclass(frozen=True)
+class FieldPath:
+    """A field of a message, or of a message in it: `pose.position.x`, `results[0].successful`."""
+
+    text: str
+    place: PlaceInText | None = None
+
+    @property
+    def steps(self) -> "Iterator[tuple[str, int | None]]":
+        """The names of the fields, each with the number of an element of a list."""
+        for step in self.text.split("."):
+            name, _, number = step.partition("[")
+            yield name, int(number[:-1]) if number else None
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def read_path(text: str) -> FieldPath | None:
+    """Read the path of a field; None for an empty text.
+
+    Raises:
+        ConversionError: If it is no path.
+    """
+    if not text:
+        return None
+    if not _PATH.fullmatch(text):
+        raise ConversionError(
+            f"{_shown(text)} is no field", hint="write names with dots between them: pose.position.x"
+        )
+    return FieldPath(text, (0, len(text)))
+
+
+@dataclass(frozen=True)
+class Destinations:
+    """Fields of a message that comes, and the keys that they are written to.
+
+    Attributes:
+        keys: The key of each field.
+        text: All that was written.
+    """
+
+    keys: tuple[tuple[FieldPath, str], ...] = ()
+    text: str = dataclasses.field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def read_destinations(text: str) -> Destinations:
+    """Read fields with their keys: `error_code: {code}, error_msg: {message}`.
+
+    Raises:
+        ConversionError: If a field is none, or has no key; has the place.
+    """
+    return Destinations(tuple(_destinations(read_fields(text), "")), text)
+
+
+def _destinations(fields: Fields, before: str) -> Iterator[tuple[FieldPath, str]]:
+    for name, (value, place) in fields.fields.items():
+        path = f"{before}{name}"
+        if not _PATH.fullmatch(path):
+            raise ConversionError(
+                f"'{path}' is no field", hint="write names with dots between them: pose.x", place=place
+            )
+        if isinstance(value, Fields):
+            yield from _destinations(value, f"{path}.")
+        elif isinstance(value, KeyReference):
+            yield FieldPath(path, place), value.name
+        else:
+            at = value.place if isinstance(value, (Scalar, Items)) else place
+            raise ConversionError(
+                f"'{path}' needs the key that it is written to", hint=f"write {path}: {{key}}", place=at
+            )
+
+
+def _keys_in(value: object) -> list[str]:
+    return list(dict.fromkeys(keys_of(value))) if isinstance(value, Fields) else []
+
+
+def _destination_keys(value: object) -> list[str]:
+    return [key for _, key in value.keys] if isinstance(value, Destinations) else []
+
+
+FIELDS = ValueType(
+    "fields",
+    "fields as YAML",
+    read_fields,
+    cpp="std::string",
+    example="",
+    keys_in=_keys_in,
+    takes_braces=True,
+)
+"""What is sent: the fields of a request, a goal or a message."""
+DESTINATIONS = ValueType(
+    "destinations",
+    "fields with the keys that they are written to",
+    read_destinations,
+    python=Destinations,
+    cpp="std::string",
+    example="",
+    keys_in=_destination_keys,
+    takes_braces=True,
+)
+"""Fields of what comes, each with a key."""
+FIELD_PATH = ValueType("field.path", "a field", read_path, python=FieldPath, cpp="std::string", example="")
+"""One field."""

@@ -1,0 +1,123 @@
+"""Leaves by attributes as checks see them: types, fields, values and keys, with and without ROS."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.nodes import ros_leaves
+from sar_compiler.project import load
+from tests.trees import document
+
+BOOL = 'type="std_srvs/srv/SetBool"'
+POSES = 'type="nav2_msgs/action/NavigateThroughPoses"'
+# Each with the code, the part of the line that is marked, and what is said.
+MISTAKES = {
+    "a field of the request": (f'<RosService service="a" {BOOL} request="dta: true"/>', "wrong-value", "dta", "request: there is no field 'dta'"),
+    "a value": (f'<RosService service="a" {BOOL} request="{{data: 5}}"/>', "wrong-value", "5", "request: data is 5, and must be boolean, true or false"),
+    "a field of a list's element": (
+        f'<RosAction action="a" {POSES} goal="poses: [{{}}, {{pose: {{positon: {{x: {{@speed}}}}}}}}]"/>',
+        "wrong-value", "positon", "goal: there is no field 'poses[1].pose.positon'",
+    ),
+    "a field of the answer": (f'<RosService service="a" {BOOL} field="mesage" value="{{b}}"/>', "wrong-value", "mesage", "field: there is no field 'mesage'"),
+    "one of several": (f'<RosAction action="a" {POSES} fields="error_code: {{c}}, error_mag: {{d}}"/>', "wrong-value", "error_mag", "fields: there is no field 'error_mag'"),
+    "of the feedback": (f'<RosAction action="a" {POSES} feedback="distance: {{c}}"/>', "wrong-value", "distance", "feedback: there is no field 'distance'"),
+    "that must be true": (f'<RosService service="a" {BOOL} success="ok"/>', "wrong-value", "ok", "success: there is no field 'ok'"),
+    "of a message": ('<RosPublish topic="a" type="std_msgs/msg/Int8" message="data: 128"/>', "wrong-value", "128", "message: data is 128, and must be int8, an integer from -128 to 127"),
+    "of a topic": ('<RosTopic topic="a" type="std_msgs/msg/Int8" field="date" value="{b}"/>', "wrong-value", "date", "field: there is no field 'date'"),
+    "a type": ('<RosTopic topic="a" type="std_msgs/msg/Strin"/>', "unknown-interface", "std_msgs/msg/Strin", "type: there is no std_msgs/msg/Strin here"),
+    "no key for a field": (f'<RosService service="a" {BOOL} field="message"/>', "missing-attribute", "<RosService", "field: nothing says where it is written"),
+}  # fmt: skip
+ALWAYS = {
+    "no YAML": (f'<RosService service="a" {BOOL} request="data: ["/>', "wrong-value", "[", "request: 'data: [' is no YAML"),
+    "an alias": (f'<RosService service="a" {BOOL} request="a: &amp;x [1], b: *x"/>', "wrong-value", "&amp;x [1]", "request: an alias (*) is not read here"),
+    "a field without its key": (f'<RosAction action="a" {POSES} fields="error_code: 5"/>', "wrong-value", "5", "fields: 'error_code' needs the key"),
+    "a path": (f'<RosService service="a" {BOOL} success="a b"/>', "wrong-value", "a b", "success: 'a b' is no field"),
+}  # fmt: skip
+
+
+def findings(leaf: str, folder: Path) -> list[tuple[str, str, str]]:
+    """Return the findings about a leaf: the code, the part of the file that is marked, and the message."""
+    path = folder / "tree.xml"
+    path.write_text(
+        document(f"<Sequence>{leaf}</Sequence>" if leaf.count("<") > 1 else leaf), encoding="utf-8"
+    )
+    lines = path.read_text(encoding="utf-8").split("\n")
+    found = load(path, models=["ros:jazzy"]).findings
+    return [
+        (each.code, lines[each.span.line - 1][each.span.column - 1 : each.span.end_column - 1], each.message)
+        for each in found
+    ]
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_found_where_it_stands_if_ros_is_installed(name: str, tmp_path: Path) -> None:
+    leaf, code, part, said = MISTAKES[name]
+    (found,) = findings(leaf, tmp_path)
+    assert found[:2] == (code, part)
+    assert found[2].startswith(said)
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_nothing_is_said_of_types_and_fields_without_ros(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros_leaves, "is_ros_installed", lambda: False)
+    assert findings(MISTAKES[name][0], tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ALWAYS)
+def test_what_is_no_yaml_is_found_without_ros_too(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros_leaves, "is_ros_installed", lambda: False)
+    leaf, code, part, said = ALWAYS[name]
+    (found,) = findings(leaf, tmp_path)
+    assert found[:2] == (code, part)
+    assert found[2].startswith(said)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("written", ["no_such_msgs/srv/X", "nav2_msgs/srv/NoSuchService"])
+def test_what_another_computer_may_have_is_a_warning(written: str, tmp_path: Path) -> None:
+    path = tmp_path / "tree.xml"
+    path.write_text(document(f'<RosService service="a" type="{written}"/>'), encoding="utf-8")
+    (found,) = load(path, models=["ros:jazzy"]).findings
+    assert (found.code, found.severity.value) == ("unknown-interface", "warning")
+
+
+def test_keys_within_the_yaml_are_read_and_written_as_those_of_ports(tmp_path: Path) -> None:
+    unwritten = f'<RosService service="a" {BOOL} request="data: {{on}}"/>'
+    assert [each[0] for each in findings(unwritten, tmp_path)] == ["unwritten-key"]
+    written = f'<RosTopic topic="b" type="std_msgs/msg/Bool" fields="data: {{on}}"/>{unwritten}'
+    assert findings(written, tmp_path) == []
+
+
+def test_a_subtree_reads_the_keys_that_it_is_passed(tmp_path: Path) -> None:
+    path = tmp_path / "tree.xml"
+    inner = f'<RosService service="{{which}}" {BOOL} request="data: {{on}}"/>'
+    path.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">'
+        '<SubTree ID="Switch" which="switch" on="true"/></BehaviorTree>'
+        f'<BehaviorTree ID="Switch">{inner}</BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    tree = load(path, models=["ros:jazzy"])
+    assert [each.code for each in tree.findings] == []
+
+
+def test_a_server_whose_name_is_known_at_the_start_is_waited_for_and_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "tree.xml"
+    leaf = '<RosService service="{where}" type="std_srvs/srv/Trigger"/>'
+    path.write_text(document(f"<Sequence><Script code=\"where := 'a'\"/>{leaf}</Sequence>"), encoding="utf-8")
+    assert load(path, models=["ros:jazzy"]).compile().uses() == []
+    path.write_text(document(leaf.replace("{where}", "{@where}")), encoding="utf-8")
+    (use,) = load(path, models=["ros:jazzy"]).compile(parameters={"where": "switch"}).uses()
+    assert (use.kind, use.name) == ("service", "switch")
+
+
+def test_a_key_in_braces_is_the_whole_request_and_braces_around_fields_are_yaml(tmp_path: Path) -> None:
+    key = f'<RosTopic topic="b" type="std_msgs/msg/Bool" value="{{on}}"/><RosService service="a" {BOOL} request="{{on}}"/>'
+    assert findings(key, tmp_path) == []
+    (found,) = findings(f'<RosService service="a" {BOOL} request="{{data: [}}"/>', tmp_path)
+    assert "is no YAML" in found[2]
