@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from sar_compiler.ros.leaves.leaf import of_node as of_node
     from sar_compiler.ros.leaves.leaf import qos_profile as qos_profile
     from sar_compiler.ros.leaves.topic_leaf import TopicLeaf as TopicLeaf
-    from sar_compiler.ros.lifecycle import nav2_log as nav2_log
     from sar_compiler.ros.message_values import GridPlace as GridPlace
     from sar_compiler.ros.message_values import UnusableValueError as UnusableValueError
     from sar_compiler.ros.message_values import battery_share as battery_share
@@ -55,6 +54,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.message_values import read_field as read_field
     from sar_compiler.ros.message_values import stamped_pose as stamped_pose
     from sar_compiler.ros.message_values import value_reports as value_reports
+    from sar_compiler.ros.nav2_log import nav2_log as nav2_log
     from sar_compiler.ros.poses import turn_by as turn_by
     from sar_compiler.ros.poses import yaw_of as yaw_of
     from sar_compiler.ros.robot_estimate import RobotEstimate as RobotEstimate

@@ -345,6 +345,7 @@ class TreeRun:
             self.tree.uses(),
             initial_pose=self._parameters.initial_pose if with_pose else None,
             begins_anew=self.simulation is not None,
+            can_resume=self.setup.journal.aside is not None,
             first=(LeftGoals(self._node, self.setup.journal), self._sole),
             endpoints=declared_endpoints(self.tree.root),
         )

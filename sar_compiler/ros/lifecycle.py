@@ -2,13 +2,11 @@
 
 import math
 import time
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
-from sar_compiler.ros.leaves.leaf import of_node
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -198,18 +196,21 @@ class LifecycleNodes:
     def obstacle(self) -> str | None:
         """Return what is missing, in words; empty if nothing is, None if not all have answered yet."""
         self.look()
-        missing = [each.missing(self._since) for each in self._nodes if each in self._known]
+        looked = [(each, each.missing(self._since)) for each in self._nodes if each in self._known]
+        missing = [(each, line) for each, line in looked if line is not None]
         if any(each.is_awaited(self._since) for each in self._known):
             return None
-        return "; ".join(line for line in missing if line is not None)
+        return "; ".join(self._in_few_words(missing))
 
+    def _in_few_words(self, missing: Sequence[tuple[LifecycleState, str]]) -> Iterator[str]:
+        """Yield what is missing, the nodes in the same state in one line."""
+        by_state: dict[str, list[tuple[str, str]]] = {}
+        for node, line in missing:
+            by_state.setdefault(node.state or line, []).append((node.name, line))
+        for state, nodes in by_state.items():
+            names = ", ".join(name for name, _ in nodes)
+            yield nodes[0][1] if len(nodes) == 1 else f"nodes {names}: state '{state}', must be 'active'"
 
-# How many lines are quoted, and up to which length.
-_QUOTED, _LONGEST = 2, 200
-# How many lines are kept, and may come at once.
-_LINES = 100
-# What says no more than that something has failed.
-_GENERIC = ("Goal failed", "Aborting handle", "[ActionServer]", "Failed to change state")
 
 MANAGER = "lifecycle_manager_navigation"
 """The lifecycle manager that brings Nav2 up."""
@@ -223,49 +224,3 @@ BEFORE_NAVIGATOR = (
     "collision_monitor",
 )
 """The nodes that it activates before the navigator, in this order."""
-
-# Who is heard.
-_SPEAKERS = {*DRIVING_NODES, *BEFORE_NAVIGATOR, MANAGER}
-
-
-class Nav2Log:
-    """Warnings and errors of Nav2's nodes, in the namespace of a node; use `nav2_log`.
-
-    Args:
-        node: The rclpy node.
-    """
-
-    def __init__(self, node: "Node") -> None:
-        from rcl_interfaces.msg import Log
-        from rclpy.qos import DurabilityPolicy, QoSProfile
-
-        self._lines: deque[tuple[float, str, str]] = deque(maxlen=_LINES)
-        self._prefix = node.get_namespace().strip("/").replace("/", ".")
-        self._least = Log.WARN
-        # Kept for latecomers: what was said just before somebody asks counts, too.
-        latched = QoSProfile(depth=_LINES, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(Log, "/rosout", self._take, latched)
-
-    def quote(self, name: str = "", *, since: float = -math.inf) -> str:
-        """Return what was logged last: `controller_server: "Failed to make progress"`; empty if nothing was.
-
-        Args:
-            name: Of this node alone; by default of all.
-            since: Steady seconds from which on lines count.
-        """
-        said = [
-            f'{who}: "{text[:_LONGEST]}"'
-            for at, who, text in self._lines
-            if at >= since and name in ("", who) and not any(part in text for part in _GENERIC)
-        ]
-        return "; ".join(list(dict.fromkeys(said))[-_QUOTED:])
-
-    def _take(self, message: Any) -> None:
-        name = message.name.removeprefix(f"{self._prefix}.") if self._prefix else message.name
-        if message.level >= self._least and name in _SPEAKERS:
-            self._lines.append((time.monotonic(), name, message.msg))
-
-
-def nav2_log(node: "Node") -> Nav2Log:
-    """Return what Nav2 has logged, the same object in every call with a node; it exists as long as it."""
-    return of_node(node, Nav2Log, lambda: Nav2Log(node))

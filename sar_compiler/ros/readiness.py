@@ -23,8 +23,8 @@ from sar_compiler.ros.lifecycle import (
     MANAGER,
     NAV2_NODES,
     PolledService,
-    nav2_log,
 )
+from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.poses import estimated_pose
 from sar_compiler.ros.robot_estimate import robot_estimate
@@ -36,13 +36,15 @@ InitialPose = tuple[float, float, float]
 _INITIAL_POSE_PERIOD_SEC = 1.0
 # How long a localisation is listened to before it is told a pose: twice what half of the participants take to meet.
 _LISTEN_SEC = 1.0
+MOVED_M = 0.25
+"""Less movement than this is none for AMCL either (its `update_min_d`), metres."""
 # A pose that is this near to the initial one is the same, metres and radians.
 _AGREES_M, _AGREES_RAD = 0.5, 0.5
 
 _ODOMETRY = Endpoint("topic", "odometry/filtered", "nav_msgs/msg/Odometry")
 
 # What a bring-up without an initial pose fails at.
-_WAITS_FOR_POSE = ("planner_server", "activate")
+_WAITS_FOR_POSE = ("planner_server", "failed to activate")
 
 
 class Requirement(ABC):
@@ -63,17 +65,34 @@ class Requirement(ABC):
 
 
 class MisplacedRobotError(SarError):
-    """A localised robot that a mission would tell another pose.
+    """A robot that is not where a mission would tell its localisation.
 
     Attributes:
         place: Where it is by its localisation: x, y (m) and yaw (rad), frame `map`; None if it has one, and does not say which.
         pose: Where the mission begins.
         sources: The nodes that publish transforms.
+        moved: How far it has driven by its odometry, metres, where its localisation has no pose; else None.
     """
 
-    def __init__(self, place: InitialPose | None, pose: InitialPose, sources: Sequence[str] = ()) -> None:
-        self.place, self.pose, self.sources = place, pose, sources
+    def __init__(
+        self,
+        place: InitialPose | None,
+        pose: InitialPose,
+        sources: Sequence[str] = (),
+        *,
+        moved: float | None = None,
+        can_resume: bool = False,
+    ) -> None:
+        self.place, self.pose, self.sources, self.moved = place, pose, sources, moved
         start = f"initial_pose ({pose[0]:.2f}, {pose[1]:.2f})"
+        resume = "Go on with the mission that was interrupted (--resume)" if can_resume else ""
+        if moved is not None:
+            super().__init__(
+                f"the localisation has no pose, and by the odometry the robot is {moved:.2f} m from its start: it is not told "
+                f"{start}. {f'{resume}, or give' if resume else 'Give'} it the pose (in RViz: 2D Pose Estimate), and begin "
+                "where the robot stands: -p set_initial_pose:=false"
+            )
+            return
         by_nodes = f" (of {names_in_words(sources)})" if sources else ""
         where, value = f"knows where the robot is, by its transforms{by_nodes}", ""
         if place is not None:
@@ -81,8 +100,8 @@ class MisplacedRobotError(SarError):
             where = f"has the robot at ({place[0]:.2f}, {place[1]:.2f}), {far:.2f} m from {start}"
             value = f"-p initial_pose.x:={place[0]:.2f} -p initial_pose.y:={place[1]:.2f}, or "
         super().__init__(
-            f"the localisation {where}: it is not told another pose. Go on with the mission that was interrupted "
-            f"(--resume), drive back first, or say where the robot is ({value}-p set_initial_pose:=false to begin where "
+            f"the localisation {where}: it is not told another pose. {f'{resume}, drive' if resume else 'Drive'} back first, "
+            f"or say where the robot is ({value}-p set_initial_pose:=false to begin where "
             f"it stands; where the localisation is wrong, in RViz: 2D Pose Estimate)"
         )
 
@@ -90,19 +109,24 @@ class MisplacedRobotError(SarError):
 class Localised(Requirement):
     """A localisation that must have a pose, the initial one unless it has another already.
 
-    A localisation that has a pose is told another one only if that is nearly the same; far from it the start is refused. The
+    A localisation that has a pose is told another one only if that is nearly the same; far from it the start is refused. One without
+    a pose is told the initial one only if the odometry shows that the robot has not moved, as in a run (`ros.watch`). The
     pose is published until an answer arrives: an old pose, kept by the publisher for late subscribers, does not confirm this one.
 
     Args:
         node: The node to publish with.
         pose: The robot's pose, in the frame `map`.
         begins_anew: Whether the localisation is known to have none, as that of a simulation that has just begun.
+        can_resume: Whether the journal of the mission before is there.
     """
 
-    def __init__(self, node: Node, pose: InitialPose, *, begins_anew: bool = False) -> None:
+    def __init__(
+        self, node: Node, pose: InitialPose, *, begins_anew: bool = False, can_resume: bool = False
+    ) -> None:
         self._node = node
         self._pose = pose
         self._robot = robot_estimate(node)
+        self._begins_anew, self._can_resume = begins_anew, can_resume
         self._heard_of_at = -math.inf if begins_anew else math.inf
         self._sent_at = -math.inf
         self._localised_at = math.inf
@@ -131,7 +155,12 @@ class Localised(Requirement):
         if self._answered:
             return None
         heard = self._publisher.get_subscription_count() > 0
-        if heard and self._has_been_listened_to(now) and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
+        if (
+            heard
+            and self._has_been_listened_to(now)
+            and self._has_not_moved()
+            and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC
+        ):
             self._sent_at = now
             self._publisher.publish(estimated_pose(self._node, *self._pose))
         x, y, yaw = self._pose
@@ -145,6 +174,22 @@ class Localised(Requirement):
     @property
     def _has_asked(self) -> bool:
         return self._sent_at > -math.inf
+
+    def _has_not_moved(self) -> bool:
+        """Return whether the robot stands where its odometry has begun, or says `initial_pose`; True without odometry.
+
+        Raises:
+            MisplacedRobotError: If it does not.
+        """
+        if self._begins_anew or self._has_asked or not ros_graph(self._node).publishers(_ODOMETRY.name):
+            return True
+        if self._robot.odometry is None:
+            return False
+        here = self._robot.odometry[:2]
+        moved = min(math.dist(here, (0.0, 0.0)), math.dist(here, self._pose[:2]))
+        if moved > MOVED_M:
+            raise MisplacedRobotError(None, self._pose, moved=moved, can_resume=self._can_resume)
+        return True
 
     def _is_heard_too_briefly(self, now: float) -> bool:
         """Return whether transforms that have just come, of several publishers, may still turn out to be of two robots."""
@@ -163,7 +208,8 @@ class Localised(Requirement):
             return False
         place = self._robot.place()
         if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
-            raise MisplacedRobotError(place, self._pose, ros_graph(self._node).publishers("/tf"))
+            sources = ros_graph(self._node).publishers("/tf")
+            raise MisplacedRobotError(place, self._pose, sources, can_resume=self._can_resume)
         turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
         if not turned <= _AGREES_RAD:
             self._node.get_logger().warning(
@@ -200,6 +246,12 @@ class NavigatorActive(Requirement):
         """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
         # What it waits for may just have come.
         line, state = self._lifecycle.missing(self._robot.pose_at), self._lifecycle.state
+        if (
+            line is not None
+            and not self._lifecycle.is_there
+            and self._log.failed_change() == self._lifecycle.name
+        ):
+            return f"{line}: {MANAGER} has lost it during its start-up, so its process has died; start Nav2 again"
         if line is None or state is None:
             return line
         return line + self._reason(state) + self._pose()
@@ -228,13 +280,13 @@ class NavigatorActive(Requirement):
                 f"; {MANAGER} has not started Nav2 up (autostart is off): "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
-        stuck, what = _stuck({**states, self._lifecycle.name: state})
+        stuck, what = _stuck({**states, self._lifecycle.name: state}, self._log.failed_change())
         said = self._log.quote(stuck)
         pose = ", and give the initial pose within its initial_transform_timeout"
         if self._robot.localisation_conflict():
             pose = ""
         return (
-            f"; {MANAGER} has given up starting Nav2 up, {stuck} failed to {what}{f' ({said})' if said else ''}: "
+            f"; {MANAGER} has given up starting Nav2 up, {stuck} {what}{f' ({said})' if said else ''}: "
             f"start Nav2 again{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
 
@@ -248,13 +300,28 @@ class NavigatorActive(Requirement):
         return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
 
 
-def _stuck(states: Mapping[str, str]) -> tuple[str, str]:
-    """Return the node that a bring-up has failed at, by the states in its order, and at which step: `configure` or `activate`."""
-    for state, step in (("unconfigured", "configure"), ("inactive", "activate")):
+def _stuck(states: Mapping[str, str], named: str) -> tuple[str, str]:
+    """Return the node that a bring-up has failed at, and what it failed to do, in words.
+
+    Args:
+        states: The states of the nodes, in the order of the bring-up.
+        named: The node that the lifecycle manager names; empty if it names none.
+    """
+    if named in states:
+        # The manager takes one step of all nodes after the other: a node that is one step ahead has taken it, and its answer was lost.
+        others = {state for name, state in states.items() if name != named}
+        if states[named] == "active" or (states[named] == "inactive" and "unconfigured" in others):
+            done = "activated" if states[named] == "active" else "configured"
+            return named, f"was {done}, and its answer was lost"
+    steps = (("unconfigured", "failed to configure"), ("inactive", "failed to activate"))
+    for state, what in steps:
+        if named in states and states[named] == state:
+            return named, what
+    for state, what in steps:
         for name in states:
             if states[name] == state:
-                return name, step
-    return next(name for name in states if states[name] != "active"), "activate"
+                return name, what
+    return next(name for name in states if states[name] != "active"), "failed to activate"
 
 
 # How long a server that was killed still counts in the graph (20 s by default of the middleware), and a
@@ -292,6 +359,7 @@ class Readiness:
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
             frame `map`; None to send none and not to wait for it.
         begins_anew: Whether the localisation is known to have no pose yet.
+        can_resume: Whether the journal of the mission before is there.
         endpoints: How the leaves use actions, services and topics; those that are not among them may be of any type.
         first: Requirements of the caller, who also closes them, to look at before all others.
 
@@ -307,6 +375,7 @@ class Readiness:
         *,
         initial_pose: InitialPose | None,
         begins_anew: bool = False,
+        can_resume: bool = False,
         endpoints: Mapping[Use, Endpoint] | None = None,
         first: Iterable[Requirement] = (),
     ) -> None:
@@ -324,7 +393,7 @@ class Readiness:
         self._steps.append(lambda: self._graph.clock() or None)
         self.uses_nav2 = any(use.kind == "nav2" for use in uses)
         if self.uses_nav2:
-            self._wait_for_nav2(initial_pose, begins_anew)
+            self._wait_for_nav2(initial_pose, begins_anew, can_resume)
         self._steps += [
             partial(self._missing_endpoint, each) for each in self._endpoints if each.kind != "node"
         ]
@@ -332,11 +401,13 @@ class Readiness:
     def _missing_endpoint(self, endpoint: Endpoint) -> str | None:
         return self._graph.ask(endpoint).line
 
-    def _wait_for_nav2(self, initial_pose: InitialPose | None, begins_anew: bool) -> None:
+    def _wait_for_nav2(self, initial_pose: InitialPose | None, begins_anew: bool, can_resume: bool) -> None:
         localizer, navigator = NAV2_NODES
         self._parameters = nav2_parameters(self.node)
         if initial_pose is not None:
-            self._closing.append(Localised(self.node, initial_pose, begins_anew=begins_anew))
+            self._closing.append(
+                Localised(self.node, initial_pose, begins_anew=begins_anew, can_resume=can_resume)
+            )
             self._steps.append(self._closing[-1].missing)
         # Asked even after it was active: it may no longer be when all else is there.
         self._steps.append(robot_estimate(self.node).lifecycle(localizer).missing)

@@ -24,7 +24,7 @@ from sar_compiler.ros.leaves.goals import (
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.lifecycle import NAV2_NODES
 from sar_compiler.ros.poses import estimated_pose
-from sar_compiler.ros.readiness import SHADOW_SEC
+from sar_compiler.ros.readiness import MOVED_M, SHADOW_SEC
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.sole_mission import SoleMission
 
@@ -143,8 +143,11 @@ _LOST_SEC = 2.0
 # Two questions without an answer are no accident; a process that has died has left the graph long before the second.
 _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
 _ANOTHER = "another process has to go on (--resume; by itself with --supervise)"
-# Less movement than this is none for AMCL either (its update_min_d and update_min_a): metres, radians.
-_MOVED, _TURNED = 0.25, 0.2
+# So long after a node of Nav2 has died its lifecycle manager brings it back, seconds (bond_respawn_max_duration): later, somebody else must.
+_RESPAWN_SEC = 12.0
+_STARTS_UP = 'nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"'
+# Less turning than this is none for AMCL either (its update_min_a), radians.
+_TURNED = 0.2
 
 
 class Watch:
@@ -243,6 +246,7 @@ class _Localisation:
         self._lost_since: float | None = None
         self._is_lost = False
         self._inactive = ""
+        self._unconfigured_since: dict[str, float] = {}
         self._known: set[bytes] = set()
         self._new_since: float | None = None
         self._transform_is_lost = False
@@ -274,6 +278,7 @@ class _Localisation:
             if self._is_lost:
                 self._is_lost, self._inactive = False, ""
                 yield "Nav2 is active again."
+        yield from self._look_for_unconfigured()
         yield from self._look_for_new_localizer()
         yield from self._look_for_transform()
         self._robot.lacks = self._inactive or self._robot.lost_transforms()
@@ -302,6 +307,31 @@ class _Localisation:
         if not self._is_lost and is_sure:
             self._is_lost = True
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
+
+    def _look_for_unconfigured(self) -> Iterable[str]:
+        """Report a node that was started again, and that its lifecycle manager leaves as it is."""
+        now = AWAKE.now()
+        for each in self._nodes:
+            if each.state != "unconfigured":
+                self._unconfigured_since.pop(each.name, None)
+                continue
+            since = self._unconfigured_since.setdefault(each.name, now)
+            if now - since >= _RESPAWN_SEC:
+                self._unconfigured_since[each.name] = math.inf  # once
+                yield f"{each.name} was started again and is not configured: {self._start_up(each.name)}"
+
+    def _start_up(self, name: str) -> str:
+        """Return the command by which the lifecycle manager of a node starts its nodes up."""
+        part = "localization" if name == NAV2_NODES[0] else "navigation"
+        own = self._node.get_namespace()
+        managers = [
+            f"{namespace.rstrip('/')}/{each}"
+            for each, namespace in self._node.get_node_names_and_namespaces()
+            if each.startswith("lifecycle_manager") and namespace == own
+        ]
+        managers.sort(key=lambda each: part not in each)
+        manager = managers[0] if managers else f"{own.rstrip('/')}/lifecycle_manager_{part}"
+        return f"ros2 service call {manager}/manage_nodes {_STARTS_UP}"
 
     def _look_for_new_localizer(self) -> Iterable[str]:
         """Find out whether another process localises, and has no pose yet: neither one nor a transform has come of it."""
@@ -334,7 +364,7 @@ class _Localisation:
         if self._robot.odometry_at_pose is None or self._robot.odometry is None:
             return f"The localisation is back, and no odometry tells whether the robot has moved: {ask}."
         moved, turned = _between(self._robot.odometry_at_pose, self._robot.odometry)
-        if moved > _MOVED or turned > _TURNED:
+        if moved > MOVED_M or turned > _TURNED:
             return (
                 f"The localisation is back, and the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
                 f"since its last pose: {ask}."

@@ -55,6 +55,16 @@ class FakeNav2:
         return answer
 
 
+def logs(ros: Ros, name: str, text: str) -> None:
+    """Log an error as a node of Nav2."""
+    from rcl_interfaces.msg import Log
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    rosout = ros.node("other_log").create_publisher(Log, "/rosout", latched)
+    rosout.publish(Log(level=Log.ERROR, name=name, msg=text))
+
+
 def located(x: float, y: float) -> Any:
     """Return what a localisation says."""
     from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -373,16 +383,56 @@ class TestTheBringUpOfNav2:
             f"Nav2 up, {failed}: start Nav2 again",
         )
 
-    def test_quotes_the_node_that_has_failed_even_if_it_was_the_first(self, ros: Ros) -> None:
-        from rcl_interfaces.msg import Log
-        from rclpy.qos import DurabilityPolicy, QoSProfile
-
-        self.stack(ros, up=False, controller_server="unconfigured", bt_navigator="unconfigured")
-        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        rosout = ros.node("controller").create_publisher(Log, "/rosout", latched)
-        rosout.publish(
-            Log(level=Log.FATAL, name="controller_server", msg="Failed to create controller. No plugin.")
+    @pytest.mark.parametrize(
+        ("states", "named", "failed"),
+        [
+            (
+                ("active", "active", "inactive"),
+                "planner_server",
+                "planner_server was activated, and its answer was lost",
+            ),
+            (
+                ("inactive", "inactive", "unconfigured"),
+                "planner_server",
+                "planner_server was configured, and its answer was lost",
+            ),
+            (("inactive", "inactive", "inactive"), "bt_navigator", "bt_navigator failed to activate"),
+            (
+                ("inactive", "unconfigured", "unconfigured"),
+                "bt_navigator",
+                "bt_navigator failed to configure",
+            ),
+        ],
+    )
+    def test_the_lifecycle_manager_names_the_node_itself(
+        self, ros: Ros, states: tuple[str, str, str], named: str, failed: str
+    ) -> None:
+        controller, planner, navigator = states
+        self.stack(
+            ros, up=False, controller_server=controller, planner_server=planner, bt_navigator=navigator
         )
+        logs(ros, "lifecycle_manager_navigation", f"Failed to change state for node: {named}")
+        comes_to_miss(
+            ros,
+            readiness(ros.node(), Use.nav2(), initial_pose=None),
+            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting "
+            f"Nav2 up, {failed}: start Nav2 again",
+        )
+
+    def test_says_that_a_navigator_has_died_while_it_was_started(self, ros: Ros) -> None:
+        self.stack(ros, up=False, controller_server="inactive", planner_server="inactive")
+        line = "Failed to change state for node: bt_navigator. Exception: timed out."
+        logs(ros, "lifecycle_manager_navigation", line)
+        comes_to_miss(
+            ros,
+            readiness(ros.node(), Use.nav2(), initial_pose=None),
+            "node bt_navigator: not there (no service /bt_navigator/get_state): lifecycle_manager_navigation has lost it "
+            "during its start-up, so its process has died; start Nav2 again",
+        )
+
+    def test_quotes_the_node_that_has_failed_even_if_it_was_the_first(self, ros: Ros) -> None:
+        self.stack(ros, up=False, controller_server="unconfigured", bt_navigator="unconfigured")
+        logs(ros, "controller_server", "Failed to create controller. No plugin.")
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
@@ -561,9 +611,49 @@ class TestNav2:
         [line] = missing(ros, readiness(ros.node(), Use.nav2()), SILENCE_SEC)
         assert line.startswith(
             "the localisation has the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00): it is not told another "
-            "pose. Go on with the mission that was interrupted (--resume), drive back first, or say where the robot is "
+            "pose. Drive back first, or say where the robot is "
             "(-p initial_pose.x:=-0.44 -p initial_pose.y:=0.60, or -p set_initial_pose:=false"
         )
+        assert nav2.poses == []
+
+    def test_resuming_is_offered_where_the_journal_of_the_mission_before_is_there(self, ros: Ros) -> None:
+        from sar_compiler.ros.readiness import Readiness
+
+        FakeNav2(ros.node("nav2")).publisher.publish(located(2.0, 0.0))
+        ready = Readiness(ros.node(), [Use.nav2()], initial_pose=(0.0, 0.0, 0.0), can_resume=True)
+        [line] = missing(ros, ready, SILENCE_SEC)
+        assert "Go on with the mission that was interrupted (--resume), drive back first" in line
+
+    @pytest.mark.parametrize(
+        ("odometry", "told"),
+        [((3.6, 0.0), False), ((0.0, -0.26), False), ((0.2, 0.1), True), ((5.1, 5.0), True)],
+    )
+    def test_the_odometry_decides_whether_a_localisation_without_a_pose_is_told_one(
+        self, ros: Ros, odometry: tuple[float, float], told: bool
+    ) -> None:
+        """Told: a robot where its odometry has begun, or whose odometry agrees with `initial_pose`."""
+        from nav_msgs.msg import Odometry
+
+        nav2, other, node = FakeNav2(ros.node("nav2")), ros.node("robot"), ros.node()
+        message = Odometry(child_frame_id="base_link")
+        message.header.frame_id, message.pose.pose.orientation.w = "odom", 1.0
+        message.pose.pose.position.x, message.pose.pose.position.y = odometry
+        publisher = other.create_publisher(Odometry, "odometry/filtered", 10)
+        other.create_timer(0.05, lambda: publisher.publish(message))
+        ros.spin_until(lambda: node.count_publishers("odometry/filtered"), "the odometry")
+        ready = readiness(node, Use.nav2(), initial_pose=(5.0, 5.0, 0.0))
+        if told:
+            wait(ros, ready)
+            assert nav2.poses
+            return
+        moved = math.hypot(*odometry)
+        assert missing(ros, ready, SILENCE_SEC) == [
+            (
+                f"the localisation has no pose, and by the odometry the robot is {moved:.2f} m from its start: it is not told "
+                "initial_pose (5.00, 5.00). Give it the pose (in RViz: 2D Pose Estimate), and begin where the robot stands: "
+                "-p set_initial_pose:=false"
+            )
+        ]
         assert nav2.poses == []
 
     def test_a_robot_whose_localisation_says_its_place_by_transforms_alone_is_not_told_another(
@@ -630,7 +720,7 @@ class TestNav2:
         assert nav2.poses == []
 
     def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
-        from sar_compiler.ros.lifecycle import nav2_log
+        from sar_compiler.ros.nav2_log import nav2_log
 
         FakeNav2(ros.node("nav2"))
         node = ros.node()

@@ -134,6 +134,27 @@ def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -
     scene.until(lambda: scene.said.has("Nav2 is active again."), "the end of the loss")
 
 
+def test_a_node_that_stays_unconfigured_is_named_once_with_the_command_that_starts_it(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sar_compiler.ros import watch
+
+    monkeypatch.setattr(watch, "_RESPAWN_SEC", 0.3)
+    scene.begin()
+    managers = [scene.ros.node(f"lifecycle_manager_{part}") for part in ("localization", "navigation")]
+    names = managers[0].get_node_names
+    scene.ros.spin_until(lambda: {each.get_name() for each in managers} <= {*names()}, "the managers")
+    scene.nav2.navigator = "unconfigured"
+    line = (
+        "bt_navigator was started again and is not configured: ros2 service call "
+        '/lifecycle_manager_navigation/manage_nodes nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"'
+    )
+    scene.until(lambda: scene.said.has(line), "the remedy")
+    scene.nav2.navigator = "active"
+    scene.until(lambda: scene.said.has("Nav2 is active again."), "the end of the loss")
+    assert sum("is not configured" in each for each in scene.said.lines()) == 1
+
+
 def test_a_robot_that_has_moved_is_asked_for(scene: Scene) -> None:
     scene.begin()
     scene.measured(0.3)

@@ -1,0 +1,157 @@
+"""What Nav2's nodes log on `/rosout`, and which of these lines explain why a goal or a bring-up has failed."""
+
+import math
+import re
+import time
+from collections import deque
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from sar_compiler.ros.leaves.leaf import of_node
+from sar_compiler.ros.lifecycle import BEFORE_NAVIGATOR, DRIVING_NODES, MANAGER
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+# How many lines are quoted, and up to which length.
+_QUOTED, _LONGEST = 2, 120
+# How many lines are kept, and may come at once.
+_LINES = 200
+
+# The words of Nav2 (1.1 to 1.5) that name a cause. Lines that name one go before all others, whichever node logs them: the client of an
+# action logs as `bt_navigator_navigate_to_pose_rclcpp_node`, a library as `tf_help`.
+_CAUSES = re.compile(
+    r"timed out while waiting for action server|server not available|is inactive|while inactive"
+    r"|transform data too old|transform timeout|timed out waiting for transform|(extrapolation|connectivity) error"
+    r"|no transform|to transform|pose is not available|no pose"
+    r"|failed to make progress|patience exceeded|collision|no valid"
+    r"|failed to (generate|plan)|is outside|lethal|is not a valid|which does not exist"
+    r"|open input xml|bt file not found|exception when loading bt|behavior tree threw",
+    re.IGNORECASE,
+)
+# Lines that go with others: of a busy computer, and of a default that is used.
+_SECONDARY = re.compile(
+    r"missed its desired rate|tick rate .* exceeded|No (goal|progress) checker was specified|No (planner|controller)s? (was )?specified"
+    r"|Received a preemption|will use only plugin"
+)
+# Lines that say no more than that something has failed.
+_EMPTY = re.compile(
+    r"Goal failed|Aborting handle|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
+)
+_NAV2_NODES = {*DRIVING_NODES, *BEFORE_NAVIGATOR, MANAGER, "local_costmap", "global_costmap", "tf_help"}
+_FAILED_CHANGE = re.compile(r"Failed to change state for node: ([\w/]+)")
+
+
+class _LoggedLine(NamedTuple):
+    """A line of the log.
+
+    Attributes:
+        at: When it came, steady seconds.
+        who: The name of its logger, below the namespace.
+        text: Its text.
+        is_error: Whether it is an error, not a warning.
+    """
+
+    at: float
+    who: str
+    text: str
+    is_error: bool
+
+    @property
+    def rank(self) -> int | None:
+        """How well it explains a failure, 0 for best; None if it does not."""
+        if _EMPTY.search(self.text):
+            return None
+        if _SECONDARY.search(self.text):
+            return 3
+        if _CAUSES.search(self.text):
+            return 0
+        is_nav2 = any(
+            self.who == name or self.who.startswith((f"{name}.", f"{name}_")) for name in _NAV2_NODES
+        )
+        return 1 if is_nav2 else 2 if self.is_error else None
+
+
+class Nav2Log:
+    """Warnings and errors of the nodes in the namespace of a node, without its own; use `nav2_log`.
+
+    Args:
+        node: The rclpy node.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from rcl_interfaces.msg import Log
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        self._lines: deque[_LoggedLine] = deque(maxlen=_LINES)
+        self._node, self._prefix = node, node.get_namespace().strip("/").replace("/", ".")
+        self._own = f"{self._prefix}.{node.get_name()}".lstrip(".")
+        self._warning, self._error = Log.WARN, Log.ERROR
+        # Kept for latecomers: what was logged just before the first question counts, too.
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(Log, "/rosout", self._on_line, latched)
+
+    def quote(self, name: str = "", *, since: float = -math.inf) -> str:
+        """Return the lines that explain a failure best: `controller_server: "Failed to make progress"`; empty if none does.
+
+        Args:
+            name: The node that they are of; all by default.
+            since: Steady seconds from which on lines count.
+        """
+        lines = [(rank, each) for each in self._since(name, since) if (rank := each.rank) is not None]
+        best = min((rank for rank, _ in lines), default=None)
+        said = [f'{each.who}: "{_shortened(each.text)}"' for rank, each in lines if rank == best]
+        return "; ".join(list(dict.fromkeys(said))[-_QUOTED:])
+
+    def failed_change(self) -> str:
+        """Return the node whose state the lifecycle manager could not change, by its last line of that; empty if there is none."""
+        found = [
+            each for line in self._since(MANAGER, -math.inf) if (each := _FAILED_CHANGE.search(line.text))
+        ]
+        return found[-1][1].rpartition("/")[2] if found else ""
+
+    def _since(self, name: str, since: float) -> Iterator[_LoggedLine]:
+        foreign = self._foreign_namespaces()
+        for each in self._lines:
+            if each.at < since or each.who.startswith(foreign):
+                continue
+            if name in ("", each.who) or each.who.startswith(f"{name}."):
+                yield each
+
+    def _foreign_namespaces(self) -> tuple[str, ...]:
+        """Return what begins the names of other robots' loggers: namespaces below this one with a Nav2 of their own."""
+        own = self._node.get_namespace()
+        there = (
+            namespace
+            for name, namespace in self._node.get_node_names_and_namespaces()
+            if name in DRIVING_NODES
+        )
+        below = own.rstrip("/") + "/"
+        return tuple(
+            f"{each.removeprefix(below).replace('/', '.')}."
+            for each in {*there}
+            if each != own and each.startswith(below)
+        )
+
+    def _on_line(self, message: Any) -> None:
+        name = message.name
+        if message.level < self._warning or f"{name}.".startswith(f"{self._own}."):
+            return
+        if self._prefix and "." in name:
+            if not name.startswith(f"{self._prefix}."):
+                return
+            name = name.removeprefix(f"{self._prefix}.")
+        elif self._prefix and name != "tf_help":
+            return
+        self._lines.append(_LoggedLine(time.monotonic(), name, message.msg, message.level >= self._error))
+
+
+def _shortened(text: str) -> str:
+    """Return the first line of a text, cut."""
+    first = text.strip().partition("\n")[0]
+    return first if len(first) <= _LONGEST else f"{first[: _LONGEST - 1]}…"
+
+
+def nav2_log(node: "Node") -> Nav2Log:
+    """Return what Nav2 has logged, the same object in every call with a node; it exists as long as it."""
+    return of_node(node, Nav2Log, lambda: Nav2Log(node))
