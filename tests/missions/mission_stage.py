@@ -163,7 +163,7 @@ class NavServer:
         accept_after: Seconds between a goal's arrival and its acceptance.
         heed_cancel: Whether cancel requests are granted.
         script: The orders that every goal starts with.
-        error_code: What an abort reports.
+        error_code: What an abort reports: 105, no progress.
         loses_results: Whether nobody is answered who asks for the result of a goal that has begun.
         goals: The accepted goals.
         requests: How many goals arrived.
@@ -176,7 +176,7 @@ class NavServer:
         self.accept_after = 0.0
         self.heed_cancel = True
         self.script: list[str] = []
-        self.error_code = 0
+        self.error_code = 105
         self.loses_results = False
         self.goals: list[SeenGoal] = []
         self.requests = 0

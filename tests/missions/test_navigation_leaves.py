@@ -12,10 +12,13 @@ from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateT
 from sar_compiler.missions.search_and_rescue.failsafes import NavigationAvailable
 from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
 from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tests.missions.mission_stage import NavServer, Stage
 
 pytestmark = pytest.mark.ros
@@ -495,6 +498,21 @@ class TestTheMeans:
         node.state = "active"
         assert stage.run(leaf) is Status.SUCCESS
 
+    def test_nodes_in_the_same_state_are_named_in_one_line(self, stage: "Stage") -> None:
+        server, leaf = stage.nav_server(), drive(stage)
+        names = ("amcl", "planner_server", "controller_server")
+        for name in names:
+            Lifecycle(stage, name, "unconfigured")
+        under_way(stage, leaf, server)
+        robot = robot_estimate(leaf.node)
+        stage.until(lambda: all(robot.lifecycle(name).is_there for name in names), "the nodes")
+        server.order("abort")
+        stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
+        assert (
+            stage.record.navigation_lost
+            == f"nodes {', '.join(names)}: state 'unconfigured', must be 'active'"
+        )
+
     def test_an_abort_after_the_transforms_have_stopped_is_waited_for(
         self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -522,12 +540,125 @@ class TestTheMeans:
         assert "No transform from 'map' has come for 0.3 s" in stage.record.navigation_lost
 
 
+def without_code(stage: "Stage") -> "NavServer":
+    """Return a server of Nav2 that aborts each goal without an error code."""
+    server = stage.nav_server()
+    server.script, server.error_code = ["abort"], 0
+    return server
+
+
+def warned(stage: "Stage", text: str) -> "Callable[[], bool]":
+    return lambda: any(text in line for line in stage.warnings)
+
+
+class TestGoalsWithoutAnErrorCode:
+    """Nav2 aborts a goal so when its own nodes fail it: that is nothing against the place."""
+
+    @pytest.mark.parametrize("leaf_of", [drive, drive_home])
+    def test_they_are_sent_again_after_pauses_that_double_and_the_third_in_a_row_is_held_on(
+        self, stage: "Stage", leaf_of: "Callable[[Stage], NavigateToZone]"
+    ) -> None:
+        server, leaf = without_code(stage), leaf_of(stage)
+        pauses: list[int] = []
+        while len(pauses) < 6:
+            stage.tick_until(leaf, lambda: leaf._uncoded_count > len(pauses), f"end {len(pauses) + 1}")
+            assert leaf._pause is not None
+            pauses.append(math.ceil(leaf._pause.left))
+            leaf._pause = None  # not waited for here
+        assert pauses == [1, 2, 4, 8, 8, 8]
+        assert leaf.answer_label == "waiting for Nav2"
+        assert [line.partition("; ")[2] for line in stage.warnings] == [
+            "it is sent again in 1 s.",
+            "it is sent again in 2 s.",
+            "it is sent again after pauses that grow.",
+        ]
+        assert " holds: Nav2 has aborted 3 goals in a row without an error code (" in stage.warnings[-1]
+        server.script = ["succeed"]
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.record.navigation_lost == ""
+
+    def test_until_the_hold_is_over_and_then_nav2_is_unavailable(self, stage: "Stage") -> None:
+        without_code(stage)
+        leaf = drive(stage, hold_timeout_sec=0.3)
+        leaf.pause_sec = 0.001
+        available = stage.take(NavigationAvailable("NavigationAvailable?", record=stage.record))
+        assert stage.run(leaf) is Status.FAILURE
+        assert leaf.answer_label == "unavailable"
+        assert (
+            "goals in a row without an error code (its nodes have logged no reason), for 0.3 s"
+            in stage.warnings[-1]
+        )
+        assert stage.run(available) is Status.FAILURE
+
+    def test_the_hold_ends_in_the_middle_of_a_pause(self, stage: "Stage") -> None:
+        server = without_code(stage)
+        leaf = drive(stage, hold_timeout_sec=0.1)
+        leaf.pause_sec = 0.01
+        stage.tick_until(leaf, warned(stage, "holds"), "the hold")
+        leaf._pause = Deadline(3600.0, leaf._clock)
+        assert stage.run(leaf) is Status.FAILURE
+        assert (leaf.answer_label, len(server.goals)) == ("unavailable", 3)
+
+    def test_in_the_next_activation_the_row_goes_on_and_has_its_own_hold(self, stage: "Stage") -> None:
+        server = without_code(stage)
+        leaf = drive(stage, hold_timeout_sec=0.1)
+        leaf.pause_sec = 0.01
+        stage.run(leaf)
+        before, leaf.hold_timeout_sec = len(server.goals), 60.0
+        stage.tick_until(leaf, lambda: len(server.goals) == before + 2, "the next goals")
+        assert leaf._uncoded_count == before + 1
+        assert leaf.status is Status.RUNNING
+
+    def test_a_goal_with_a_code_ends_the_row(self, stage: "Stage") -> None:
+        server, leaf = without_code(stage), drive(stage)
+        leaf.pause_sec = 0.01
+        stage.tick_until(leaf, warned(stage, "holds"), "the hold")
+        server.error_code = 208
+        assert stage.run(leaf) is Status.FAILURE
+        assert (leaf.answer_label, stage.record.navigation_lost) == ("aborted", "")
+        server.error_code = 0
+        stage.tick_until(leaf, warned(stage, "aborted the goal without an error code"), "a new row")
+
+    def test_a_robot_that_comes_half_a_metre_on_a_goal_ends_the_row(self, stage: "Stage") -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        server, leaf = without_code(stage), drive(stage)
+        leaf.pause_sec = 0.01
+        pose = PoseWithCovarianceStamped()
+        pose.header.frame_id, pose.pose.pose.orientation.w = "map", 1.0
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        publisher = stage.host().node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
+
+        def comes_to(x: float) -> None:
+            pose.pose.pose.position.x = x
+            robot = robot_estimate(stage.node)
+
+            def is_there() -> bool:
+                publisher.publish(pose)
+                leaf.tick_once()
+                return robot.pose is not None and robot.pose.x == x
+
+            stage.until(is_there, f"the pose {x}")
+
+        stage.tick_until(leaf, warned(stage, "holds"), "the hold")
+        server.script = []
+        goals = len(server.goals)
+        stage.tick_until(leaf, lambda: len(server.goals) > goals, "a goal under way")
+        comes_to(0.0)
+        comes_to(0.4)
+        assert stage.record.navigation_lost
+        comes_to(0.5)
+        stage.tick_until(leaf, lambda: not stage.record.navigation_lost, "the end of the row")
+        assert leaf.answer_label == "driving"
+
+
 class TestNav2sReason:
     def test_what_nav2_logs_with_an_abort_is_quoted(self, stage: "Stage") -> None:
         from rcl_interfaces.msg import Log
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        from sar_compiler.ros.lifecycle import nav2_log
+        from sar_compiler.ros.nav2_log import nav2_log
 
         server, leaf = stage.nav_server(), drive(stage)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -548,7 +679,7 @@ class TestNav2sReason:
         server.order("abort")
         assert stage.run(leaf) is Status.FAILURE
         assert (
-            'error code 0: no code (bt_navigator: "Initial robot pose is not available.")'
+            'error code 105: the robot makes no progress (bt_navigator: "Initial robot pose is not available.")'
             in stage.warnings[0]
         )
 

@@ -1,5 +1,7 @@
 """The base class of leaves that call a ROS action."""
 
+import math
+import time
 from abc import abstractmethod
 from collections.abc import Collection
 from typing import Any, cast
@@ -11,6 +13,7 @@ from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.arrivals import Arrival, drives_to_pose, goal_destination
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.goals import (
+    ABORTED,
     SUCCEEDED,
     ActionGoal,
     ActionPort,
@@ -19,12 +22,19 @@ from sar_compiler.ros.leaves.goals import (
     goal_statuses_of,
 )
 from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
+from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.robot_estimate import RobotEstimate, Standstill, robot_estimate
 from sar_compiler.runtime.clock import clock_text
 
 _NAV2 = "nav2_msgs."
 # The longest pause between two attempts, in multiples of the first.
 _LONGEST_PAUSE = 8.0
+# From so many goals in a row on that Nav2 has aborted without an error code, the leaf holds.
+_HOLDS_AT = 3
+# A robot that has come so far on a goal, metres, makes progress: the row is over.
+_PROGRESS_M = 0.5
+# How long before the end of a goal Nav2 may have logged its reason, and how long after it that may come, seconds.
+_REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
 
 
 class ActionLeaf(ClientLeaf[ActionGoal]):
@@ -40,6 +50,10 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
 
     A goal of navigation that has succeeded is no proof that the robot is there: farther from the goal than `arrival_tolerance_m`
     of the run by its own localisation it has not arrived, and the means are not available. Without a localisation the goal's end counts.
+
+    A goal that Nav2 aborts without an error code (0) has failed for want of Nav2's own nodes: every failure that has to do with the target has a code. A leaf
+    that uses Nav2 sends such a goal again, after a pause that doubles. After the third in a row it holds (`on_hold`), and sends on
+    until `hold_timeout_sec` is over (`on_unavailable`). The row is over when the robot has come half a metre on a goal, or a goal has ended otherwise.
 
     A goal that has ended is no proof that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry says so, for
     `settle_timeout_sec` at most; without odometry the goal's end counts.
@@ -103,6 +117,12 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._turn: Deadline | None = None
         self._arrival: Arrival | None = None
         self._rivals: list[GoalStatuses] = []
+        # Of goals in a row without an error code: the last one, how many, in words, until when they are sent again, and where the robot was.
+        self._uncoded: ActionGoal | None = None
+        self._uncoded_count = 0
+        self._uncoded_words = ""
+        self._uncoded_until: Deadline | None = None
+        self._set_out_from: tuple[float, float, float] | None = None
 
     @abstractmethod
     def goal(self) -> Any:
@@ -141,6 +161,13 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         """Return the status when that wait was in vain; by default as `on_failure`."""
         return self.on_failure(reason)
 
+    def nav2_reason(self) -> str:
+        """Return what Nav2's nodes have logged around the end of the last goal; empty if that is nothing."""
+        goal = self._exchange
+        if goal is None or self._robot is None:
+            return ""
+        return nav2_log(self.node).quote(since=goal.ended_at - _REASON_BEFORE_SEC)
+
     def shutdown(self) -> None:
         """Cancel a goal in flight, and release the clients.
 
@@ -176,6 +203,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if self._needs_nav2:
             self._robot = robot_estimate(self.node)
             self._robot.driving_nodes.look()
+            nav2_log(self.node)
         elif drives_to_pose(self.interface):
             robot_estimate(self.node)  # listens from now on
 
@@ -191,6 +219,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._rest_no_longer()
         destination = goal_destination(self.interface, message)
         self._arrival = None if destination is None else Arrival(self.node, destination)
+        self._set_out_from = None
         return ActionGoal(self, cast("ActionPort", self._port), message)
 
     def _begin(self) -> Status:
@@ -199,9 +228,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self._robot.driving_nodes.look()
         if self._pause is not None and not self._pause.passed:
             self._exchange = None
-            self.feedback_message = (
-                f"next attempt in {self._pause.left:.1f} s, after {self._failures} failures"
-            )
+            self.feedback_message = f"next attempt in {self._pause.left:.1f} s, after {self._failures + self._uncoded_count} failures"
             return Status.RUNNING
         for rival in self._rivals:
             if rival.has_foreign_goal:
@@ -223,7 +250,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
 
     def initialise(self) -> None:
         """Start anew; the goal of the last activation is given up."""
-        self._hold = self._turn = None
+        self._hold = self._turn = self._uncoded_until = None
         super().initialise()
 
     def _judge(self, exchange: ActionGoal) -> Status:
@@ -241,7 +268,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
                 return self.on_unavailable(doubt)
         if exchange.answer is not None:
             self._failures = 0
-            self.on_available()
+            self._end_row()
         return super()._judge(exchange)
 
     def _hold_on_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
@@ -282,9 +309,57 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if self._held is goal:
             self._hold = None
             return self._begin()
-        self.on_available()
+        if self._robot is not None and _is_without_code(goal):
+            return self._send_again(goal)
+        self._end_row()
         self._count_failure(goal)
         return super()._judge(goal)
+
+    def _send_again(self, goal: ActionGoal) -> Status:
+        """Send a goal again that was aborted without an error code, after a pause; hold after the third in a row."""
+        if self._uncoded is not goal:
+            reason = str(getattr(goal.answer.result, "error_msg", "")) or self.nav2_reason()
+            # Nav2's log takes another way than the result of the goal.
+            if not reason and time.monotonic() - goal.ended_at < _REASON_AFTER_SEC:
+                return Status.RUNNING
+            self._uncoded = goal
+            self._uncoded_count += 1
+            self._report_uncoded(reason or "its nodes have logged no reason")
+        self.feedback_message = self._uncoded_words
+        if self._uncoded_until is not None and self._uncoded_until.passed:
+            self._uncoded_until = None
+            return self.on_unavailable(f"{self._uncoded_words}, for {self.hold_timeout_sec:g} s")
+        return self._begin() if self._pause is None or self._pause.passed else Status.RUNNING
+
+    def _report_uncoded(self, reason: str) -> None:
+        """Report a goal without an error code, and begin the pause before the next one."""
+        count = self._uncoded_count
+        pause_sec = self.pause_sec * min(2.0 ** (count - 1), _LONGEST_PAUSE)
+        self._pause = Deadline(pause_sec, self._clock)
+        goals = "the goal" if count == 1 else f"{count} goals in a row"
+        self._uncoded_words = f"Nav2 has aborted {goals} without an error code ({reason})"
+        holds = count >= _HOLDS_AT
+        if holds and self._uncoded_until is None:
+            self._uncoded_until = Deadline(self.hold_timeout_sec, self._clock)
+        self.on_hold(self._uncoded_words)
+        if count <= _HOLDS_AT:  # a hold is logged once
+            pauses = (
+                "it is sent again after pauses that grow" if holds else f"it is sent again in {pause_sec:g} s"
+            )
+            self.complain(f"'{self.name}'{' holds' if holds else ''}: {self._uncoded_words}; {pauses}.")
+
+    def _end_row(self) -> None:
+        """Note that goals are judged again, or that the robot makes progress."""
+        self._uncoded_count, self._uncoded_until = 0, None
+        self.on_available()
+
+    def _makes_progress(self) -> bool:
+        """Whether the robot has come some way on the goal that is under way."""
+        here = self._robot.place() if self._robot is not None else None
+        if here is None or self._set_out_from is None:
+            self._set_out_from = here
+            return False
+        return math.dist(here[:2], self._set_out_from[:2]) >= _PROGRESS_M
 
     def _hold_on(self, goal: ActionGoal | None, obstacle: str) -> Status:
         """Wait, within the limit, for what keeps the server from taking a goal that was sent, or one that is to be sent (None)."""
@@ -326,6 +401,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         status = super()._progress(exchange)
         if not exchange.is_accepted or status is not Status.RUNNING:
             return status
+        if self._uncoded_count and not exchange.over and self._makes_progress():
+            self._end_row()
         self._say_how_long(exchange)
         if not exchange.has_feedback:
             return status
@@ -360,7 +437,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         return self.on_result(answer.status, answer.result)
 
     def _hear(self) -> None:
-        self.on_available()
+        if self._uncoded_count < _HOLDS_AT:
+            self.on_available()
         self._complaints.clear()
         self._wake()
 
@@ -384,3 +462,9 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         super()._drop()
         goals = (*self._goals_given_up, *filter(None, [goal]))
         self._goals_given_up = [each for each in goals if not self._is_over(each)]
+
+
+def _is_without_code(goal: ActionGoal) -> bool:
+    """Return whether a goal was aborted, and its result has an error code of 0: none of the reasons that have to do with its target."""
+    answer = goal.answer
+    return answer is not None and answer.status == ABORTED and getattr(answer.result, "error_code", None) == 0

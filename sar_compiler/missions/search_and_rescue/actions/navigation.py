@@ -14,7 +14,6 @@ from sar_compiler.leaves import (
     Seconds,
     describe_status,
     drive_left,
-    nav2_log,
     turn_by,
 )
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
@@ -22,8 +21,6 @@ from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, MapP
 
 # How long a goal in an obstacle is not sent again, seconds: some obstacles go away.
 _OCCUPIED_SEC = 60.0
-# How long before the end of a goal Nav2 may have logged its reason, seconds.
-_SAME_SEC = 1.0
 # How often the journal is told what is left of the drive, seconds.
 _PROGRESS_SEC = 1.0
 _ABORTED = 6
@@ -141,7 +138,7 @@ class NavigateTo(ActionLeaf):
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
         if status != SUCCEEDED:
-            reason, code = describe_end(status, result, self._said()), code_of(result)
+            reason, code = describe_end(status, result, self.nav2_reason()), code_of(result)
             if code in (*FOR_GOOD, OCCUPIED):
                 seconds = _OCCUPIED_SEC if code == OCCUPIED else math.inf
                 self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
@@ -157,16 +154,6 @@ class NavigateTo(ActionLeaf):
         if status is Status.RUNNING:
             self.answer_label = "waiting for Nav2" if self.record.navigation_lost else "driving"
         return status
-
-    def setup(self, **kwargs: Any) -> None:
-        """Listen to Nav2's log from now on, too."""
-        super().setup(**kwargs)
-        nav2_log(self.node)
-
-    def _said(self) -> str:
-        """Return what Nav2 has logged around the end of the goal."""
-        goal = self._exchange
-        return nav2_log(self.node).quote(since=goal.ended_at - _SAME_SEC) if goal is not None else ""
 
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE, and log the target that was not reached."""
