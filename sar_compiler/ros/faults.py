@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from rclpy.service import Service
 
 NAVIGATION, LOCALISATION = "navigate_to_pose", "amcl"
-NAVIGATION_FAULTS = {NAVIGATION: ("abort", "code", "late", "reject", "die"), LOCALISATION: ("die",)}
+NAVIGATION_FAULTS = {
+    NAVIGATION: ("abort", "code", "late", "starved", "delay", "reject", "die"),
+    LOCALISATION: ("die",),
+}
 """The faults of the stand-in for Nav2, the same for every mission."""
 
 
@@ -41,9 +44,10 @@ _FORMS = {
     "drop": _FaultForm("drop=COUNT", amount="count"),
     "delay": _FaultForm("delay=SECONDS", amount="seconds"),
     "refuse": _FaultForm("refuse=COUNT", amount="count"),
-    "abort": _FaultForm("abort=PLACE or abort@PLACE,drives=SECONDS", ("=", "@"), "place", "drives"),
+    "abort": _FaultForm("abort=PLACE", amount="place"),
     "code": _FaultForm("code=NUMBER[@PLACE][,after=SECONDS]", ("=", "=@"), "code", "after"),
-    "late": _FaultForm("late=SECONDS", amount="seconds"),
+    "late": _FaultForm("late=SECONDS[@PLACE][,drives=SECONDS]", ("=", "=@"), "seconds", "drives"),
+    "starved": _FaultForm("starved[@PLACE]", ("", "@")),
     "reject": _FaultForm("reject=COUNT", amount="count"),
     "die": _FaultForm("die[@PLACE][,back=SECONDS]", ("", "@"), option="back"),
 }
@@ -69,12 +73,13 @@ class Fault:
 
     Attributes:
         target: The service or action, such as `navigate_to_pose`, or the node `amcl`.
-        kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `reject` or `die`.
+        kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `starved`, `reject` or `die`.
         count: The number of calls or goals that it affects (`drop`, `refuse`, `reject`).
-        seconds: Seconds of the server's clock: of delay of each answer (`delay`, `late`), on the way until the end (`code`), of
-            driving on after it (`abort`; 0: a goal that is aborted before anything drives).
-        place: The place that it affects (`abort`, `code`, `die`); "" for all.
+        seconds: Seconds of the server's clock: of delay of each answer (`delay`), on the way until the end (`code`), until a server
+            of Nav2 acknowledges another one's goal (`late`).
+        place: The place that it affects (`abort`, `code`, `late`, `starved`, `die`); "" for all.
         code: The error code that a goal ends with (`code`).
+        drives: How long the robot drives on after the end of a goal, seconds of the server's clock (`late`).
         back: The time until a dead server returns, in simulated seconds; None for never (`die`).
         text: The fault as written.
     """
@@ -85,6 +90,7 @@ class Fault:
     seconds: float = 0.0
     place: str = ""
     code: int = 0
+    drives: float = 1.0
     back: float | None = None
     text: str = field(default="", compare=False)
 
@@ -123,8 +129,8 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
         fault = replace(fault, place=_place(text, place))
     if option is None:
         return fault
-    time = _seconds(text, seconds)
-    return replace(fault, back=time) if kind == "die" else replace(fault, seconds=time)
+    given: dict[str, Any] = {_OPTIONS.get(form.option, form.option): _seconds(text, seconds)}
+    return replace(fault, **given)
 
 
 @dataclass(frozen=True)
@@ -161,15 +167,13 @@ class ServiceFaults:
 
 
 class NavigationFaults:
-    """The faults of navigation. Every goal for an aborted place is aborted; a server dies, and a robot drives on, once per fault."""
+    """The faults of navigation. Aborts and codes affect every goal for their place; a server dies, is late or is starved at a place once per fault."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
-        self.late_sec = sum(fault.seconds for fault in faults if fault.kind == "late")
+        self.delay_sec = sum(fault.seconds for fault in faults if fault.kind == "delay")
         self._lasting = [fault for fault in faults if _is_lasting(fault)]
-        self._single = [
-            fault for fault in faults if fault.kind in {"abort", "die"} and not _is_lasting(fault)
-        ]
+        self._single = [fault for fault in faults if fault.kind in _AT_ONE_GOAL and not _is_lasting(fault)]
         self.places = {fault.place: fault for fault in faults if fault.place}
 
     def check_places(self, known: Collection[str]) -> None:
@@ -201,8 +205,12 @@ class NavigationFaults:
         return None
 
 
+# Of one goal for a place; a slow computer, without a place, is slow for every goal.
+_AT_ONE_GOAL = ("die", "late", "starved")
+
+
 def _is_lasting(fault: Fault) -> bool:
-    return fault.kind == "code" or (fault.kind == "abort" and not fault.seconds)
+    return fault.kind in ("code", "abort") or (fault.kind in ("late", "starved") and not fault.place)
 
 
 class FaultPlan:
@@ -317,8 +325,9 @@ def _count(text: str, value: str) -> int:
 
 
 def _seconds(text: str, value: str) -> float:
+    number, factor = (value[:-2], 0.001) if value.endswith("ms") else (value.removesuffix("s"), 1.0)
     try:
-        seconds = float(value.removesuffix("s"))
+        seconds = float(number) * factor
     except ValueError:
         seconds = math.nan
     if not (math.isfinite(seconds) and seconds > 0.0):
@@ -332,6 +341,8 @@ def _place(text: str, value: str) -> str:
     return value
 
 
+# The attributes of options that have another name.
+_OPTIONS = {"after": "seconds"}
 _AMOUNTS: Mapping[str, Callable[[str, str], Any]] = {
     "count": _count,
     "code": _count,

@@ -13,9 +13,13 @@ from action_msgs.srv import CancelGoal
 from lifecycle_msgs.srv import GetState
 from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Path as PathMessage
+from rcl_interfaces.msg import Log
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
 from sar_compiler.ros.faults import LOCALISATION, Fault, FaultPlan
@@ -45,8 +49,14 @@ _THROUGH_CODES = 100
 _NO_POSES = 309
 # A goal nearer than this to a place is a goal for that place, metres.
 _PLACE_REACH = 0.5
-# A server that is to die does so after this long on the way, simulated seconds.
+# A server that is to die does so after this long on the way, simulated seconds; one that is starved sees it then.
 _DIES_AFTER_SEC = 1.0
+# Nav2's default of `default_server_timeout`, seconds: a fault that is shorter has no effect.
+_SERVER_TIMEOUT_SEC = 0.02
+# Of rcl_interfaces/msg/Log, where its constants are bytes.
+_LEVEL = LoggingSeverity.WARN.value
+# The logger of the node by which the navigator calls the other servers, one for each of its actions.
+_CLIENT = "bt_navigator_{}_rclcpp_node"
 # How long a drive goes on without a localisation, simulated seconds.
 _LOST_AFTER_SEC = 0.5
 # The reasons for which Nav2 tries to recover.
@@ -201,6 +211,13 @@ def _refusal(goal: _Goal, under_way: _Goal | None) -> DriveOutcome | None:
     return None
 
 
+def pre_empted(goal: AcceptedGoal) -> DriveOutcome:
+    """Return how a goal ends that another one takes the place of: canceled if that was asked for before."""
+    if goal.handle.is_cancel_requested:
+        return DriveOutcome(DriveEnd.CANCELED)
+    return DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal")
+
+
 def _away(pose: Any, here: Pose2D) -> float:
     return math.hypot(pose.pose.position.x - here.x, pose.pose.position.y - here.y)
 
@@ -310,6 +327,7 @@ class BtNavigator(NavigationServer):
         if self.action != FOLLOW:
             # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
             self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
+        self._lines: Publisher | None = None
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
         self._server = self._serve(self._node)
         # An environment that was made earlier flies without these.
@@ -356,10 +374,10 @@ class BtNavigator(NavigationServer):
             answer.set_result(None)
 
     async def _on_goal(self, _: Any) -> GoalResponse:
-        if self._faults.late_sec:
+        if self._faults.delay_sec:
             self._node.get_logger().warning("Fault: a goal is answered late.")
             answer = Future()
-            self._late.append((self._now + self._faults.late_sec, answer))
+            self._late.append((self._now + self._faults.delay_sec, answer))
             await answer
         if not self.active:
             self._node.get_logger().warning(f"Goal rejected: {self.node_name} is not active.")
@@ -385,7 +403,7 @@ class BtNavigator(NavigationServer):
             goal.end(refused)
             return
         if under_way is not None:
-            under_way.end(DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal"))
+            under_way.end(pre_empted(under_way))
         self._goal, self._loose = goal, None
 
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
@@ -417,15 +435,39 @@ class BtNavigator(NavigationServer):
         fault = goal.fault
         if fault is None or fault.kind == "die":
             return None
-        if fault.kind == "abort" and fault.seconds:
-            outcome = self._set_out(goal)
-            if goal.drive is not None:
-                self._loose = goal.drive, self._now + fault.seconds
-            return outcome or DriveOutcome(DriveEnd.ABORTED, text="fault: a server has acknowledged too late")
+        if fault.kind == "late":
+            return self._end_late(goal, fault)
+        if fault.kind == "starved":
+            if goal.drive is None or self._now - goal.began < _DIES_AFTER_SEC:
+                return None
+            self._log_as("tf_help", "Transform data too old when converting from map to odom")
+            return DriveOutcome(DriveEnd.ABORTED)
         if self._now - goal.began < fault.seconds:
             return None
         code = fault.code or NavCode.NO_VALID_PATH
         return DriveOutcome(DriveEnd.ABORTED, code, "fault: the goal is aborted")
+
+    def _end_late(self, goal: _Goal, fault: Fault) -> DriveOutcome | None:
+        """Give a goal up, as Nav2 does when `controller_server` takes it too late, and then drives; return the end."""
+        if fault.seconds <= _SERVER_TIMEOUT_SEC:
+            return None
+        outcome = self._set_out(goal)
+        if goal.drive is not None:
+            self._loose = goal.drive, self._now + fault.drives
+        text = f"Timed out while waiting for action server to acknowledge goal request for {FOLLOW}"
+        client = _CLIENT.format(THROUGH if goal.leads_through else NAVIGATE)
+        namespace = self._node.get_namespace().strip("/").replace("/", ".")
+        self._log_as(f"{namespace}.{client}".lstrip("."), text)
+        return outcome or DriveOutcome(DriveEnd.ABORTED)
+
+    def _log_as(self, name: str, text: str) -> None:
+        """Log a line under the name of a logger that is no node here."""
+        if self._lines is None:
+            latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self._lines = self._node.create_publisher(Log, "/rosout", latched)
+        stamp = to_stamp(round(self._now * 1e9))
+        self._lines.publish(Log(stamp=stamp, level=_LEVEL, name=name, msg=text))
+        self._node.get_logger().info(f"Fault, as {name}: {text}.")
 
     def _go(self, goal: _Goal) -> DriveOutcome | None:
         """Drive for a step; return the end, unless it can be recovered from."""
@@ -506,7 +548,7 @@ class BtNavigator(NavigationServer):
     def _end(self, outcome: DriveOutcome) -> None:
         if self._goal is None:
             return
-        if outcome.ending is DriveEnd.ABORTED:
+        if outcome.ending is DriveEnd.ABORTED and outcome.text:
             self._node.get_logger().warning(f"Goal aborted ({int(outcome.code)}): {outcome.text}.")
         if self._loose is None:
             self._rosbot.drive(STAND)

@@ -22,6 +22,7 @@ from sar_compiler.sim.bt_navigator import (
     ControllerServer,
     NavigationServer,
     NavigationSetup,
+    pre_empted,
 )
 from sar_compiler.sim.messages import NANOSECONDS
 from sar_compiler.sim.navigator import DriveEnd, DriveOutcome, Manner, manner
@@ -114,7 +115,7 @@ class SeparateNavigator(NavigationServer):
         goal, before = _PassedOn(handle, self._now), self._goal
         handle.execute(goal.run)
         if before is not None:
-            before.end(DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal"))
+            before.end(pre_empted(before))
         self._goal = goal
 
         def pass_on(message: Any) -> None:

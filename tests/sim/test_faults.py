@@ -28,12 +28,14 @@ TARGETS = {**MISSION.faults, **NAVIGATION_FAULTS}
         ("navigate_to_pose:reject=1", Fault("navigate_to_pose", "reject", count=1)),
         ("navigate_to_pose:die@zone_c", Fault("navigate_to_pose", "die", place="zone_c")),
         ("navigate_to_pose:die@zone_c,back=5", Fault("navigate_to_pose", "die", place="zone_c", back=5.0)),
-        ("navigate_to_pose:late=2s", Fault("navigate_to_pose", "late", seconds=2.0)),
+        ("navigate_to_pose:delay=2s", Fault("navigate_to_pose", "delay", seconds=2.0)),
+        ("navigate_to_pose:late=50ms", Fault("navigate_to_pose", "late", seconds=0.05)),
+        ("navigate_to_pose:starved@zone_b", Fault("navigate_to_pose", "starved", place="zone_b")),
         ("navigate_to_pose:code=208,after=14s", Fault("navigate_to_pose", "code", code=208, seconds=14.0)),
         ("navigate_to_pose:code=107@zone_c", Fault("navigate_to_pose", "code", code=107, place="zone_c")),
         (
-            "navigate_to_pose:abort@zone_b,drives=3s",
-            Fault("navigate_to_pose", "abort", place="zone_b", seconds=3.0),
+            "navigate_to_pose:late=1s@zone_b,drives=3s",
+            Fault("navigate_to_pose", "late", place="zone_b", seconds=1.0, drives=3.0),
         ),
         ("amcl:die", Fault("amcl", "die")),
         ("amcl:die@zone_b,back=5", Fault("amcl", "die", place="zone_b", back=5.0)),
@@ -68,6 +70,7 @@ def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
         ("navigate_to_pose:code=many", "'many' is not a whole number above 0"),
         ("navigate_to_pose:code=208,after=14m", "'14m' is not a number of seconds above 0"),
         ("navigate_to_pose:late@zone_b", "expected navigate_to_pose:late=SECONDS"),
+        ("navigate_to_pose:late=ms", "'ms' is not a number of seconds above 0"),
         ("amcl:abort=zone_b", "'abort' is no fault of amcl (known: die)"),
         ("navigate_to_pose:die@zone_c,back=", "'' is not a number of seconds above 0"),
         ("navigate_to_pose:abort=zone b", "'zone b' is not a place's name"),
@@ -123,10 +126,18 @@ def test_a_code_comes_without_a_zone_to_every_goal() -> None:
     assert [navigation.accepted(zone) for zone in ("zone_c", "zone_a")] == [*faults.faults, None]
 
 
-def test_a_robot_drives_on_after_one_abort() -> None:
-    faults = plan("navigate_to_pose:abort@zone_b,drives=3s")
+@pytest.mark.parametrize("kind", ["late=50ms", "starved"])
+def test_a_busy_computer_fails_every_goal_and_at_a_zone_one(kind: str) -> None:
+    faults = plan(f"navigate_to_pose:{kind}")
     navigation = faults.for_navigation()
-    assert [navigation.accepted("zone_b") for _ in range(2)] == [*faults.faults, None]
+    assert [navigation.accepted(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
+    faults = plan(f"navigate_to_pose:{kind}@zone_b")
+    navigation = faults.for_navigation()
+    assert [navigation.accepted(zone) for zone in ("zone_a", "zone_b", "zone_b")] == [
+        None,
+        *faults.faults,
+        None,
+    ]
 
 
 def test_the_localisation_dies_on_the_way_to_anywhere() -> None:

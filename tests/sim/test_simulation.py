@@ -328,6 +328,21 @@ def test_a_second_goal_pre_empts_the_first(simulate: Simulate, client: Client) -
     navigation.close()
 
 
+def test_a_goal_that_is_pre_empted_while_it_is_cancelled_ends_canceled(
+    simulate: Simulate, client: Client
+) -> None:
+    simulation = simulate()
+    client.make_ready()
+    navigation = Navigation(client)
+    first = navigation.send(-3.0, 3.0)
+    client.wait(lambda: simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) > 0.3, "movement")
+    first.cancel_goal_async()
+    second = navigation.send(0.5, 0.0)
+    assert navigation.result(first).status == CANCELED
+    assert navigation.result(second).status == SUCCEEDED
+    navigation.close()
+
+
 # Places on the way from home to zone_a.
 ON_THE_WAY = ((-0.8, 1.0), (-1.9, 1.9), (-3.0, 3.0))
 
@@ -517,7 +532,7 @@ class Spy:
 
 
 def test_a_robot_drives_on_after_an_abort_on_request(simulate: Simulate, client: Client) -> None:
-    simulation = simulate(speed=5.0, faults=plan("navigate_to_pose:abort@zone_b,drives=3s"))
+    simulation = simulate(speed=5.0, faults=plan("navigate_to_pose:late=50ms@zone_b,drives=3s"))
     client.make_ready()
     spy, navigation = Spy(client), Navigation(client)
     result = navigation.result(navigation.send(3.5, 3.0))
@@ -529,12 +544,49 @@ def test_a_robot_drives_on_after_an_abort_on_request(simulate: Simulate, client:
     navigation.close()
 
 
+@pytest.mark.parametrize(
+    ("fault", "logger", "text"),
+    [
+        (
+            "late=50ms",
+            "bt_navigator_navigate_to_pose_rclcpp_node",
+            "Timed out while waiting for action server to acknowledge goal request for follow_path",
+        ),
+        ("starved", "tf_help", "Transform data too old when converting from map to odom"),
+    ],
+)
+def test_a_busy_computer_ends_every_goal_without_a_code_and_logs_the_reason_as_nav2_does(
+    simulate: Simulate, client: Client, fault: str, logger: str, text: str
+) -> None:
+    from rcl_interfaces.msg import Log
+
+    lines: list[Any] = client.listen(Log, "/rosout", 100)
+    simulate(speed=5.0, faults=plan(f"navigate_to_pose:{fault}"))
+    client.make_ready()
+    navigation = Navigation(client)
+    for _ in range(2):
+        result = navigation.result(navigation.send(3.5, 3.0))
+        assert (result.status, result.result.error_code, result.result.error_msg) == (ABORTED, 0, "")
+    client.wait(lambda: [each.msg for each in lines if each.name == logger] == [text] * 2, "the reason")
+    navigation.close()
+
+
+def test_a_server_that_is_late_within_nav2s_time_out_harms_nothing(
+    simulate: Simulate, client: Client
+) -> None:
+    simulate(faults=plan("navigate_to_pose:late=20ms"))
+    client.make_ready()
+    navigation = Navigation(client)
+    assert navigation.result(navigation.send(0.5, 0.0)).status == SUCCEEDED
+    navigation.close()
+
+
 def test_what_drives_without_a_goal_is_stopped_by_a_cancel_of_the_path_it_follows(
     simulate: Simulate, client: Client
 ) -> None:
     from action_msgs.srv import CancelGoal
 
-    simulation = simulate(speed=2.0, faults=plan("navigate_to_pose:abort@zone_b,drives=60s"))
+    simulation = simulate(speed=2.0, faults=plan("navigate_to_pose:late=50ms@zone_b,drives=60s"))
     client.make_ready()
     spy, navigation = Spy(client), Navigation(client)
     assert navigation.result(navigation.send(3.5, 3.0)).status == ABORTED
@@ -545,7 +597,7 @@ def test_what_drives_without_a_goal_is_stopped_by_a_cancel_of_the_path_it_follow
 
 
 def test_goals_are_acknowledged_late_on_request(simulate: Simulate, client: Client) -> None:
-    simulation = simulate(faults=plan("navigate_to_pose:late=5s"))
+    simulation = simulate(faults=plan("navigate_to_pose:delay=5s"))
     client.make_ready()
     navigation = Navigation(client)
     began = simulation.sim_time
