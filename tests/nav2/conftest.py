@@ -10,7 +10,7 @@ from tests.nav2.prefix import missing
 
 __all__ = ["start"]
 
-_ROWS: list[tuple[str, str, str]] = []
+_ROWS: list[tuple[str, str, str, str]] = []
 
 
 @pytest.fixture(scope="module")
@@ -45,11 +45,12 @@ def fly(start):
 
 
 @pytest.fixture
-def seen(request):
-    """Note what was seen beside what was promised; the rows are printed at the end, also of what failed."""
+def seen(request, running):
+    """Note what was seen beside what was promised, and how busy the computer was; the rows are printed at the end, also of what failed."""
 
     def note(promised, what):
-        _ROWS.append((request.node.name, promised, what))
+        load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors, {running.control_rate()}"
+        _ROWS.append((request.node.name, promised, what, load))
 
     return note
 
@@ -57,5 +58,7 @@ def seen(request):
 def pytest_terminal_summary(terminalreporter):
     if _ROWS:
         terminalreporter.section("promised, and seen on Nav2")
-        for name, promised, what in _ROWS:
-            terminalreporter.write_line(f"{name}\n    promised: {promised}\n    seen:     {what}")
+        for name, promised, what, load in _ROWS:
+            terminalreporter.write_line(
+                f"{name}\n    promised: {promised}\n    seen:     {what}\n    computer: {load}"
+            )

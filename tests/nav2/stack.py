@@ -1,10 +1,12 @@
 """A robot without a mission: the simulated world, Nav2's nodes as processes that can be killed, and who watches them."""
 
 import math
+import re
 import signal
 import subprocess
+import sys
 import time
-from pathlib import Path
+from contextlib import contextmanager
 
 import yaml
 from action_msgs.msg import GoalStatus, GoalStatusArray
@@ -16,15 +18,17 @@ from rclpy.action import ActionClient
 from sensor_msgs.msg import BatteryState
 
 from tests.e2e.witness import LATCHED, Watcher
+from tests.nav2.parameter_files import NAV2_PARAMS, ROOT
 from tests.nav2.prefix import MANAGER, SERVERS, environment, executable
 from tests.processes import Command
 
-ROOT = Path(__file__).resolve().parent.parent.parent
-PARAMS = ROOT / "config" / "nav2_params.yaml"
 LOCALISATION = ["map_server", "amcl"]
 NAVIGATION = [name for name in SERVERS if name not in LOCALISATION]
 LOCALISATION_MANAGER, NAVIGATION_MANAGER = "lifecycle_manager_localization", "lifecycle_manager_navigation"
 _MANAGERS = {LOCALISATION_MANAGER: LOCALISATION, NAVIGATION_MANAGER: NAVIGATION}
+
+# Of controller_server's warning that its loop was late: the rate that it had, Hz.
+_RATE = re.compile(r"Control loop missed its desired rate of [\d.]+ Hz. Current loop rate is ([\d.]+) Hz")
 
 # A robot that is slower than this stands, m/s and rad/s.
 STANDS_V, STANDS_W = 0.02, 0.05
@@ -37,6 +41,18 @@ _END_SEC = 10.0
 # How near to its start a robot is at home, metres.
 _HOME = 0.5
 _ENDED = (GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED)
+
+
+@contextmanager
+def busy_processes(count):
+    """Have so many processes that do nothing but compute beside what is done."""
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for each in busy:
+            each.kill()
+            each.wait()
 
 
 class Robot(Watcher):
@@ -144,23 +160,28 @@ class Robot(Watcher):
 
     def drive_home(self):
         """Send the robot back to its start, and wait until it is there."""
-        self.wait_until(self._action.server_is_ready, "the server of navigate_to_pose")
-        goal = NavigateToPose.Goal()
-        goal.pose.header.frame_id, goal.pose.pose.orientation.w = "map", 1.0
-        sent = self._action.send_goal_async(goal)
-        self.wait_until(sent.done, "the answer to the goal for home")
-        result = sent.result().get_result_async()
-        self.wait_until(result.done, "the robot's coming home")
-        return result.result().status == GoalStatus.STATUS_SUCCEEDED
+        goal = self.send(0.0, 0.0)
+        result = self._in_its_thread(goal.get_result_async, "the robot's coming home")
+        return result.status == GoalStatus.STATUS_SUCCEEDED
 
     def send(self, x, y):
-        """Send a goal as another client does."""
+        """Send a goal as another client does; the accepted goal."""
         self.wait_until(self._action.server_is_ready, "the server of navigate_to_pose")
         goal = NavigateToPose.Goal()
         goal.pose.header.frame_id, goal.pose.pose.orientation.w = "map", 1.0
         goal.pose.pose.position.x, goal.pose.pose.position.y = x, y
-        sent = self._action.send_goal_async(goal)
-        self.wait_until(sent.done, "the answer to the goal")
+        sent = self._in_its_thread(lambda: self._action.send_goal_async(goal), "the answer to the goal")
+        assert sent.accepted, "the goal is rejected"
+        return sent
+
+    def _in_its_thread(self, ask, what):
+        """Ask in the thread that spins, and wait for the answer.
+
+        rclpy notes a question only after it is sent: in another thread the answer can come before, and is lost.
+        """
+        asked = self._executor.create_task(ask)
+        self.wait_until(lambda: asked.done() and asked.result().done(), what)
+        return asked.result().result()
 
     def tell_pose(self, x, y):
         """Tell the localisation where the robot is, as RViz does."""
@@ -177,9 +198,7 @@ class Robot(Watcher):
         self.wait_until(client.service_is_ready, f"{name}/change_state")
         request = ChangeState.Request()
         request.transition.id = transition
-        answer = client.call_async(request)
-        self.wait_until(answer.done, f"the change of {name}")
-        return answer.result().success
+        return self._in_its_thread(lambda: client.call_async(request), f"the change of {name}").success
 
     def say_battery(self, left):
         """Say how full the battery is, between 0 and 1, beside the simulator that says so once a second."""
@@ -201,11 +220,15 @@ class Nav2:
     Args:
         prefix: Where Nav2 is installed.
         folder: For its logs and files.
+
+    Attributes:
+        parameters: The parameter file of Nav2's nodes; None for the shipped one. Counts from the next start on.
     """
 
     def __init__(self, prefix, folder):
         self._prefix, self._folder = prefix, folder
         self._environment = environment(prefix)
+        self.parameters = None
         self._processes, self._commands, self._read = {}, [], {}
         self.start()
 
@@ -230,7 +253,7 @@ class Nav2:
 
     def _launch(self):
         self.is_whole = True
-        self._forget_logs()
+        self.forget_logs()
         simulated = ["--ros-args", "-p", "use_sim_time:=true"]
         self.simulator = Command("sar-sim", "run", self._world(), "--speed", "1")
         self.simulator.wait_for("runs")
@@ -260,7 +283,9 @@ class Nav2:
     def run(self, name):
         """Start one of its processes, also again when it was killed."""
         if name in SERVERS:
-            self._start(name, SERVERS[name], name, "--params-file", PARAMS, *self._map(name))
+            self._start(
+                name, SERVERS[name], name, "--params-file", self.parameters or NAV2_PARAMS, *self._map(name)
+            )
         else:
             listed = f"node_names:=[{', '.join(_MANAGERS[name])}]"
             self._start(name, *MANAGER, "-r", f"__node:={name}", "-p", "autostart:=true", "-p", listed)
@@ -285,7 +310,7 @@ class Nav2:
     def kill(self, *names):
         """Kill processes; the machine's time at which that was."""
         self.is_whole = False
-        self._forget_logs()
+        self.forget_logs()
         for name in names:
             self._processes[name].kill()
             self._processes[name].wait()
@@ -308,8 +333,22 @@ class Nav2:
         """What a node has said since everything was started, or the last one was killed."""
         return self.log(name)[self._read.get(name, 0) :]
 
-    def _forget_logs(self):
+    def forget_logs(self):
+        """Begin the news anew."""
         self._read = {each: len(self.log(each)) for each in self._processes}
+
+    def missed_rates(self):
+        """How often the controller has missed its rate since a process was killed last, or the news began anew."""
+        return len(_RATE.findall(self.news("controller_server")))
+
+    def control_rate(self):
+        """How often the controller has missed its rate since then, and the lowest rate, in words."""
+        rates = [float(each) for each in _RATE.findall(self.news("controller_server"))]
+        return (
+            f"control loop late {len(rates)} times, {min(rates):.1f} Hz at worst"
+            if rates
+            else "control loop in time"
+        )
 
     def be_home(self):
         """See that everything runs, with the robot at its start: drive it there, or start everything anew."""

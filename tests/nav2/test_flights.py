@@ -5,11 +5,11 @@ import signal
 import time
 
 import pytest
-import yaml
 from lifecycle_msgs.msg import Transition
 
 from tests.docs.test_sweeping_page import passing_tree
-from tests.nav2.stack import GRACE_SEC, NAVIGATION, NAVIGATION_MANAGER, ROOT
+from tests.nav2.parameter_files import nav2_with_its_own_time_outs, one_zone_in_a_wall, one_zone_to_sweep
+from tests.nav2.stack import GRACE_SEC, NAVIGATION, NAVIGATION_MANAGER, busy_processes
 from tests.processes import in_order
 
 pytestmark = [pytest.mark.nav2, pytest.mark.ros]
@@ -45,10 +45,10 @@ def given_up(run):
 
 
 def summary(run):
-    """What `--summary json` has printed."""
-    return json.loads(
-        next(line for line in reversed(run.output.splitlines()) if line.startswith('{"status"'))
-    )
+    """What `--format json` has printed."""
+    lines = [line for line in run.output.splitlines() if line.startswith('{"status"')]
+    assert lines, f"no summary:\n{run.output}"
+    return json.loads(lines[-1])
 
 
 @pytest.mark.parametrize("tree", TREES)
@@ -72,17 +72,7 @@ def test_a_tree_is_flown_and_nothing_moves_without_a_goal(tree, nav2, fly, seen)
 
 
 def test_pieces_of_a_sweep_are_driven_through_as_one_goal(nav2, fly, seen, tmp_path):
-    params = yaml.safe_load((ROOT / "config" / "search_sweeps_params.yaml").read_text(encoding="utf-8"))
-    given = params["/**"]["ros__parameters"]
-    ground = [-5.5, 0.8, -0.8, 0.8, -0.8, 4.5, -5.5, 4.5]
-    zone = {"x": -3.0, "y": 3.0, "yaw": 0.0, "poa": 0.5, "pod": 0.6, "look_sec": 20.0}
-    given["zones"], given["zone_order"] = (
-        {"zone_a": {**zone, "polygon": ground, "detection_range": 1.5}},
-        ["zone_a"],
-    )
-    given["initial_pose"] = given["base_station"] = {"x": 0.0, "y": 0.0, "yaw": 0.0}
-    file = tmp_path / "params.yaml"
-    file.write_text(yaml.safe_dump(params), encoding="utf-8")
+    file = one_zone_to_sweep(tmp_path)
     began = time.time()
     run = fly(passing_tree(tmp_path), "--format", "json", "--params", file)
     status = end(run, nav2)
@@ -101,11 +91,7 @@ def test_pieces_of_a_sweep_are_driven_through_as_one_goal(nav2, fly, seen, tmp_p
 
 
 def test_a_zone_in_a_wall_is_given_up_and_the_robot_comes_home(nav2, fly, seen, tmp_path):
-    params = yaml.safe_load((ROOT / "config" / "mission_params.yaml").read_text(encoding="utf-8"))
-    params["/**"]["ros__parameters"]["zones"]["zone_b"] = {"x": 6.2, "y": 0.0, "yaw": 0.0}
-    params["/**"]["ros__parameters"]["zone_order"] = ["zone_a", "zone_b"]
-    file = tmp_path / "params.yaml"
-    file.write_text(yaml.safe_dump(params), encoding="utf-8")
+    file = one_zone_in_a_wall(tmp_path)
     began = time.time()
     run = fly(RESILIENT, "--format", "json", "--params", file)
     status = end(run, nav2)
@@ -363,20 +349,48 @@ def tells_of_localisation(run, since):
     return next((line for line in run.log[since:] if any(word in line for word in words)), "")
 
 
-def test_ten_missions_in_a_row_lose_no_drive(nav2, fly, seen):
+def test_ten_missions_in_a_row_are_complete(nav2, fly, seen):
+    """A drive that Nav2 aborts is driven again; none is aborted while the controller keeps its rate."""
     ends = []
     for _ in range(MISSIONS_IN_A_ROW):
         began = time.time()
+        nav2.forget_logs()
         run = fly(RESILIENT, "--journal", "none", "--format", "json")
         status = end(run, nav2)
-        aborted = nav2.robot.ends_since(began).count(ABORTED)
-        ends.append(
-            (status, summary(run)["duration"], aborted, round(nav2.robot.drives_without_goal(began), 1))
-        )
+        aborted, loose = nav2.robot.ends_since(began).count(ABORTED), nav2.robot.drives_without_goal(began)
+        ends.append((status, summary(run)["duration"], aborted, round(loose, 1), nav2.missed_rates()))
         nav2.be_home()
     seen(
-        "status 0, no drive aborted, nothing moves without a goal",
-        f"(status, s, aborted, s without goal): {ends}",
+        "status 0; no drive aborted and nothing moves without a goal, where the controller keeps its rate",
+        f"(status, s, aborted, s without goal, control loops missed): {ends}",
     )
-    assert [(status, aborted) for status, _, aborted, _ in ends] == [(0, 0)] * MISSIONS_IN_A_ROW
-    assert max(loose for *_, loose in ends) <= GRACE_SEC
+    assert [status for status, *_ in ends] == [0] * MISSIONS_IN_A_ROW
+    in_time = [each for each in ends if not each[-1]]
+    assert [aborted for _, _, aborted, *_ in in_time] == [0] * len(in_time)
+    assert max((loose for _, _, _, loose, _ in in_time), default=0.0) <= GRACE_SEC
+
+
+def test_nav2s_own_time_out_on_a_busy_computer_gives_no_zone_up(running, fly, seen, tmp_path):
+    """With 20 ms Nav2 aborts most goals without a code: nothing against their zones."""
+    running.stop()
+    running.parameters = nav2_with_its_own_time_outs(tmp_path)
+    try:
+        running.start()
+        began = time.time()
+        with busy_processes(2):
+            run = fly(RESILIENT, "--journal", "none", "--format", "json")
+            status = end(run, running)
+        aborted, place = running.robot.ends_since(began).count(ABORTED), running.robot.place
+        unsearched = [line for line in given_up(run) if "navigation is unavailable" not in line]
+        seen(
+            "the parameter is named; each zone is searched, or reported as not searched because Nav2 did not answer; home",
+            f"status {status}, {aborted} goals aborted, {given_up(run) or 'no zone given up'}, ended at "
+            f"({place[0]:.2f}, {place[1]:.2f}), moved without a goal for {running.robot.drives_without_goal(began):.1f} s",
+        )
+        assert "write `default_server_timeout: 1000` under `bt_navigator" in run.output
+        assert status in (0, 1), run.output
+        assert not unsearched, run.output
+        assert "Reached base station." in run.log, run.output
+    finally:
+        running.parameters = None
+        running.is_whole = False
