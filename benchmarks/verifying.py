@@ -33,6 +33,7 @@ from benchmarks.figures import (
     plain,
 )
 from benchmarks.trees import around, document, sequence
+from sar_compiler.budget import Budget
 from sar_compiler.checks.verify import verify
 from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.compiler import bind_main
@@ -141,7 +142,7 @@ def _searched(
             sizes[progress.states] = memory_now()
 
     start = time.process_time() + cpu_of_children()
-    found = verify(simulated, properties, tags, most, note, forgets=forgets)
+    found = verify(simulated, properties, tags, most, Budget(on_progress=note), forgets=forgets)
     return Search(found.states, found.steps, time.process_time() + cpu_of_children() - start)
 
 

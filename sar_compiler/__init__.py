@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from sar_compiler.faces import lazy
 
 if TYPE_CHECKING:
+    from sar_compiler.budget import Budget as Budget
     from sar_compiler.checks.verify.verdicts import ProofStatus as ProofStatus
     from sar_compiler.checks.verify.verdicts import Verdict as Verdict
     from sar_compiler.checks.verify.verdicts import Verification as Verification

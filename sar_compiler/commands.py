@@ -57,7 +57,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
     """Run a command and turn its errors for the user into messages.
 
     Returns:
-        The exit status: the command's own, or 2 for a `SarError`, for a library that is not installed, and where
+        The exit status: the command's own, that of a `SarError` (mostly 2), or 2 for a library that is not installed, and where
         standard output cannot be written.
     """
     try:
@@ -67,7 +67,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
 
         # A finding begins with its place, which editors and terminals make a link of.
         print_error(str(error) if isinstance(error, TreeError) else f"{prog}: {error}")
-        return USAGE
+        return error.exit_status
     except ImportError as error:
         message = "there is not enough memory for this" if _NO_MEMORY in str(error) else not_installed(error)
         if message is None:

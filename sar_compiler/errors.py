@@ -6,7 +6,13 @@ of them as a message, without a traceback.
 
 
 class SarError(Exception):
-    """Something a user did, wrote or lacks; the text says what it is and what to do."""
+    """Something a user did, wrote or lacks; the text says what it is and what to do.
+
+    Attributes:
+        exit_status: The status with which a command ends for it.
+    """
+
+    exit_status = 2
 
 
 class UndecidableError(SarError):

@@ -42,7 +42,7 @@ MAY_IMPORT = {
     "lsp": {"tree", "runtime", "nodes", "checks", "views", "project"},
     "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
 }
-COMMON = {"commands", "errors", "faces", "opener", "process_end", "resources", "signs"}
+COMMON = {"budget", "commands", "errors", "faces", "opener", "process_end", "resources", "signs"}
 ABOVE = {"__init__", "cli"}
 
 

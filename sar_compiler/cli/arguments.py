@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
+from sar_compiler.budget import MAX_MEMORY_MB, MAX_SEC, Budget
 from sar_compiler.commands import CommandParser
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import Georeference
@@ -128,3 +129,18 @@ def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
     """Add `--tree`; *use* is what is done with that tree."""
     text = f"the tree to {use} (default: the one the file executes)"
     parser.add_argument("--tree", type=TREE_ID, metavar="ID", help=text)
+
+
+def add_budget(
+    parser: argparse.ArgumentParser, max_sec: float = MAX_SEC, what: str = "processor time"
+) -> None:
+    """Add the options that limit an analysis; *what* is measured of its time."""
+    text = f"stop after so many seconds of {what}, and print what is known (default {max_sec:g})"
+    parser.add_argument("--max-seconds", type=seconds, default=max_sec, metavar="SEC", help=text)
+    text = f"stop where the process has so many megabytes, and print what is known (default {MAX_MEMORY_MB})"
+    parser.add_argument("--max-memory", type=count, default=MAX_MEMORY_MB, metavar="MB", help=text)
+
+
+def budget_of(arguments: argparse.Namespace, **options: Any) -> Budget:
+    """Return what the command line allows an analysis; *options* are further ones of `Budget`."""
+    return Budget(arguments.max_seconds, arguments.max_memory, **options)

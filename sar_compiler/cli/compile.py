@@ -7,7 +7,16 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, FOLDER, TREE_INPUT, ArgumentKind, Parser, add_tree_id
+from sar_compiler.cli.arguments import (
+    FILE,
+    FOLDER,
+    TREE_INPUT,
+    ArgumentKind,
+    Parser,
+    add_budget,
+    add_tree_id,
+    budget_of,
+)
 from sar_compiler.cli.loading import (
     FORMAT_HELP,
     INPUT_HELP,
@@ -133,6 +142,7 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fold", action="store_true", help=text)
     text = "the file to write (default: standard output)"
     parser.add_argument("-o", "--output", type=FILE, metavar="OUT", help=text)
+    add_budget(parser)
     parser.set_defaults(run=_show)
 
 
@@ -141,6 +151,7 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("old", type=TREE_INPUT, metavar="A", help=f"{INPUT_HELP}, before the change")
     parser.add_argument("new", type=TREE_INPUT, metavar="B", help=f"{INPUT_HELP}, after it")
     parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
+    add_budget(parser)
     parser.set_defaults(run=_diff)
 
 
@@ -178,8 +189,10 @@ def _show(arguments: argparse.Namespace) -> int:
         print_error(f"{PROG}: --fold is for pictures: --format {', '.join(_PICTURES)}")
         return USAGE
     # `validate` warns of the doubtful cases.
-    tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
-    text = _drawing(tree, arguments.format, folded=arguments.fold)
+    loaded = workspace(arguments).load(arguments.file)
+    text = budget_of(arguments, patience_sec=0.0).run(
+        lambda: _drawing(loaded.preview(arguments.tree), arguments.format, folded=arguments.fold)
+    )
     if arguments.output is None:
         print(text, end="")
     else:
@@ -222,7 +235,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.gathering import find_tree, read_tree_file
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
-    differences = difference(old, new)
+    differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new))
     if arguments.format == "json":
         from sar_compiler.views.plain import as_json
 

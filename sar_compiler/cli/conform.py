@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE
+from sar_compiler.budget import BudgetSpentError
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of
 from sar_compiler.cli.loading import INPUT_HELP, workspace
 from sar_compiler.cli.verify import add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_text
@@ -12,6 +13,7 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.journal_entries import OF_ROBOT, Ending, JournalEntry
 
 if TYPE_CHECKING:
+    from sar_compiler.budget import Budget
     from sar_compiler.checks.conformance import Conformance
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.project import LoadedTree
@@ -39,7 +41,7 @@ def conform_flights(arguments: argparse.Namespace) -> int:
     """Compare flights with all possible runs of a tree, and print what was otherwise.
 
     Returns:
-        0 if all were runs of the tree and have broken nothing, else 1.
+        0 if all were runs of the tree and have broken nothing, else 1; 130 after Ctrl-C.
 
     Raises:
         TreeError: If a file has mistakes.
@@ -48,13 +50,17 @@ def conform_flights(arguments: argparse.Namespace) -> int:
     from sar_compiler.views import compared_flights as views
 
     tree = workspace(arguments).load(arguments.file)
-    flights = [_flight(place, tree, arguments) for place in arguments.journals]
+    # Nothing in it asks whether it has to end.
+    budget = budget_of(arguments, patience_sec=0.0)
+    flights = [_flight(place, tree, budget, arguments) for place in arguments.journals]
     show = views.flights_as_json if arguments.format == "json" else views.flights_as_text
     print_text(show(flights))
+    if budget.is_interrupted:
+        return budget.exit_status
     return OK if all(each.is_fine for each in flights) else FINDINGS
 
 
-def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "Flight":
+def _flight(place: Path, tree: "LoadedTree", budget: "Budget", arguments: argparse.Namespace) -> "Flight":
     """Return what was found out about the last run of a journal."""
     from sar_compiler.checks.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.database import JournalFile
@@ -70,10 +76,12 @@ def _flight(place: Path, tree: "LoadedTree", arguments: argparse.Namespace) -> "
     if not state.nodes:
         return flight._replace(problem="there is no run of a tree in it")
     try:
-        found = _compared(tree, entries, state, arguments)
+        found = budget.run(lambda: _compared(tree, entries, state, arguments))
         return flight._replace(found=found, changed=_changed(tree, state, arguments))
     except OtherTreeError as error:
         return flight._replace(problem=f"{error}; it is of {_tree_of(state)}, and not of {tree.path}")
+    except BudgetSpentError as error:
+        return flight._replace(problem=str(error))
     except UndecidableError as error:
         return flight._replace(problem=f"nothing can be decided: {error}")
 

@@ -3,12 +3,14 @@
 import argparse
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from sar_compiler.cli.arguments import FILE, ArgumentKind
+from sar_compiler.budget import Budget, BudgetSpentError
+from sar_compiler.cli.arguments import FILE, ArgumentKind, add_budget, budget_of
 from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
-from sar_compiler.commands import print_text
+from sar_compiler.commands import OK, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.tree.showing import in_one_line
@@ -36,12 +38,16 @@ def add_why(parser: argparse.ArgumentParser) -> None:
     text = "the tree's file, to look for what would have succeeded (default: where it was for that run)"
     add("--tree-file", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
+    add_budget(parser)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=tell_why)
 
 
-def tell_why(options: argparse.Namespace) -> None:
+def tell_why(options: argparse.Namespace) -> int:
     """Print why the last run of a mission has failed, what would have succeeded, and what another run did otherwise.
+
+    Returns:
+        0; 130 if Ctrl-C has ended the search for what would have succeeded.
 
     Raises:
         JournalError: If a journal cannot be read.
@@ -50,16 +56,21 @@ def tell_why(options: argparse.Namespace) -> None:
     from sar_compiler.views.why import difference_data, difference_text
 
     with JournalFile.reading(options.journal) as file:
-        explained = Explanation.of(file, workspace(options), options.tree_file, is_gone=not file.is_written)
+        # Nothing in it asks whether it has to end.
+        budget = budget_of(options, patience_sec=0.0)
+        explained = Explanation.of(
+            file, workspace(options), options.tree_file, is_gone=not file.is_written, budget=budget
+        )
     difference = None if options.against is None else _difference(options.journal, options.against)
     if options.format == "json":
         data = explained.data()
         more = {"difference": difference_data(difference)} if options.against is not None else {}
         print(as_json({**data, **more}))
-        return
+        return budget.exit_status if budget.is_interrupted else OK
     print_text(explained.text())
     if options.against is not None:
         print_text(f"\n{difference_text(difference, (str(options.journal), str(options.against)))}")
+    return budget.exit_status if budget.is_interrupted else OK
 
 
 def _difference(place: Path, other_place: Path) -> "RunDifference | None":
@@ -107,6 +118,7 @@ class Explanation(NamedTuple):
         tree_file: Path | None = None,
         *,
         is_gone: bool = True,
+        budget: Budget | None = None,
     ) -> "Explanation":
         """Return what is found out by a journal, which is read entry by entry.
 
@@ -115,10 +127,12 @@ class Explanation(NamedTuple):
             projects: Loads the tree, if what would have succeeded is asked.
             tree_file: Its file; by default the one that the run had.
             is_gone: Whether the process that writes it is there no more.
+            budget: What the search for what would have succeeded may take.
 
         Raises:
             JournalError: If the journal cannot be read.
         """
+        from sar_compiler.journal.database import JournalFile
         from sar_compiler.journal.recorded_events import recorded_events
         from sar_compiler.views.why import Inquiry
 
@@ -129,10 +143,16 @@ class Explanation(NamedTuple):
             return cls(reasons, inquiry.state.nodes)
 
         def record() -> "Iterator[Event]":
-            events = recorded_events(_tree_entries(file))
-            return itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
+            # It is read in the thread of the search, and SQLite serves no other than the one that has opened a file.
+            with JournalFile.reading(file.path) as own:
+                events = recorded_events(_tree_entries(own))
+                yield from itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
 
-        change = what_would_have_succeeded(inquiry.state, record, projects, tree_file)
+        search = partial(what_would_have_succeeded, inquiry.state, record, projects, tree_file)
+        try:
+            change = (budget or Budget()).run(search)
+        except BudgetSpentError as error:
+            change = Otherwise(reason=str(error))
         return cls(reasons, inquiry.state.nodes, change)
 
     def text(self) -> str:

@@ -2,12 +2,13 @@
 
 import argparse
 import contextlib
+import functools
 import time
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, count, seconds
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of, count, seconds
 from sar_compiler.cli.loading import INPUT_HELP, workspace
 from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_search_options, facts_given
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_error, print_text
+from sar_compiler.commands import FINDINGS, OK, print_error, print_text
 from sar_compiler.errors import UndecidableError
 
 
@@ -33,7 +34,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
     """Predict the runs of a tree, and print what is to be expected.
 
     Returns:
-        0; 1 if the tree's runs cannot be gone through, or there is nothing to plot, 130 after Ctrl-C, with what is known so far.
+        0; 1 if the tree's runs cannot be gone through, or not all of them within the budget, or there is nothing to plot; 130 after Ctrl-C.
 
     Raises:
         TreeError: If a file has mistakes.
@@ -42,28 +43,30 @@ def predict_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.views import prediction as views
 
     started = time.monotonic()
+    progress = ProgressOfSearch()
+    budget = budget_of(arguments, on_progress=progress.show)
     try:
-        with contextlib.closing(ProgressOfSearch()) as progress:
-            found = (
-                workspace(arguments)
-                .load(arguments.file)
-                .predict(
-                    arguments.properties,
-                    answers=arguments.answers,
-                    facts=facts_given(arguments.set),
-                    params=arguments.params,
-                    tree_id=arguments.tree,
-                    period_sec=arguments.period,
-                    max_states=arguments.max_states,
-                    on_progress=progress.show,
-                )
+        with contextlib.closing(progress):
+            predict = functools.partial(
+                workspace(arguments).load(arguments.file).predict,
+                arguments.properties,
+                answers=arguments.answers,
+                facts=facts_given(arguments.set),
+                params=arguments.params,
+                tree_id=arguments.tree,
+                period_sec=arguments.period,
+                max_states=arguments.max_states,
+                budget=budget,
             )
+            found = budget.run(predict)
     except UndecidableError as error:
         print_error(f"sar-compile: nothing can be predicted: {error}")
         return FINDINGS
     taken_sec = time.monotonic() - started
     show = views.prediction_as_json if arguments.format == "json" else views.prediction_as_text
     print_text(show(found, taken_sec))
+    if budget.is_interrupted or found.stopped:
+        print_error(f"sar-compile: {budget.reason}")
     if arguments.plot is not None and not found.distribution:
         print_error(
             f"sar-compile: {arguments.plot} is not written: when runs end was not worked out, or none does"
@@ -71,4 +74,5 @@ def predict_file(arguments: argparse.Namespace) -> int:
         return FINDINGS
     if arguments.plot is not None:
         write_text(arguments.plot, views.prediction_as_svg(found))
-    return INTERRUPTED if found.stopped else OK
+    is_whole = found.complete and not found.stopped and not budget.is_interrupted
+    return OK if is_whole else budget.exit_status

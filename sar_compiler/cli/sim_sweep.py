@@ -7,6 +7,7 @@ import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from sar_compiler.budget import Budget
 from sar_compiler.cli.arguments import DEFAULT_WORLD, TREE, WORLD, YAML_FILE, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
 from sar_compiler.cli.sweep import Written, add_sweep_options, add_varied_parameters, run_sweep
@@ -61,9 +62,8 @@ def sweep_missions(options: argparse.Namespace) -> int:
         write_text(options.output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
         return options.output, shlex.join(["sh", str(options.output)])
 
-    return run_sweep(
-        list(rows), 1, in_threads, write, "a command that flies it again, with the fewest faults", options
-    )
+    kind = "a command that flies it again, with the fewest faults"
+    return run_sweep(list(rows), 1, in_threads, write, kind, options, Budget(patience_sec=0.0))
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":

@@ -5,13 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import TREE_INPUT, YAML_FILE, add_tree_id, count, seed
+from sar_compiler.cli.arguments import TREE_INPUT, YAML_FILE, add_budget, add_tree_id, budget_of, count, seed
 from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.tree.guessing import did_you_mean
 
 if TYPE_CHECKING:
+    from sar_compiler.budget import Budget
     from sar_compiler.checks.simulate.running import Coverage, Failure, Run
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.compiler.simulated_tree import SimulatedTree
@@ -40,25 +41,33 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     add_params(parser)
     add_project_options(parser)
     add_mission(parser)
+    add_budget(parser)
     text = "for people (default text), for scripts, or for continuous integration"
     add("--format", choices=("text", "json", "junit"), default="text", help=text)
     parser.set_defaults(run=simulate_file)
 
 
 def simulate_file(arguments: argparse.Namespace) -> int:
-    """Play the scenarios and return the exit status: 0 if all expectations are met.
+    """Play the scenarios and return the exit status: 0 if all expectations are met; 130 after Ctrl-C, 1 if the budget did not suffice.
 
     Raises:
         TreeError: If the tree has mistakes.
         UnreadableFileError: If the tree file does not exist or cannot be read.
     """
     from sar_compiler.checks.simulate.running import Coverage
+    from sar_compiler.views.runs import PlayedScenario
 
     stage = workspace(arguments).load(arguments.file).stage(arguments.tree, arguments.params)
     stage.binding()
-    coverage = Coverage()
-    played = [_play(path, stage, coverage, arguments) for path in scenario_files(arguments.scenario)]
+    coverage, budget, played = Coverage(), budget_of(arguments), list[PlayedScenario]()
+    files = scenario_files(arguments.scenario)
+    for path in files:
+        if not budget.reason:
+            played.append(_play(path, stage, coverage, budget, arguments))
     _print(played, coverage, arguments)
+    if budget.reason:
+        print_error(f"sar-compile: {budget.reason} ({len(played)} of {len(files)} scenarios were begun)")
+        return budget.exit_status
     if any(each.run is None and not each.is_finding for each in played):
         return USAGE
     return FINDINGS if any(each.failures or each.is_finding for each in played) else OK
@@ -83,7 +92,11 @@ def scenario_files(paths: "list[Path]") -> "list[Path | None]":
 
 
 def _play(
-    path: Path | None, stage: "Stage", coverage: "Coverage", arguments: argparse.Namespace
+    path: Path | None,
+    stage: "Stage",
+    coverage: "Coverage",
+    budget: "Budget",
+    arguments: argparse.Namespace,
 ) -> "PlayedScenario":
     """Play a scenario, and print the error if it cannot be played."""
     from sar_compiler.checks.simulate.running import ScenarioPlayer, failures
@@ -106,7 +119,14 @@ def _play(
     until = Program(arguments.until) if arguments.until else play.scenario.until
     most = arguments.ticks or play.scenario.max_ticks
     scenario = replace(play.scenario, until=until, max_ticks=most, seed=arguments.seed)
-    run = ScenarioPlayer(play.simulated, scenario).go()
+    player = ScenarioPlayer(play.simulated, scenario)
+
+    def go() -> "Run":
+        # One that is left behind may go on.
+        budget.publish(lambda: replace(player.run, ticks=[*player.run.ticks]))
+        return player.go(budget.is_spent)
+
+    run = budget.run(go)
     coverage.add(run)
     missed = [*failures(run), *_trace_failure(run)]
     if arguments.ticks is not None and not run.ended:

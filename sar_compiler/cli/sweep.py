@@ -5,16 +5,20 @@ import contextlib
 import itertools
 import os
 import shlex
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler.budget import Budget, BudgetSpentError
 from sar_compiler.cli.arguments import (
     FILE,
     TREE,
     YAML_FILE,
+    add_budget,
     add_tree_id,
+    budget_of,
     confidence,
     count,
     probability,
@@ -24,7 +28,7 @@ from sar_compiler.cli.loading import FILE_HELP, FORMAT_HELP, add_project_options
 from sar_compiler.cli.simulate import scenario_files, script
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.cli.writing import write_text
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_text
+from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.tree.diagnostic import TreeError
 
@@ -35,6 +39,7 @@ if TYPE_CHECKING:
 
 # Half the width of the interval of a tree that always succeeds is below 0.02 after four batches.
 _BATCH = 25
+_MAX_SEC = 600.0
 
 
 class NothingByChanceError(SarError):
@@ -60,6 +65,7 @@ def add_sweep(parser: CommandParser) -> None:
     add("--until", type=script, metavar="SCRIPT", help=text)
     add_project_options(parser)
     add_sweep_options(parser, runs=1000, half_width=0.02)
+    add_budget(parser, _MAX_SEC, "the time that passes")
     parser.set_defaults(run=sweep_file)
 
 
@@ -86,7 +92,9 @@ def sweep_file(arguments: argparse.Namespace) -> int:
         again = ["sar-compile", "simulate", arguments.file, "--scenario", str(arguments.output)]
         return arguments.output, shlex.join(again)
 
-    return run_sweep(list(rows), _BATCH, in_processes, write, "the smallest scenario that fails", arguments)
+    budget = budget_of(arguments, patience_sec=0.0, clock=time.monotonic)
+    kind = "the smallest scenario that fails"
+    return run_sweep(list(rows), _BATCH, in_processes, write, kind, arguments, budget)
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
@@ -200,8 +208,9 @@ def run_sweep(
     write: "Callable[[SweptRow, Played], Written | None]",
     smallest: str,
     arguments: argparse.Namespace,
+    budget: Budget,
 ) -> int:
-    """Play rows and print their table, also after Ctrl-C; return the exit status.
+    """Play rows and print their table, also after Ctrl-C, or once the budget is spent; return the exit status.
 
     Args:
         rows: What is to be played.
@@ -210,6 +219,7 @@ def run_sweep(
         write: Writes the smallest failure to the file of `-o`; returns None if that is not possible.
         smallest: What that is, in words.
         arguments: The command's arguments.
+        budget: What all may take.
     """
     from sar_compiler.checks.sweep import StoppingRule, smallest_failure, sweep
     from sar_compiler.checks.sweep.workers import on_dask
@@ -217,11 +227,16 @@ def run_sweep(
 
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
     line = ProgressLine()
+
+    def show(rows: "Sequence[SweptRow]") -> None:
+        if not budget.reason:
+            line.show(lambda: _progress(rows))
+
     stopped = False
     try:
         with on_dask(arguments.dask) if arguments.dask else workers(arguments.jobs) as working:
-            sweep(rows, rule, arguments.seed, working, lambda rows: line.show(lambda: _progress(rows)))
-    except (KeyboardInterrupt, CancelledError):
+            budget.run(lambda: sweep(rows, rule, arguments.seed, working, show))
+    except (BudgetSpentError, CancelledError):
         stopped = True
     line.clear()
     failure = None if stopped else smallest_failure(rows)
@@ -231,7 +246,8 @@ def run_sweep(
     if failure is not None and arguments.output is None and arguments.format == "text":
         print_text(f"  -o FILE writes {smallest}")
     if stopped:
-        return INTERRUPTED
+        print_error(f"sweep: {budget.reason}")
+        return budget.exit_status
     if arguments.at_least is not None:
         return OK if all(rule.interval(row.outcomes).low >= arguments.at_least for row in rows) else FINDINGS
     return OK if failure is None else FINDINGS

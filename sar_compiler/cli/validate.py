@@ -4,10 +4,12 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import TREE_INPUT, seconds
+from sar_compiler.budget import BudgetSpentError
+from sar_compiler.cli.arguments import TREE_INPUT, add_budget, budget_of, seconds
 from sar_compiler.cli.loading import (
     INPUT_HELP,
     add_mission,
@@ -25,6 +27,7 @@ from sar_compiler.tree.content import bytes_of, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
 from sar_compiler.tree.showing import visible
+from sar_compiler.views.plain import count_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
@@ -51,6 +54,7 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     text = "try the runs of each file for SEC seconds, for errors that a tick raises (default: as far as a fixed amount of work goes)"
     trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)
     trial.add_argument("--no-deep", action="store_true", help="try no runs for errors that a tick raises")
+    add_budget(parser)
     add("--fix", action="store_true", help="first correct plain slips, in the files themselves")
     text = "print one file as its findings suggest to write it, also where they guess, instead of the findings; nothing is written"
     add("--mended", action="store_true", help=text)
@@ -62,14 +66,21 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
 
 
 def validate_files(arguments: argparse.Namespace) -> int:
-    """Print the findings about files, and return the exit status."""
+    """Print the findings about files, and return the exit status: 130 after Ctrl-C, with what was found until then."""
     if arguments.mended:
         return _print_mended(arguments)
     validation = _Validation(arguments)
     if arguments.fix:
         validation.mend()
-    validation.look()
+    # Nothing in it asks whether it has to end.
+    budget = budget_of(arguments, patience_sec=0.0)
+    with suppress(BudgetSpentError):
+        budget.run(validation.look)
+    validation.leave()
     validation.print_findings()
+    if validation.unchecked:
+        print_error(f"sar-compile: {budget.reason} ({count_text(validation.unchecked, 'file')} not checked)")
+        return budget.exit_status
     counted = (Severity.ERROR, Severity.WARNING) if arguments.strict else (Severity.ERROR,)
     if validation.unreadable:
         return USAGE
@@ -108,7 +119,8 @@ class _Validation:
         self.arguments = arguments
         self.findings: list[Diagnostic] = []
         self.unreadable = 0
-        self._checked = 0
+        self._checked = self._done = 0
+        self._is_left = False
         self._clean: list[Path] = []
         self._said: set[object] = set()
         self._fixable = 0
@@ -177,6 +189,16 @@ class _Validation:
         """Check the files, each whatever becomes of the others."""
         for path in self._files:
             self._guard(path, self._check, "check")
+            self._done += 1
+
+    @property
+    def unchecked(self) -> int:
+        """How many files were not checked to the end."""
+        return len(self._files) - self._done
+
+    def leave(self) -> None:
+        """Keep the findings as they are, whatever a check that was left behind still finds."""
+        self._is_left = True
 
     def _guard(self, path: Path, what: Callable[[Path], None], name: str) -> None:
         """Do something with a file; if that fails, there is something to say about the other files all the same."""
@@ -237,7 +259,8 @@ class _Validation:
             if finding.identity not in self._said:
                 self._said.add(finding.identity)
                 new.append(finding)
-        self.findings += new
+        if not self._is_left:
+            self.findings += new
 
     def _note_fixes(self, tree: "LoadedTree") -> None:
         """Keep how the findings of a file can be fixed, where the form tells it."""
@@ -262,8 +285,6 @@ class _Validation:
         """Print on standard error how much was found, unless there was only one file without findings."""
         if not told and self._checked <= 1:
             return
-        from sar_compiler.views.plain import count_text
-
         counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
         listed = [count_text(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
         if any(each.code == "more-findings" for each in self.findings):

@@ -2,14 +2,22 @@
 
 import argparse
 import contextlib
+import functools
 import re
-import signal
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, add_tree_id, count
+from sar_compiler.cli.arguments import (
+    FILE,
+    TREE_INPUT,
+    YAML_FILE,
+    add_budget,
+    add_tree_id,
+    budget_of,
+    count,
+)
 from sar_compiler.cli.loading import (
     FORMAT_HELP,
     INPUT_HELP,
@@ -19,10 +27,11 @@ from sar_compiler.cli.loading import (
     workspace,
 )
 from sar_compiler.cli.terminal import ProgressLine, painter
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, CommandParser, print_error
+from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error
 from sar_compiler.errors import SarError, UndecidableError
 
 if TYPE_CHECKING:
+    from sar_compiler.budget import Budget
     from sar_compiler.checks.verify.verdicts import Verification
     from sar_compiler.documents.located import Document
     from sar_compiler.runtime.kernel.searching import Progress
@@ -70,6 +79,7 @@ def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
     add_params(parser)
     add_project_options(parser)
     add_mission(parser)
+    add_budget(parser)
     parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
 
 
@@ -78,7 +88,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
 
     Returns:
         0 if all properties are proved, 1 if one does not hold or is undecided, 130 after Ctrl-C. With another tree:
-        0 if no answer is worse than the one for that, 1 if one is.
+        0 if no answer is worse than the one for that, 1 if one is, or where the budget did not suffice for both.
 
     Raises:
         TreeError: If a file has mistakes.
@@ -93,8 +103,11 @@ def verify_file(arguments: argparse.Namespace) -> int:
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []
+    progress = ProgressOfSearch()
+    budget = budget_of(arguments, on_progress=progress.show)
     try:
-        _verify_into(done, files, arguments)
+        with contextlib.closing(progress):
+            _verify_into(done, files, budget, progress, arguments)
     except TreeError:
         if done:
             print_error(f"sar-compile: {files[1]} cannot be verified like this")
@@ -107,13 +120,22 @@ def verify_file(arguments: argparse.Namespace) -> int:
         print_error(f"sar-compile: {whose}nothing can be decided: {error}")
         return FINDINGS
     status = _print(done, files, time.monotonic() - started, arguments.format)
+    if budget.is_interrupted or done[-1].stopped:
+        print_error(f"sar-compile: {budget.reason}")
+        status = budget.exit_status
     if arguments.export is not None:
         _export(done[0], arguments.export, Path(arguments.file).stem)
     return status
 
 
-def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argparse.Namespace) -> None:
-    """Verify one tree after the other by the same properties, until Ctrl-C."""
+def _verify_into(
+    done: "list[Verification]",
+    files: "list[str]",
+    budget: "Budget",
+    progress: "ProgressOfSearch",
+    arguments: argparse.Namespace,
+) -> None:
+    """Verify one tree after the other by the same properties, until the budget is spent."""
     space = workspace(arguments)
     trees = [space.load(file) for file in files]
     properties = arguments.properties
@@ -121,19 +143,19 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
         defaults = (tree.default_properties(arguments.tree) for tree in trees)
         properties = next((path for path in defaults if path is not None), None)
     for tree, file in zip(trees, files, strict=True):
-        with contextlib.closing(ProgressOfSearch(f"{file}: " if len(files) > 1 else "")) as progress:
-            done.append(
-                tree.verify(
-                    properties,
-                    facts=facts_given(arguments.set),
-                    params=arguments.params,
-                    tree_id=arguments.tree,
-                    max_states=arguments.max_states,
-                    on_progress=progress.show,
-                    keep_states=arguments.export is not None,
-                )
-            )
-        if done[-1].stopped:
+        progress.begin(f"{file}: " if len(files) > 1 else "")
+        verify = functools.partial(
+            tree.verify,
+            properties,
+            facts=facts_given(arguments.set),
+            params=arguments.params,
+            tree_id=arguments.tree,
+            max_states=arguments.max_states,
+            budget=budget,
+            keep_states=arguments.export is not None,
+        )
+        done.append(budget.run(verify))
+        if budget.is_interrupted or done[-1].stopped:
             return
 
 
@@ -170,8 +192,6 @@ def _print(done: "list[Verification]", files: "list[str]", seconds: float, form:
         compare = views.comparison_as_json if form == "json" else views.comparison_as_text
         _print_answers(compare(comparison, (files[1], files[0]), seconds), form)
         fine = not comparison.worse
-    if done[-1].stopped:
-        return INTERRUPTED
     return OK if fine else FINDINGS
 
 
@@ -203,35 +223,28 @@ def _assignment(text: str) -> tuple[str, str]:
 
 
 class ProgressOfSearch:
-    """Progress on standard error, and what is broken.
-
-    The first Ctrl-C has the search stopped, so that what was found so far is told; the second one ends the command.
-
-    Args:
-        whose: What stands before everything, to tell the trees apart where there are several.
-    """
+    """Progress on standard error, and which properties are violated."""
 
     _PATIENCE_SEC = 1.0  # what takes no longer is told with the rest
 
-    def __init__(self, whose: str = "") -> None:
-        self._whose = whose
+    def __init__(self) -> None:
         self._line = ProgressLine()
-        self._started = time.monotonic()
-        self._stopped = False
-        self._broken = 0
-        self._before = signal.signal(signal.SIGINT, self._stop)
+        self._is_closed = False
+        self.begin("")
 
-    def _stop(self, _number: int, _frame: object) -> None:
-        self._stopped = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    def begin(self, whose: str) -> None:
+        """Begin with a tree; *whose* stands before everything, to tell the trees apart where there are several."""
+        self._whose, self._started, self._broken = whose, time.monotonic(), 0
 
     def close(self) -> None:
-        """Remove the line from a terminal."""
-        signal.signal(signal.SIGINT, self._before)
+        """Remove the line from a terminal; a search that goes on shows nothing more."""
+        self._is_closed = True
         self._line.clear()
 
-    def show(self, progress: "Progress") -> bool:
-        """Show the progress, if it is due, and what is broken; return whether to stop."""
+    def show(self, progress: "Progress") -> None:
+        """Show the progress, if it is due, and what is broken."""
+        if self._is_closed:
+            return
         is_new = self._line.is_there and len(progress.broken) > self._broken
         if is_new and time.monotonic() - self._started > self._PATIENCE_SEC:
             self._line.clear()
@@ -240,7 +253,6 @@ class ProgressOfSearch:
                 print_error(f"sar-compile: {told}")
             self._broken = len(progress.broken)
         self._line.show(lambda: self._numbers(progress))
-        return self._stopped
 
     def _numbers(self, progress: "Progress") -> str:
         rate = progress.states / (time.monotonic() - self._started)

@@ -69,6 +69,7 @@ class Identifiers:
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
+        self._last: dict[str, int] = {}
 
     def take(self, name: str) -> str:
         """Return an identifier for a node: its name, with `_` for characters not allowed in identifiers.
@@ -76,9 +77,12 @@ class Identifiers:
         If an earlier node has it, a number follows: `Drive`, `Drive_2`.
         """
         word = _NO_WORD.sub("_", name)
-        candidate, number = word, 1
+        # A hundred thousand leaves of one name must not each try all numbers.
+        number = self._last.get(word, 1)
+        candidate = f"{word}_{number}" if number > 1 else word
         while candidate in self._taken:
             number += 1
             candidate = f"{word}_{number}"
         self._taken.add(candidate)
+        self._last[word] = number
         return candidate

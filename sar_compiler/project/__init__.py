@@ -37,6 +37,7 @@ from sar_compiler.tree.model import Element, FileBeginning, TreeFile
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.budget import Budget
     from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.conformance import Conformance
     from sar_compiler.checks.predict import Prediction
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
     from sar_compiler.project.simulated import Simulated
     from sar_compiler.ros.parameter_reader import ParameterReader
     from sar_compiler.runtime.events import Event
-    from sar_compiler.runtime.kernel.searching import Report
 
 
 class Additions(NamedTuple):
@@ -707,7 +707,7 @@ class LoadedTree:
         params: str | Path | None = None,
         tree_id: str | None = None,
         max_states: int = 1_000_000,
-        on_progress: "Report" = lambda _progress: None,
+        budget: "Budget | None" = None,
         keep_states: bool = False,
     ) -> "Verification":
         """Check properties in all possible runs of the tree.
@@ -718,7 +718,7 @@ class LoadedTree:
             params: The mission's ROS parameter file; *properties* and *facts* override what it says.
             tree_id: The tree in the file; by default the one that the file executes.
             max_states: The largest number of states to explore.
-            on_progress: Called with the progress from time to time, and when a property is broken; returns True to stop.
+            budget: Limits time and memory, and is told the progress; by default there is no limit but that of states.
             keep_states: Whether the result has all states, as `space`.
 
         Raises:
@@ -731,9 +731,7 @@ class LoadedTree:
 
         binding = self.binding(tree_id)
         start = self._start_values(params, binding)
-        search = functools.partial(
-            verify, max_states=max_states, on_progress=on_progress, keep_states=keep_states
-        )
+        search = functools.partial(verify, max_states=max_states, budget=budget, keep_states=keep_states)
         return verify_tree(self, binding, properties, facts, start, search)
 
     def watch(
@@ -821,7 +819,7 @@ class LoadedTree:
         tree_id: str | None = None,
         period_sec: float | None = None,
         max_states: int = 1_000_000,
-        on_progress: "Report" = lambda _progress: None,
+        budget: "Budget | None" = None,
     ) -> "Prediction":
         """Compute how likely the tree is to succeed and to keep its properties, and how long it takes. Needs numpy and scipy.
 
@@ -833,7 +831,7 @@ class LoadedTree:
             tree_id: As for `verify`.
             period_sec: The time between two ticks, seconds; by default that of *params*, or half a second.
             max_states: As for `verify`; what is behind the others may be anything, so the numbers have wider bounds.
-            on_progress: As for `verify`.
+            budget: As for `verify`.
 
         Raises:
             TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
@@ -845,7 +843,7 @@ class LoadedTree:
         binding = self.binding(tree_id)
         start = self._start_values(params, binding)
         period = period_sec or start.period_sec or PERIOD_SEC
-        search = functools.partial(predict, period_sec=period, max_states=max_states, on_progress=on_progress)
+        search = functools.partial(predict, period_sec=period, max_states=max_states, budget=budget)
         return verify_tree(self, binding, properties, facts, start, search, answers)
 
 

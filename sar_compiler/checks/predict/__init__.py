@@ -4,11 +4,14 @@ The tree's states are searched as for a proof, with leaves whose chances and tim
 system of linear equations (`weighed_graph`).
 """
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from sar_compiler.budget import Budget
 from sar_compiler.checks.predict.weighed_graph import Between, Flags, WeighedGraph
 from sar_compiler.checks.verify.properties import (
     LeftOut,
@@ -24,11 +27,12 @@ from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.kernel.cells import SUCCESS, WORDS
 from sar_compiler.runtime.kernel.chances import Chances, CountedTimes
 from sar_compiler.runtime.kernel.graph import Graph
-from sar_compiler.runtime.kernel.searching import Judgement, Report, explore, keep_quiet
+from sar_compiler.runtime.kernel.searching import Judgement, Progress, explore
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 
 _USUAL = WORDS[SUCCESS]
 _ROUNDING = 1e-9
+_ANYTHING = Between(0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class Prediction:
         states: How many states were found.
         steps: How many steps there are between them.
         complete: Whether all states were gone through; what is behind the others may be anything.
-        stopped: Whether somebody wanted the search to end before that.
+        stopped: Whether it was stopped before that, or before all numbers were worked out: those that are missing have the bounds 0 and 1.
         left_out: The properties that say nothing about this tree.
     """
 
@@ -97,7 +101,7 @@ def predict(
     tags: Collection[str],
     period_sec: float,
     max_states: int,
-    on_progress: Report = keep_quiet,
+    budget: Budget | None = None,
 ) -> Prediction:
     """Return what is to be expected of a tree's runs.
 
@@ -107,7 +111,7 @@ def predict(
         tags: The tags of leaves that a tree can have.
         period_sec: The time between two ticks, seconds.
         max_states: How many states to find at most; what is behind the others may be anything.
-        on_progress: Is told now and then how far it is.
+        budget: Is told now and then how far it is; ends the search. What is known by then is published in it.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -117,8 +121,43 @@ def predict(
     properties = properties_of(file, prepared, tags)
     chances = Chances(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _remembering(properties.rules), chances=chances)
-    graph = explore(stepper.steps, max_states, on_progress)
-    return _Reckoning(stepper, graph, chances, properties, period_sec).prediction()
+    budget = budget or Budget()
+    nothing = _nothing_known(properties)
+
+    def report(progress: Progress) -> bool:
+        budget.publish(partial(replace, nothing, states=progress.states, steps=progress.steps))
+        return budget.report(progress)
+
+    budget.publish(lambda: nothing)
+    graph = explore(stepper.steps, max_states, report)
+    nothing = replace(
+        nothing,
+        states=len(graph.states),
+        steps=graph.step_count,
+        complete=graph.complete,
+        stopped=graph.stopped,
+    )
+    budget.publish(partial(replace, nothing, stopped=True))
+    return _Reckoning(stepper, graph, chances, properties, period_sec).prediction(nothing, budget)
+
+
+def _nothing_known(properties: Properties) -> Prediction:
+    return Prediction(
+        success=_ANYTHING,
+        ends=_ANYTHING,
+        fails=_ANYTHING,
+        properties=dict.fromkeys(properties.names, _ANYTHING),
+        time_sec=None,
+        success_sec=None,
+        distribution=(),
+        influences=(),
+        unknown=(),
+        states=0,
+        steps=0,
+        complete=False,
+        stopped=True,
+        left_out=properties.left_out,
+    )
 
 
 class _BreachMonitors(Monitors):
@@ -186,26 +225,38 @@ class _Reckoning:
         for rule in range(self._properties.rules.count):
             self._broken[state, rule] = broken >> rule & 1
 
-    def prediction(self) -> Prediction:
-        """Return what is to be expected."""
-        weighed, unknown, graph = self._weighed, self._open, self._graph
-        moments = weighed.ends(self._ends, self._succeeded) if graph.complete else None
-        return Prediction(
-            weighed.bounds(self._succeeded, unknown),
-            weighed.bounds(self._ends, unknown),
-            weighed.fails(unknown),
-            {name: self._kept(rule) for rule, name in enumerate(self._properties.names)},
-            self._time_sec(self._ends),
-            self._time_sec(self._succeeded),
-            tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ()),
-            self._influences(),
-            self._unknown(),
-            len(graph.states),
-            graph.step_count,
-            graph.complete,
-            graph.stopped,
-            self._properties.left_out,
-        )
+    def prediction(self, found: Prediction, budget: Budget) -> Prediction:
+        """Return what is to be expected.
+
+        Args:
+            found: What is known before: of each number, that it may be anything.
+            budget: What has been worked out is published in it.
+        """
+        weighed, unknown = self._weighed, self._open
+        parts: list[tuple[str, Callable[[], Any]]] = [
+            ("unknown", self._unknown),
+            ("success", lambda: weighed.bounds(self._succeeded, unknown)),
+            ("ends", lambda: weighed.bounds(self._ends, unknown)),
+            ("fails", lambda: weighed.fails(unknown)),
+            ("properties", self._properties_kept),
+            ("time_sec", lambda: self._time_sec(self._ends)),
+            ("success_sec", lambda: self._time_sec(self._succeeded)),
+            ("influences", self._influences),
+            ("distribution", partial(self._distribution, budget)),
+        ]
+        for name, work_out in parts:
+            found = replace(found, **{name: work_out()})
+            budget.publish(partial(replace, found, stopped=True))
+        return found
+
+    def _properties_kept(self) -> Mapping[str, Between]:
+        return {name: self._kept(rule) for rule, name in enumerate(self._properties.names)}
+
+    def _distribution(self, budget: Budget) -> tuple[tuple[float, float, float], ...]:
+        if not self._graph.complete:
+            return ()
+        moments = self._weighed.ends(self._ends, self._succeeded, budget.is_spent)
+        return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
     def _kept(self, rule: int) -> Between:
         """Return the chance that a property is kept; one that owes something is only where a run ends and it has come."""

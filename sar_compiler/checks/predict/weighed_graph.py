@@ -12,7 +12,7 @@ would not find it, since they hold for every value on a round that nobody has to
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -38,6 +38,7 @@ _ROUNDING = 1e-9
 # What is left of a run's chance when its time is not followed any more, and how many steps are followed: a second or two.
 _REST = 1e-6
 _MOST_CARRIED = 20_000_000
+_STEPS_OF_A_ROUND = 400
 
 
 class Between(NamedTuple):
@@ -324,8 +325,16 @@ class WeighedGraph:
             slope = float((visits[places] * (best - rest / others)).sum())
             yield leaf, slope, float(self._reach(wide, always, nothing)[0])
 
-    def ends(self, ends: Flags, goal: Flags) -> list[EndTick] | None:
-        """Return when runs end, tick by tick; None if that would take too long. Chances that are not known are taken to be in the middle."""
+    def ends(
+        self, ends: Flags, goal: Flags, is_spent: Callable[[], bool] = lambda: False
+    ) -> list[EndTick] | None:
+        """Return when runs end, tick by tick; None if that would take too long. Chances that are not known are taken to be in the middle.
+
+        Args:
+            ends: The states in which runs end.
+            goal: The states in which they have succeeded.
+            is_spent: Whether it has taken too long.
+        """
         likely = self._share * self._between()[self._source, self._answer]
         first = np.concatenate([[0], np.cumsum(np.bincount(self._source, minlength=self._error + 1))])
         found, total, good, carried = [], 0.0, 0.0, 0
@@ -341,8 +350,9 @@ class WeighedGraph:
             places, mass = places[~over], mass[~over]
             while len(places):
                 steps, counts = _ranges(first[places], first[places + 1])
-                carried += len(steps)
-                if carried > _MOST_CARRIED:
+                # A round of NumPy's calls takes as long as many steps.
+                carried += len(steps) + _STEPS_OF_A_ROUND
+                if carried > _MOST_CARRIED or is_spent():
                     return None
                 moved, to = np.repeat(mass, counts) * likely[steps], self._target[steps]
                 ended, taken = to < self._states, self._ticks[steps]

@@ -339,11 +339,11 @@ class Player:
             raise UntilError(f"until '{self._until.script.text}': {error}") from error
         return self.run.ended
 
-    def go(self) -> Run:
-        """Tick until the end, or until the run is broken off."""
+    def go(self, is_spent: Callable[[], bool] = lambda: False) -> Run:
+        """Tick until the end, until an error, or until a budget is spent, which is asked before each tick."""
         run = self.run
         try:
-            while len(run.ticks) < run.scenario.max_ticks:
+            while len(run.ticks) < run.scenario.max_ticks and not is_spent():
                 self.tick()
                 if self.is_over():
                     break

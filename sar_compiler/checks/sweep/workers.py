@@ -5,7 +5,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.errors import SarError
@@ -49,9 +49,16 @@ class Workers:
         self._make = make
         self._stop = stop or (lambda executor: executor.shutdown(cancel_futures=True))
         self._executor = make()
+        self._is_over = False
 
     def submit(self, work: "Callable[..., _Result]", *arguments: object) -> "Future[_Result]":
-        """Submit some work; what was under way when the executor broke is lost."""
+        """Submit some work; what was under way when the executor broke is lost.
+
+        Raises:
+            CancelledError: If nobody wants more.
+        """
+        if self._is_over:
+            raise CancelledError
         try:
             return self._executor.submit(work, *arguments)
         except BrokenExecutor:
@@ -61,7 +68,12 @@ class Workers:
     def __enter__(self) -> "Self":
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, error: object, *_: object) -> None:
+        self._is_over = True
+        if error is not None:
+            # A run may take for ever, and nobody wants its result any more.
+            for process in multiprocessing.active_children():
+                process.kill()
         self._stop(self._executor)
 
 

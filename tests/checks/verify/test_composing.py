@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from sar_compiler.budget import Budget
 from sar_compiler.checks.verify import verify
 from sar_compiler.checks.verify.properties import parse_property_file, properties_of
 from sar_compiler.checks.verify.state import Prepared
@@ -240,9 +241,8 @@ def test_what_a_leaf_remembers_is_at_its_start_in_every_search():
 
 def test_a_search_that_is_stopped_leaves_what_was_known():
     case = Case(guarded(5), OF_A_BRANCH)
-    found = verify(
-        case.prepared(), case.file, TAGS, 100_000, lambda progress: progress.states > 40, plainly=40
-    )
+    budget = Budget(on_progress=lambda progress: setattr(budget, "reason", "so" * (progress.states > 40)))
+    found = verify(case.prepared(), case.file, TAGS, 100_000, budget, plainly=40)
     assert (found.stopped, found.complete, found.searches) == (True, False, 1)
 
 

@@ -1,0 +1,169 @@
+"""The limits of an analysis: its time, its memory, and a user who presses Ctrl-C.
+
+A tree of a few lines can have more states than any machine: numbers in it multiply. So every command that analyses has a budget, and
+prints what it has found when the budget is spent. There are two steps, because not everything can be asked to end:
+
+1. The budget is *spent*: a search asks for that every few hundred ticks, ends, and its results are worked out.
+2. After some patience the analysis is *left behind*. It runs in a thread of its own, so that the thread that waits for it answers signals at
+   any time, also while a library computes. The last result that the analysis has published counts (`publish`).
+"""
+
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar, cast
+
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from sar_compiler.runtime.kernel.searching import Progress
+
+T = TypeVar("T")
+
+MAX_SEC, MAX_MEMORY_MB = 60.0, 2000
+"""What an analysis may take unless its user says otherwise."""
+
+_MB = 1_000_000
+_RSS_UNIT = 1 if sys.platform == "darwin" else 1024
+_POLL_SEC = 0.05
+# Of the time that it was given, results may take so much more after a search has used it up; and of the memory, until it is left behind at once.
+_MORE_TIME, _MORE_MEMORY = 0.2, 0.5
+
+
+class BudgetSpentError(SarError):
+    """An analysis was left behind before it had a result.
+
+    Args:
+        budget: What it had.
+    """
+
+    def __init__(self, budget: "Budget") -> None:
+        super().__init__(f"nothing is known yet: {budget.reason}")
+        self.exit_status = budget.exit_status
+
+
+class Budget:
+    """What an analysis may take.
+
+    Args:
+        max_sec: Its processor time, seconds, from now on.
+        max_memory_mb: The memory of the process, 10^6 bytes.
+        patience_sec: How long it may go on once its user wants it to end, seconds; 0 for what does not ask whether it has to.
+        clock: What measures the time; `time.monotonic` for what works in other processes.
+        on_progress: Called now and then with the progress of a search, in the thread of the analysis.
+
+    Attributes:
+        reason: Why it is spent, in words; empty while it is not.
+        is_interrupted: Whether that is because the user has pressed Ctrl-C.
+    """
+
+    def __init__(
+        self,
+        max_sec: float = math.inf,
+        max_memory_mb: float = math.inf,
+        patience_sec: float = 2.0,
+        clock: Callable[[], float] = time.process_time,
+        on_progress: Callable[["Progress"], object] = lambda _progress: None,
+    ) -> None:
+        self.reason = ""
+        self.is_interrupted = False
+        self._max_sec, self._max_memory_mb, self._patience_sec = max_sec, max_memory_mb, patience_sec
+        self._clock, self._begun, self._spent_at = clock, clock(), math.inf
+        self._published: Callable[[], object] | None = None
+        self._on_progress = on_progress
+
+    def report(self, progress: "Progress") -> bool:
+        """Report how far a search is; return whether it has to end."""
+        self._on_progress(progress)
+        return self.is_spent()
+
+    def is_spent(self) -> bool:
+        """Return whether the analysis has to end."""
+        if not self.reason and self._clock() - self._begun > self._max_sec:
+            self._spend(f"stopped after {self._max_sec:g} s; --max-seconds allows more")
+        if not self.reason and memory_mb() > self._max_memory_mb:
+            self._spend(f"stopped at {self._max_memory_mb:g} MB of memory; --max-memory allows more")
+        return bool(self.reason)
+
+    @property
+    def exit_status(self) -> int:
+        """The status of a command whose budget is spent: 130 after Ctrl-C, else 1, as for what is not decided."""
+        return 130 if self.is_interrupted else 1
+
+    def _spend(self, reason: str) -> None:
+        if not self.reason:
+            self.reason, self._spent_at = reason, time.monotonic()
+
+    def publish(self, result: Callable[[], object]) -> None:
+        """Set what makes the result so far, which `run` returns if the analysis is left behind."""
+        self._published = result
+
+    def run(self, work: Callable[[], T]) -> T:
+        """Return the result of an analysis, or the last one that it has published.
+
+        Args:
+            work: The analysis. It can be left behind at any place, so it must hold no lock and write no file.
+
+        Raises:
+            BudgetSpentError: If it was left behind, and nothing was published.
+            KeyboardInterrupt: At the second Ctrl-C.
+            Exception: Whatever the work raises.
+        """
+        self._published = None
+        outcome = _Outcome()
+        thread = threading.Thread(target=outcome.work_out, args=(work,), name="analysis", daemon=True)
+        thread.start()
+        while True:
+            try:
+                if outcome.is_there.wait(_POLL_SEC):
+                    break
+                if self.is_spent() and self._is_left_behind():
+                    return cast("T", self._last_published())
+            except KeyboardInterrupt:
+                if self.is_interrupted:
+                    raise
+                self.is_interrupted, self.reason = True, ""
+                self._spend("stopped by Ctrl-C")
+        if outcome.error is not None:
+            raise outcome.error
+        return cast("T", outcome.result)
+
+    def _is_left_behind(self) -> bool:
+        patience_sec = self._patience_sec
+        if patience_sec and not self.is_interrupted:
+            patience_sec = max(patience_sec, _MORE_TIME * min(self._max_sec, MAX_SEC))
+        is_too_large = memory_mb() > self._max_memory_mb * (1.0 + _MORE_MEMORY)
+        return is_too_large or time.monotonic() - self._spent_at >= patience_sec
+
+    def _last_published(self) -> object:
+        if self._published is None:
+            raise BudgetSpentError(self)
+        return self._published()
+
+
+class _Outcome:
+    """What has become of some work."""
+
+    def __init__(self) -> None:
+        self.result: object = None
+        self.error: BaseException | None = None
+        self.is_there = threading.Event()
+
+    def work_out(self, work: Callable[[], object]) -> None:
+        try:
+            self.result = work()
+        except BaseException as error:  # noqa: BLE001 - it is raised where the result is awaited
+            self.error = error
+        finally:
+            self.is_there.set()
+
+
+def memory_mb() -> float:
+    """Return the most memory that this process has had, 10^6 bytes."""
+    try:
+        import resource
+    except ImportError:  # in a browser
+        return 0.0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _RSS_UNIT / _MB
