@@ -112,11 +112,12 @@ class Budget:
             Exception: Whatever the work raises.
         """
         self._published = None
-        outcome = _Outcome()
+        outcome = _Work()
         thread = threading.Thread(target=outcome.work_out, args=(work,), name="analysis", daemon=True)
-        thread.start()
         while True:
             try:
+                if thread.ident is None:
+                    thread.start()
                 if outcome.is_there.wait(_POLL_SEC):
                     break
                 if self.is_spent() and self._is_left_behind():
@@ -143,8 +144,8 @@ class Budget:
         return self._published()
 
 
-class _Outcome:
-    """What has become of some work."""
+class _Work:
+    """Some work of a thread, and its result."""
 
     def __init__(self) -> None:
         self.result: object = None

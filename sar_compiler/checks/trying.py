@@ -43,13 +43,19 @@ class TrialBudget:
     Args:
         work: The work; None for any amount.
         seconds: The processor time; None for any.
+        is_spent: Whether nothing more may be tried, for whatever other reason.
 
     Attributes:
         spent: The work so far.
+        is_cut: Whether it was ended by `is_spent`.
     """
 
-    def __init__(self, work: int | None, seconds: float | None = None) -> None:
+    def __init__(
+        self, work: int | None, seconds: float | None = None, is_spent: Callable[[], bool] = lambda: False
+    ) -> None:
         self.spent = 0
+        self.is_cut = False
+        self._is_spent = is_spent
         self._work = self._share = work
         self._end = None if seconds is None else time.process_time() + seconds
         self._end_of_share = self._end
@@ -67,6 +73,9 @@ class TrialBudget:
         if self._share is not None and self.spent + work > self._share:
             return False
         self.spent += work
+        self.is_cut = self.is_cut or self._is_spent()
+        if self.is_cut:
+            return False
         return self._end_of_share is None or time.process_time() < self._end_of_share
 
 

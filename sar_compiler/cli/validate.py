@@ -30,6 +30,7 @@ from sar_compiler.tree.showing import visible
 from sar_compiler.views.plain import count_text
 
 if TYPE_CHECKING:
+    from sar_compiler.budget import Budget
     from sar_compiler.checks.fixing import Fix
     from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.project import LoadedTree, Workspace
@@ -69,11 +70,10 @@ def validate_files(arguments: argparse.Namespace) -> int:
     """Print the findings about files, and return the exit status: 130 after Ctrl-C, with what was found until then."""
     if arguments.mended:
         return _print_mended(arguments)
-    validation = _Validation(arguments)
+    budget = budget_of(arguments, patience_sec=0.5)
+    validation = _Validation(arguments, budget)
     if arguments.fix:
         validation.mend()
-    # Nothing in it asks whether it has to end.
-    budget = budget_of(arguments, patience_sec=0.0)
     with suppress(BudgetSpentError):
         budget.run(validation.look)
     validation.leave()
@@ -110,17 +110,22 @@ def _print_mended(arguments: argparse.Namespace) -> int:
 class _Validation:
     """The check of files that are one set: a tree that one lacks is sought in the others.
 
+    Args:
+        arguments: The command's.
+        budget: What the check may take.
+
     Attributes:
         findings: What was found, each finding once.
         unreadable: How often files and folders could not be read, checked or written.
     """
 
-    def __init__(self, arguments: argparse.Namespace) -> None:
+    def __init__(self, arguments: argparse.Namespace, budget: "Budget") -> None:
         self.arguments = arguments
+        self._budget = budget
         self.findings: list[Diagnostic] = []
         self.unreadable = 0
         self._checked = self._done = 0
-        self._is_left = False
+        self._is_left = self._is_cut = False
         self._clean: list[Path] = []
         self._said: set[object] = set()
         self._fixable = 0
@@ -189,7 +194,11 @@ class _Validation:
         """Check the files, each whatever becomes of the others."""
         for path in self._files:
             self._guard(path, self._check, "check")
+            if self._is_cut:
+                return
             self._done += 1
+            if self._budget.is_spent():
+                return
 
     @property
     def unchecked(self) -> int:
@@ -242,11 +251,13 @@ class _Validation:
             from sar_compiler.checks.trying import WORK, TrialBudget
 
             left = WORK * _FILES_TRIED - self._work
-            budgets.append(TrialBudget(min(WORK, left) if deep is None else None, deep))
+            work = min(WORK, left) if deep is None else None
+            budgets.append(TrialBudget(work, deep, self._budget.is_spent))
             return budgets[0]
 
         found = tree.try_runs(budget)
         self._work += sum(each.spent for each in budgets)
+        self._is_cut = any(each.is_cut for each in budgets)
         # A tree of a file that others include is tried in each of them.
         new = [each for each in found if (each.source.path, each.span) not in self._raising]
         self._raising.update((each.source.path, each.span) for each in new)

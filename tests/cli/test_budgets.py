@@ -1,0 +1,191 @@
+"""Files whose numbers multiply: every command that analyses ends within its budget, and at once after Ctrl-C, with what it knows."""
+
+import itertools
+import json
+import os
+import signal
+import subprocess
+import threading
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.budget import Budget, BudgetSpentError, memory_mb
+from tests.processes import BIN, Command
+
+SAR_COMPILE = BIN / "sar-compile"
+A_MOMENT = ("--max-seconds", "0.3")
+COUNTER = (
+    '<Sequence><Script code="n := 0"/><KeepRunningUntilFailure><Sequence><Script code="n += 1"/>'
+    '<ScriptCondition code="n &lt; 1000000000"/><Sleep msec="10"/></Sequence></KeepRunningUntilFailure></Sequence>'
+)
+NESTED = '<Repeat num_cycles="1000000">' * 2 + "<AlwaysSuccess/>" + "</Repeat>" * 2
+WAITS = (
+    '<Delay delay_msec="2000000000"><Timeout msec="2000000000"><Sleep msec="1999999999"/></Timeout></Delay>'
+)
+WIDE = "<Sequence>" + "<AlwaysSuccess/>" * 10_000 + "</Sequence>"
+BY_CHANCE = "<Sequence>" + "<AnyLeaf/>" * 3 + COUNTER + "</Sequence>"
+TREES = {"counter": COUNTER, "nested": NESTED, "waits": WAITS, "wide": WIDE, "chance": BY_CHANCE}
+MODEL = '<TreeNodesModel><Action ID="AnyLeaf"/></TreeNodesModel>'
+
+
+@pytest.fixture(scope="module")
+def trees(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("trees")
+    for name, body in TREES.items():
+        text = f'<root BTCPP_format="4"><BehaviorTree ID="T">{body}</BehaviorTree>{MODEL}</root>'
+        folder.joinpath(f"{name}.xml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def processor_sec(pid):
+    """Return the processor time that a process has used, seconds."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def run(*words):
+    """Run a command in a process of its own, since what is left behind goes on; return its status and its output."""
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+EXPLODING = [
+    *itertools.product(["verify"], ["counter", "nested", "waits", "chance"]),
+    *itertools.product(["predict"], ["nested", "waits", "chance", "wide"]),
+    *itertools.product(["validate", "show", "diff"], ["wide"]),
+]
+
+
+@pytest.mark.parametrize(("command", "name"), EXPLODING)
+def test_every_analysis_of_numbers_that_multiply_ends_with_a_documented_status(trees, command, name):
+    more = {
+        "diff": [trees / "counter.xml"],
+        "simulate": ["--ticks", "1000000000"],
+        "validate": ["--deep", "1000"],
+    }
+    status, out, err = run(SAR_COMPILE, command, trees / f"{name}.xml", *more.get(command, ()), *A_MOMENT)
+    assert status in (0, 1)
+    assert "Traceback" not in err
+    assert out or "nothing is known yet" in err
+    if "allows more" in err:
+        assert status == 1
+
+
+def test_a_prediction_that_is_stopped_has_bounds_and_its_reason(trees):
+    status, out, err = run(SAR_COMPILE, "predict", trees / "counter.xml", "--format", "json", *A_MOMENT)
+    found = json.loads(out)
+    assert (status, found["success"], found["stopped"]) == (1, {"low": 0.0, "high": 1.0}, True)
+    assert found["states"] > 0
+    assert err == "sar-compile: stopped after 0.3 s; --max-seconds allows more\n"
+
+
+def test_a_verification_that_has_no_memory_left_knows_nothing(trees):
+    status, _, err = run(SAR_COMPILE, "verify", trees / "counter.xml", "--max-memory", "1")
+    assert status == 1
+    assert err == "sar-compile: nothing is known yet: stopped at 1 MB of memory; --max-memory allows more\n"
+
+
+def test_a_simulation_that_is_stopped_shows_its_ticks(trees):
+    words = ("simulate", trees / "counter.xml", "--ticks", "1000000000")
+    status, out, err = run(SAR_COMPILE, *words, *A_MOMENT)
+    assert status == 1
+    assert out.startswith("tick 1, 0 s: root RUNNING\n")
+    assert err == (
+        "sar-compile: stopped after 0.3 s; --max-seconds allows more (1 of 1 scenarios were begun)\n"
+    )
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_sweep_of_runs_that_never_end_is_stopped_with_its_table(trees, tmp_path, jobs):
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text("ticks: 1000000000\n", encoding="utf-8")
+    given = trees / "chance.xml", "--scenario", scenario, "--unusual", "0.1", "--jobs", jobs
+    status, out, err = run(SAR_COMPILE, "sweep", *given, *A_MOMENT)
+    assert status == 1
+    assert "0.0 to 100.0" in out
+    assert err.endswith("sweep: stopped after 0.3 s; --max-seconds allows more\n")
+
+
+def test_a_check_that_is_stopped_says_how_many_files_are_left(trees):
+    files = [trees / f"{name}.xml" for name in ("waits", "counter", "nested")]
+    status, _, err = run(SAR_COMPILE, "validate", *files, "--deep", "1000", *A_MOMENT)
+    assert status == 1
+    assert err.endswith("sar-compile: stopped after 0.3 s; --max-seconds allows more (2 files not checked)\n")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("predict", "nested.xml", "--max-states", "100000000"),
+        ("simulate", "counter.xml", "--ticks", "1000000000"),
+        ("validate", "counter.xml", "--deep", "1000"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_the_first_ctrl_c_ends_an_analysis_with_what_is_known(trees, words):
+    name, tree, *more = words
+    command = Command("sar-compile", name, trees / tree, *more)
+    try:
+        command.wait_until(lambda: processor_sec(command.pid) > 0.7, "0.7 s of work")
+        assert command.stop(within_sec=4.0) == 130
+        assert "sar-compile: stopped by Ctrl-C" in command.output
+        assert len(command.output.splitlines()) > 1 or name == "validate"
+    finally:
+        command.kill()
+
+
+class TestBudget:
+    def test_the_result_of_the_work_is_returned_and_its_error_raised(self):
+        assert Budget().run(lambda: 7) == 7
+        with pytest.raises(ZeroDivisionError):
+            Budget().run(lambda: 1 / 0)
+
+    def test_work_that_does_not_end_is_left_behind_with_the_last_that_it_has_published(self):
+        budget, is_over = Budget(0.0, patience_sec=0.0), threading.Event()
+
+        def work():
+            budget.publish(lambda: 1)
+            budget.publish(lambda: 2)
+            is_over.wait()
+
+        assert budget.run(work) == 2
+        is_over.set()
+        assert budget.exit_status == 1
+
+    def test_work_that_has_published_nothing_is_an_error_with_the_reason(self):
+        budget, is_over = Budget(0.0, patience_sec=0.0), threading.Event()
+        with pytest.raises(BudgetSpentError, match="nothing is known yet: stopped after 0 s; --max-seconds"):
+            budget.run(is_over.wait)
+        is_over.set()
+
+    def test_work_that_asks_may_end_in_order_within_the_patience(self):
+        budget = Budget(0.0, patience_sec=1000.0)
+
+        def work():
+            while not budget.is_spent():
+                pass
+            return "in order"
+
+        assert budget.run(work) == "in order"
+
+    def test_what_takes_far_more_memory_than_it_may_is_left_behind_at_once(self):
+        budget, is_over = Budget(max_memory_mb=memory_mb() / 2, patience_sec=1000.0), threading.Event()
+        with pytest.raises(BudgetSpentError, match="MB of memory; --max-memory allows more"):
+            budget.run(is_over.wait)
+        is_over.set()
+
+    def test_the_first_ctrl_c_is_a_reason_and_the_second_one_ends_the_wait(self):
+        budget, is_over = Budget(patience_sec=1000.0), threading.Event()
+
+        def work():
+            signal.raise_signal(signal.SIGINT)
+            while not budget.is_interrupted:
+                pass
+            signal.raise_signal(signal.SIGINT)
+            is_over.wait()
+
+        with pytest.raises(KeyboardInterrupt):
+            budget.run(work)
+        is_over.set()
+        assert (budget.exit_status, budget.reason) == (130, "stopped by Ctrl-C")
