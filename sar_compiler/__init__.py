@@ -11,9 +11,7 @@ What is named in four groups is public and kept. Here is what one does with tree
 Names are looked up when they are first used: to import a group takes no time, and needs no ROS.
 """
 
-import importlib
-import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sar_compiler.faces import lazy
 
@@ -39,28 +37,5 @@ if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import Severity as Severity
     from sar_compiler.tree.diagnostic import TreeError as TreeError
 
-# What was named here before there were groups; until the next minor version.
-_MOVED = {
-    "leaves": (
-        *("SKIPPED", "ActionLeaf", "Answer", "Clock", "Control", "Decorator", "InOut", "Input", "Kind"),
-        *("LeafDefinitionError", "Milliseconds", "Output", "RegistrationError", "RosLeaf", "Seconds"),
-        *("Semantics", "ServiceLeaf", "SkippableLeaf", "Tick", "TopicLeaf", "Use", "register"),
-    ),
-    "missions": (
-        *("Display", "FaultPlan", "Figure", "Journal", "JournalEntry", "Landmark", "LandmarkKind", "Level"),
-        *("Mission", "MissionError", "MissionRun", "ParameterError", "ParameterReader", "ServiceFaults"),
-        *("Verb", "VerbField", "create_service", "mission_context", "readable_ros_errors", "serve"),
-    ),
-    "testing": ("ManualClock",),
-}
-_look_up, __dir__, __all__ = lazy(__name__)
-
-
-def __getattr__(name: str) -> Any:
-    group = next((group for group, names in _MOVED.items() if name in names), "")
-    if not group:
-        return _look_up(name)
-    place = f"{__name__}.{group}"
-    message = f"{__name__}.{name} is {place}.{name} now, and in the next minor version there alone"
-    warnings.warn(message, DeprecationWarning, stacklevel=2)
-    return getattr(importlib.import_module(place), name)
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

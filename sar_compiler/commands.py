@@ -225,7 +225,6 @@ class CommandParser(argparse.ArgumentParser):
 
     def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
         self._rare: dict[argparse.Action, str] = {}
-        self._names_now: dict[str, str] = {}
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
         # As of Python 3.14: a value of several numbers, such as -33.9,18.4,90, is no option either.
         self._negative_number_matcher = re.compile(r"-\.?\d")
@@ -238,23 +237,10 @@ class CommandParser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse a command line; what is not known is a mistake of this command, not of the one above it."""
-        words = [self._word_now(word) for word in (sys.argv[1:] if args is None else args)]
-        found, unknown = super().parse_known_args(words, namespace)
+        found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return found, unknown
-
-    def _word_now(self, word: str) -> str:
-        name, sign, value = word.partition("=")
-        now = self._names_now.get(name)
-        if now is None:
-            return word
-        print_error(f"note: {name} is called {now} now")
-        return f"{now}{sign}{value}"
-
-    def rename(self, old: str, now: str) -> None:
-        """Have an option be known by its old name as well, with a note, until the next minor version."""
-        self._names_now[old] = now
 
     def hide(self, *rare: argparse.Action) -> None:
         """Leave options that few need out of `--help`; `--help-all` has them."""

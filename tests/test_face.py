@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-import sar_compiler
 from tests.docs.markdown import PAGES, blocks
 
 FINDINGS = sorted(Path("docs/findings").glob("*.md"))
@@ -128,19 +127,6 @@ def test_what_type_checkers_see_is_what_there_is(group):
     assert sorted(seen) == sorted(GROUPS[group].__all__)
     for name in sorted({*seen} - {name.rpartition(".")[2] for name in ROS}):
         assert getattr(GROUPS[group], name) is getattr(importlib.import_module(str(seen[name])), name)
-
-
-MOVED = {name: f"sar_compiler.{group}" for group, names in sar_compiler._MOVED.items() for name in names}
-
-
-@pytest.mark.parametrize("name", [name for name, group in MOVED.items() if f"{group}.{name}" not in ROS])
-def test_a_name_of_before_the_groups_is_there_and_says_where_it_is_now(name):
-    group = MOVED[name]
-    with pytest.warns(
-        DeprecationWarning, match=re.escape(f"sar_compiler.{name} is {group}.{name} now")
-    ) as warned:
-        assert getattr(sar_compiler, name) is getattr(GROUPS[group], name)
-    assert warned[0].filename == __file__
 
 
 def test_type_checkers_know_the_names(tmp_path):

@@ -51,7 +51,6 @@ def _parser() -> Parser:
     report.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     text = f"the files, each {forms_in_words()}"
     report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
-    report.rename("--to", "--output")
     text = "where the origin of the frame map lies, and where its x axis points, clockwise from north, in degrees (default: as the run knew it)"
     report.add_argument("--georeference", type=georeference, metavar="LAT,LON,HEADING", help=text)
     report.set_defaults(run=_report)

@@ -211,8 +211,6 @@ _EPILOG = (
 def _parser() -> Parser:
     text = "Run a mission: check the tree, wait for what it needs, tick it."
     parser = Parser(PROG, text, epilog=_EPILOG)
-    parser.rename("--summary", "--format")
-    parser.rename("--no-journal", "--journal=none")
     _add_what_is_flown(parser, parser.add_argument_group("what to fly"))
     _add_simulation(parser, parser.add_argument_group("simulate"))
     _add_companions(parser, parser.add_argument_group("see and record"))

@@ -32,7 +32,6 @@ def add_sim_sweep(parser: CommandParser) -> None:
     add("--world", action="append", type=WORLD, metavar="W", help=text)
     text = f"what goes wrong in one flight, as --fault of sar-run has it, or {_NO_FAULTS}; may be repeated"
     add("--fault", action="append", metavar="'SPEC SPEC'", help=text)
-    parser.rename("--faults", "--fault")
     add_varied_parameters(parser, "ROS parameter")
     add("--params", type=YAML_FILE, metavar="FILE", help="a ROS 2 parameter file")
     text = f"simulated seconds per second, at most (default {_SPEED:g})"

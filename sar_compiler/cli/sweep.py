@@ -156,7 +156,6 @@ def add_varied_parameters(parser: CommandParser, noun: str) -> None:
     text = f"vary a {noun}: each value in turn; may be repeated"
     add = parser.add_argument
     add("--vary", action="append", default=[], type=parse_variation, metavar="NAME=A,B", help=text)
-    parser.rename("--param", "--vary")
 
 
 def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) -> None:

@@ -18,7 +18,6 @@ def parser():
     made = CommandParser("fly", "Fly.")
     made.add_argument("--speed", type=int, default=1, help="how fast")
     made.hide(made.add_argument("--engine", help="what ticks"))
-    made.rename("--pace", "--speed")
     return made
 
 
@@ -54,12 +53,6 @@ def test_an_option_that_few_need_is_known_and_shown_by_help_all_alone(parser, ca
     with pytest.raises(SystemExit):
         parser.parse_args(["--help-all"])
     assert "--engine ENGINE  what ticks" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("words", [["--pace", "3"], ["--pace=3"]])
-def test_an_option_of_before_does_what_it_did_with_a_note(parser, capsys, words):
-    assert parser.parse_args(words).speed == 3
-    assert capsys.readouterr().err == "note: --pace is called --speed now\n"
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,7 @@ def test_what_cannot_be_flown_is_said_before_anything_starts(arguments, words, c
 @pytest.mark.ros
 def test_a_flight_that_cannot_begin_ends_the_sweep_with_its_message(capsys):
     status = main(
-        ["sweep", "search_and_rescue", "--param", "zone_order=[zone_x]", "--jobs", "1", "--runs", "1"]
+        ["sweep", "search_and_rescue", "--vary", "zone_order=[zone_x]", "--jobs", "1", "--runs", "1"]
     )
     assert status == 2
     err = capsys.readouterr().err
