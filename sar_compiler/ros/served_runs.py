@@ -123,4 +123,14 @@ def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tup
         if isinstance(value, dict):
             yield from _flat(value, f"{before}{name}.", levels - 1)
         else:
-            yield f"{before}{name}", value
+            yield f"{before}{name}", _as_one_type(value)
+
+
+def _as_one_type(value: object) -> object:
+    """Return a list of whole and other numbers as real ones: JSON knows no difference, and ROS takes no list of both."""
+    if not isinstance(value, list) or {type(each) for each in value} != {int, float}:
+        return value
+    try:
+        return [float(each) for each in value]
+    except OverflowError:
+        raise PayloadError("the payload has a number that is too large") from None

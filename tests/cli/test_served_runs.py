@@ -55,6 +55,14 @@ def test_a_payload_names_parameters_one_below_the_other():
     }
 
 
+def test_a_list_of_whole_and_other_numbers_has_real_ones_which_ros_takes_and_no_other_list_is_changed():
+    found = parameters_of('{"a": [1, 2.5], "b": [1, 2], "c": [1, true], "d": ["x", 1.5], "e": []}')
+    assert str(found["a"]) == "[1.0, 2.5]"
+    assert str([found[name] for name in "bcde"]) == "[[1, 2], [1, True], ['x', 1.5], []]"
+    with pytest.raises(PayloadError, match="too large"):
+        parameters_of(f'{{"a": [0.5, {10**400}]}}')
+
+
 def test_the_payloads_that_users_are_shown_have_parameters_that_the_mission_reads():
     shown = re.findall(
         r"parameters of the mission: `({.*})`", Path("docs/serving.md").read_text(encoding="utf-8")
