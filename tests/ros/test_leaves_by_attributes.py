@@ -1,8 +1,10 @@
 """Leaves that need no Python: a service, an action, a topic and frames that stand in the tree, against real servers."""
 
+import inspect
 import math
 import re
 import subprocess
+import typing
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ from py_trees.common import Status
 
 from sar_compiler.nodes.ros_fields import read_destinations, read_fields, read_path
 from sar_compiler.nodes.ros_leaves import specs
+from sar_compiler.nodes.spec import Direction, Role
 from sar_compiler.project import load
 from sar_compiler.ros.leaves import by_attributes
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
@@ -557,3 +560,53 @@ def test_a_tree_of_such_leaves_is_made_by_the_palette_and_says_what_it_uses(tmp_
         if type(each).__module__ == by_attributes.__name__
     ]
     assert sorted(tags) == sorted(spec.tag for spec in specs("jazzy"))
+
+
+def parameters(spec: Any) -> dict[str, tuple[bool, object]]:
+    """Return what is declared: of each parameter of the constructor whether it is a port that is read, and its default."""
+    return {
+        each.keyword or each.name: (each.direction is Direction.INPUT, ... if each.required else each.default)
+        for each in spec.parameters.values()
+        if each.role is not Role.NAME
+    }
+
+
+@pytest.mark.parametrize("spec", specs("jazzy"), ids=lambda spec: spec.tag)
+def test_the_constructor_takes_what_is_declared_of_the_leaf(spec: Any) -> None:
+    takes = list(inspect.signature(spec.cls.__init__).parameters.values())[2:]
+    hints = typing.get_type_hints(spec.cls.__init__)
+    found = {}
+    for each in takes:
+        default = ... if each.default is each.empty else each.default
+        is_input = typing.get_origin(hints[each.name]) is Input
+        found[each.name] = is_input, default.get() if isinstance(default, Input) else default
+    assert found == parameters(spec)
+
+
+def test_why_quotes_the_error_that_the_result_of_an_aborted_goal_reports(ros: Ros, tmp_path: Path) -> None:
+    from nav2_msgs.action import ComputePathToPose
+    from rclpy.action import ActionServer
+
+    def execute(handle: Any) -> Any:
+        handle.abort()
+        return ComputePathToPose.Result(error_code=208, error_msg="walled in")
+
+    node = ros.node("planner")
+    node.kept = ActionServer(node, ComputePathToPose, "plan", execute)
+    leaf = '<RosAction action="plan" type="nav2_msgs/action/ComputePathToPose"/>'
+    (tmp_path / "plan.xml").write_text(document(leaf), encoding="utf-8")
+    words = (
+        BIN / "sar-run",
+        tmp_path / "plan.xml",
+        "--model",
+        "ros:jazzy",
+        "--journal",
+        tmp_path / "journal.db",
+    )
+    done = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    ros.spin_until(lambda: done.poll() is not None, "the end of the run")
+    why = subprocess.run(
+        (BIN / "sar-journal", "why", tmp_path / "journal.db"), capture_output=True, text=True, check=False
+    )
+    said = "RosAction FAILURE (aborted), 'RosAction' failed: 'plan': aborted (status 6): error_code 208 (NO_VALID_PATH): walled in"
+    assert said in why.stdout
