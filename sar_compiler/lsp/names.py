@@ -201,7 +201,7 @@ def _of_key(tree: LoadedTree, files: Sequence[TreeFile], around: BoundTree, key:
 
 def _spots_of_access(access: KeyAccess) -> Iterator[Spot]:
     element, is_origin = access.bound.element, access.kind in _WRITES
-    if access.place is not None:
+    if access.place is not None or access.place_in_braces is not None:
         yield Spot(element.source, access.span(), is_origin)
         return
     text = element.attributes.get(access.attribute, "")

@@ -172,6 +172,21 @@ def test_a_key_is_renamed_where_it_is_written_read_and_remapped(editor, files):
     assert texts["main"] == main.read_text(encoding="utf-8").replace("found", "seen")
 
 
+def test_a_key_within_the_yaml_of_a_leaf_is_renamed_and_no_field_of_its_name(editor, tmp_path):
+    main = tmp_path / "main.xml"
+    (tmp_path / "sar.toml").write_text('models = ["ros:jazzy"]\n', encoding="utf-8")
+    topic = '<RosTopic topic="a" type="geometry_msgs/msg/Point" fields="x: {x}, y: { y }"/>'
+    publish = '<RosPublish topic="b" type="geometry_msgs/msg/Point" message="x: {y}, y: {x}, z: {x}"/>'
+    write(main, '<BehaviorTree ID="Main">', "<Sequence>", topic, publish, "</Sequence>", "</BehaviorTree>")
+    editor.open(main)
+    texts = renamed(editor, main, at(main, "{x}", 1), "east")
+    assert texts["main"] == main.read_text(encoding="utf-8").replace("{x}", "{east}")
+    texts = renamed(editor, main, at(main, "{ y }", 2), "north")
+    assert texts["main"] == main.read_text(encoding="utf-8").replace("{ y }", "{ north }").replace(
+        "{y}", "{north}"
+    )
+
+
 def test_a_port_of_a_subtree_is_renamed_where_the_tree_is_used(editor, files):
     main, library = files
     editor.open(library)

@@ -88,9 +88,14 @@ def test_what_another_computer_may_have_is_a_warning(written: str, tmp_path: Pat
 
 def test_keys_within_the_yaml_are_read_and_written_as_those_of_ports(tmp_path: Path) -> None:
     unwritten = f'<RosService service="a" {BOOL} request="data: {{on}}"/>'
-    assert [each[0] for each in findings(unwritten, tmp_path)] == ["unwritten-key"]
+    assert [each[:2] for each in findings(unwritten, tmp_path)] == [("unwritten-key", "on")]
     written = f'<RosTopic topic="b" type="std_msgs/msg/Bool" fields="data: {{on}}"/>{unwritten}'
     assert findings(written, tmp_path) == []
+    misspelt = (
+        '<RosTopic topic="b" type="std_msgs/msg/Bool" fields="data: { lamp }"/>'
+        f'<RosService service="a" {BOOL} request="data: {{lmap}}"/>'
+    )
+    assert [each[:2] for each in findings(misspelt, tmp_path)] == [("unwritten-key", "lmap")]
 
 
 def test_a_subtree_reads_the_keys_that_it_is_passed(tmp_path: Path) -> None:

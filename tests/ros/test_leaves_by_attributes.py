@@ -145,6 +145,40 @@ class TestRosService:
         assert run(ros, leaf) is Status.FAILURE
         assert (text.value, leaf.answer_label) == (None, "no answer")
 
+    def parameters(self, ros: Ros, *results: tuple[bool, str], **attributes: Any) -> by_attributes.RosService:
+        """Return a leaf that sets parameters, and a server that answers with some results."""
+        from rcl_interfaces.msg import SetParametersResult
+        from rcl_interfaces.srv import SetParameters
+
+        def answer(_: Any, response: Any) -> Any:
+            response.results = [SetParametersResult(successful=good, reason=why) for good, why in results]
+            return response
+
+        ros.node("server").create_service(SetParameters, "set", answer)
+        texts = ("Set", "set", "rcl_interfaces/srv/SetParameters")
+        leaf: by_attributes.RosService = made(by_attributes.RosService, *texts, **attributes)
+        return leaf
+
+    def test_the_reason_stands_beside_the_field_that_must_be_true(self, ros: Ros) -> None:
+        leaf = self.parameters(ros, (True, ""), (False, "read only"), success="results[1].successful")
+        assert run(ros, leaf) is Status.FAILURE
+        assert leaf.feedback_message == "'Set': 'set' says no: read only"
+
+    def test_an_answer_without_the_element_that_is_asked_for_is_a_failure(self, ros: Ros) -> None:
+        leaf = self.parameters(ros, success="results[0].successful")
+        assert run(ros, leaf) is Status.FAILURE
+        said = "'Set': 'set' says no: 'results[0]' is not there: 'results' has 0 values"
+        assert (leaf.feedback_message, leaf.answer_label) == (said, "refused")
+
+    def test_a_field_that_is_not_there_is_a_failure_and_the_others_are_written(self, ros: Ros) -> None:
+        scope = Scope(Board("test"))
+        fields = "results[1].reason: {none}, results[0].reason: {why}"
+        leaf = self.parameters(ros, (True, "fine"), fields=fields, scope=scope)
+        assert run(ros, leaf) is Status.FAILURE
+        said = "'Set' failed: 'results[1].reason' is not there: 'results' has 1 value"
+        assert (leaf.feedback_message, leaf.answer_label) == (said, "no answer")
+        assert (scope.resolve("why").read(), scope.resolve("none").exists) == ("fine", False)
+
     def test_the_name_and_the_values_in_the_request_come_from_keys(self, ros: Ros) -> None:
         asked, scope = switch(ros), Scope(Board("test"))
         leaf = by_attributes.RosService(
@@ -402,6 +436,23 @@ class TestRosTopic:
                 node=ros.node()
             )
         assert str(raised.value) == "'Place': there is no field 'pose.positon.x'; did you mean 'position'?"
+
+    def test_a_field_that_a_message_does_not_have_is_a_failure(self, ros: Ros) -> None:
+        from sensor_msgs.msg import BatteryState
+
+        publisher = ros.node("source").create_publisher(BatteryState, "battery", 1)
+        texts = ("Cells", "battery", "sensor_msgs/msg/BatteryState")
+        leaf = made(
+            by_attributes.RosTopic, *texts, field="cell_voltage[2]", value=Output[object](), waits=True
+        )
+
+        def is_over() -> bool:
+            publisher.publish(BatteryState(cell_voltage=[3.5]))
+            return leaf.status not in (Status.RUNNING, Status.INVALID)
+
+        assert run(ros, leaf, is_over) is Status.FAILURE
+        said = "'Cells': 'cell_voltage[2]' is not there: 'cell_voltage' has 1 value"
+        assert leaf.feedback_message == said
 
     def test_the_name_of_the_topic_comes_from_a_key_whenever_the_leaf_is_entered(self, ros: Ros) -> None:
         from std_msgs.msg import String

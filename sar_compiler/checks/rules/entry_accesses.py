@@ -4,6 +4,7 @@ import bisect
 import enum
 import functools
 import itertools
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
@@ -51,10 +52,20 @@ class KeyAccess(NamedTuple):
 
     def span(self) -> Span:
         """Return its place in the file."""
-        element = self.bound.element
-        if self.place is None:
+        element, place = self.bound.element, self.place or self.place_in_braces
+        if place is None:
             return element.value_span(self.attribute)
-        return element.within_value(self.attribute, *self.place)
+        return element.within_value(self.attribute, *place)
+
+    @property
+    def place_in_braces(self) -> tuple[int, int] | None:
+        """The place of a key within a value that has braces of its own, such as `x: {key}`; None in any other."""
+        parameter = self.bound.spec.parameters.get(self.attribute)
+        if parameter is None or not parameter.value_type.takes_braces:
+            return None
+        text = self.bound.element.attributes.get(self.attribute, "")
+        found = re.search(rf"\{{\s*({re.escape(self.key)})\s*\}}", text)
+        return None if found is None else found.span(1)
 
 
 @dataclass(frozen=True)
