@@ -1,6 +1,7 @@
 """What `ros2 doctor` checks and reports of this project: whether all that a mission takes is installed.
 
-It looks at files alone, so that nobody's `ros2 doctor` waits for it. Whether a robot is ready is asked by `ros2 mission run TREE --check`.
+It looks at the installed files, and for a second at the ROS graph: sources that exclude each other. Whether a robot is ready for a tree is
+asked by `ros2 mission run TREE --check`.
 """
 
 from collections.abc import Callable
@@ -34,6 +35,9 @@ class MissionCheck(DoctorCheck):
             if trouble := _trouble_with(load):
                 doctor_error(f"sar_compiler: {trouble}")
                 result.add_error()
+        for line in _conflicts() if not result.error else ():
+            doctor_error(f"sar_compiler: {line}")
+            result.add_error()
         if not kernel.IS_COMPILED:
             doctor_warn(f"sar_compiler: trees are ticked by {kernel.describe()}, several times slower")
             result.add_warning()
@@ -59,6 +63,12 @@ class MissionReport(DoctorReport):
             missions = str(error)
         report.add_to_report("missions", missions or "none")
         return report
+
+
+def _conflicts() -> list[str]:
+    from sar_compiler.ros.graph_check import conflicts_in_sight
+
+    return conflicts_in_sight()
 
 
 def _trouble_with(load: Callable[[], object]) -> str:

@@ -347,7 +347,9 @@ def _uses(tag: str, uses: object) -> tuple[Use, ...]:
     needs = _members(tag, "uses", uses, '[Use.topic("...")]')
     for use in needs:
         if not isinstance(use, Use):
-            advice = "; write Use.action(name), Use.service(name), Use.topic(name) or Use.nav2()"
+            advice = (
+                "; write Use.action(name), Use.service(name), Use.topic(name), Use.transforms() or Use.nav2()"
+            )
             _refuse(f"<{tag}>: uses holds", use, advice)
     return needs
 

@@ -231,6 +231,7 @@ _SPECS = (
             output_port(f"q{part}", float, f"Where the quaternion's {part} is written.", None)
             for part in "xyzw"
         ),
+        uses=(Use.transforms(),),
         answers=(
             Answer("SUCCESS", "known", writes=("x", "y", "z", "yaw", "qx", "qy", "qz", "qw")),
             Answer("FAILURE", "unknown", writes=_NEVER),

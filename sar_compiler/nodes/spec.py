@@ -138,7 +138,7 @@ class Use:
     """A resource outside the tree that a leaf needs before the first tick.
 
     Attributes:
-        kind: `action`, `service`, `topic` (with a publisher) or `nav2` (localised and active).
+        kind: `action`, `service`, `topic` (with a publisher), `transforms` or `nav2` (localised and active).
         name: The relative ROS name. `{parameter}` stands for the value of a constructor parameter.
     """
 
@@ -159,6 +159,11 @@ class Use:
     def topic(cls, name: str) -> "Use":
         """Name a topic that must have a publisher."""
         return cls("topic", name)
+
+    @classmethod
+    def transforms(cls) -> "Use":
+        """Ask for transforms, on `/tf` or `/tf_static`, each frame from one publisher."""
+        return cls("transforms")
 
     @classmethod
     def nav2(cls) -> "Use":

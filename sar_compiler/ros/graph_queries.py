@@ -196,6 +196,17 @@ class RosGraph:
             return ""
         return f"topic {with_full_name(topic, full)}: {names_in_words(nodes)} publish it; stop all but one"
 
+    def contested_topics(self) -> list[str]:
+        """Describe each topic in sight of which one source is meant, and that several nodes publish."""
+        publishing = self._cached("publishing", self._find_publishing)
+        several = {topic: nodes for topic, nodes in publishing.items() if len(nodes) > 1}
+        single = {*_ONE_SOURCE, _CLOCK_TYPE}
+        return [
+            f"topic {topic}: {names_in_words(sorted(nodes))} publish it; stop all but one"
+            for topic, nodes in sorted(several.items())
+            if single.intersection(*nodes.values())
+        ]
+
     def transforms(self) -> str:
         """Describe why the transforms of this robot do not reach the node; empty if they do, or none are there.
 
@@ -207,6 +218,12 @@ class RosGraph:
     def is_clock_contested(self) -> bool:
         """Whether simulated time is used, and comes from several publishers."""
         return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
+
+    def missing_transforms(self) -> str:
+        """Describe why no transform reaches the node: they are elsewhere, or nowhere; empty if some can."""
+        there = self.publishers("/tf") or self.publishers("/tf_static")
+        here = self._node.resolve_topic_name("/tf")
+        return self.transforms() or ("" if there else f"transforms: no publisher on {here} or {here}_static")
 
     def clock(self) -> str:
         """Describe what is wrong with simulated time: none comes, or two nodes publish it; empty if all is well."""
@@ -247,7 +264,27 @@ class RosGraph:
             return f"{poses.title} has no publisher; there is {names_in_words(poses.elsewhere, 'or')}"
         if len(poses.nodes) > 1:
             return f"{poses.title} has several publishers: {names_in_words(poses.nodes)}"
-        return self.transforms()
+        return self.several_publishers("odometry/filtered") or self.transforms()
+
+    def other_robots(self) -> tuple[str, ...]:
+        """Return the nodes of other robots that publish on the `/tf` of this one: their namespace has a localisation, too.
+
+        Of nodes that share a full name the second one counts as well.
+        """
+        topic, space = self._node.resolve_topic_name("/tf"), self._node.get_namespace().rstrip("/")
+        nodes = [_node_of(each) for each in self._infos(topic)]
+        return tuple(
+            sorted(
+                node
+                for node in set(nodes)
+                if nodes.count(node) > 1 or self._has_localisation(node.rpartition("/")[0], space)
+            )
+        )
+
+    def _has_localisation(self, space: str, own: str) -> bool:
+        topics, services = self._topics(), self._served()
+        is_there = f"{space}/amcl_pose" in topics or f"{space}/amcl{_STATE_SERVICE}" in services
+        return space != own and is_there
 
     def _ask(self, endpoint: Endpoint) -> GraphAnswer:
         if endpoint.kind == "topic":

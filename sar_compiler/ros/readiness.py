@@ -3,7 +3,7 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -17,7 +17,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.frame_sources import frame_sources
-from sar_compiler.ros.graph_queries import Endpoint, names_in_words, ros_graph, with_full_name
+from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
 from sar_compiler.ros.lifecycle import (
     BEFORE_NAVIGATOR,
     MANAGER,
@@ -70,7 +70,6 @@ class MisplacedRobotError(SarError):
     Attributes:
         place: Where it is by its localisation: x, y (m) and yaw (rad), frame `map`; None if it has one, and does not say which.
         pose: Where the mission begins.
-        sources: The nodes that publish transforms.
         moved: How far it has driven by its odometry, metres, where its localisation has no pose; else None.
     """
 
@@ -78,12 +77,11 @@ class MisplacedRobotError(SarError):
         self,
         place: InitialPose | None,
         pose: InitialPose,
-        sources: Sequence[str] = (),
         *,
         moved: float | None = None,
         can_resume: bool = False,
     ) -> None:
-        self.place, self.pose, self.sources, self.moved = place, pose, sources, moved
+        self.place, self.pose, self.moved = place, pose, moved
         start = f"initial_pose ({pose[0]:.2f}, {pose[1]:.2f})"
         resume = "Go on with the mission that was interrupted (--resume)" if can_resume else ""
         if moved is not None:
@@ -93,8 +91,7 @@ class MisplacedRobotError(SarError):
                 "where the robot stands: -p set_initial_pose:=false"
             )
             return
-        by_nodes = f" (of {names_in_words(sources)})" if sources else ""
-        where, value = f"knows where the robot is, by its transforms{by_nodes}", ""
+        where, value = "knows where the robot is, by its transforms", ""
         if place is not None:
             far = math.dist(place[:2], pose[:2])
             where = f"has the robot at ({place[0]:.2f}, {place[1]:.2f}), {far:.2f} m from {start}"
@@ -145,12 +142,10 @@ class Localised(Requirement):
         has_taken_it = self._has_asked and self._robot.pose_at >= self._sent_at
         now = AWAKE.now()
         if not (self._answered or has_taken_it):
-            if conflict := self._robot.localisation_conflict():
-                return (
-                    f"topic {self._answers}: no initial pose is sent, it could be another robot's: {conflict}"
-                )
+            if self._robot.localisation_conflict():
+                return f"topic {self._answers}: no initial pose is sent while another robot's localisation may be heard"
             if self._is_heard_too_briefly(now):
-                return f"topic {self._answers}: the localisation is listened to"
+                return f"topic {self._answers}: waiting for what the localisation says"
         self._answered = self._answered or has_taken_it or self._keeps_its_own()
         if self._answered:
             return None
@@ -204,12 +199,12 @@ class Localised(Requirement):
         Raises:
             MisplacedRobotError: If it has one elsewhere.
         """
-        if self._has_asked or not self._robot.is_localised:
+        others = self._robot.pose is None and self._robot.hears_others
+        if self._has_asked or not self._robot.is_localised or others:
             return False
         place = self._robot.place()
         if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
-            sources = ros_graph(self._node).publishers("/tf")
-            raise MisplacedRobotError(place, self._pose, sources, can_resume=self._can_resume)
+            raise MisplacedRobotError(place, self._pose, can_resume=self._can_resume)
         turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
         if not turned <= _AGREES_RAD:
             self._node.get_logger().warning(
@@ -294,8 +289,8 @@ class NavigatorActive(Requirement):
         """Describe that the localisation has no pose and is given none: the nodes behind it wait for that."""
         if self._tells_pose or self._robot.is_localised or not ros_graph(self._node).publishers("amcl_pose"):
             return ""
-        if conflict := self._robot.localisation_conflict():
-            return f"; the localisation may be another robot's: {conflict}"
+        if self._robot.localisation_conflict():
+            return ""
         poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))
         return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
 
@@ -388,15 +383,24 @@ class Readiness:
         self._graph = ros_graph(node)
         uses = list(dict.fromkeys(uses))
         self._endpoints = [
-            (endpoints or {}).get(use, Endpoint(use.kind, use.name)) for use in uses if use.kind != "nav2"
+            (endpoints or {}).get(use, Endpoint(use.kind, use.name)) for use in uses if use.name
         ]
         self._steps.append(lambda: self._graph.clock() or None)
         self.uses_nav2 = any(use.kind == "nav2" for use in uses)
         if self.uses_nav2:
             self._wait_for_nav2(initial_pose, begins_anew, can_resume)
+        elif Use.transforms() in uses:
+            sources = frame_sources(node)
+            self._steps.append(lambda: self._graph.missing_transforms() or sources.conflict() or None)
         self._steps += [
             partial(self._missing_endpoint, each) for each in self._endpoints if each.kind != "node"
         ]
+
+    def _localisation_conflict(self) -> str | None:
+        # A localisation that is elsewhere is named as such.
+        localiser = self._graph.ask(Endpoint("node", NAV2_NODES[0]))
+        is_elsewhere = not localiser.is_there and bool(localiser.elsewhere)
+        return None if is_elsewhere else robot_estimate(self.node).localisation_conflict() or None
 
     def _missing_endpoint(self, endpoint: Endpoint) -> str | None:
         return self._graph.ask(endpoint).line
@@ -414,8 +418,7 @@ class Readiness:
         self._closing.append(NavigatorActive(self.node, navigator, tells_pose=initial_pose is not None))
         self._steps.append(self._closing[-1].missing)
         self._endpoints += [Endpoint("node", name) for name in NAV2_NODES]
-        sources = frame_sources(self.node)
-        self._steps.append(lambda: self._graph.transforms() or sources.conflict() or None)
+        self._steps.append(self._localisation_conflict)
 
     @property
     def contested(self) -> bool:

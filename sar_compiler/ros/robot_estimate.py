@@ -10,8 +10,8 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, NodeTime, deadline_clock
-from sar_compiler.ros.frame_sources import frame_sources
-from sar_compiler.ros.graph_queries import ros_graph
+from sar_compiler.ros.frame_sources import child_frames, frame_sources
+from sar_compiler.ros.graph_queries import names_in_words, ros_graph
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
 from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
@@ -90,7 +90,7 @@ class RobotEstimate:
         self._frames = ("", "")
         self._odometry_at = -math.inf
         self._slow_since: float | None = None
-        self._transforms = b""
+        self._transforms, self._has_own_transforms = b"", False
         # Who localises by a simulated clock sends nothing while that stands still.
         self._clocked, self._transform_clocked_at = ClockedTime(node), -math.inf
         self._transform_at_sec = 0.0
@@ -227,12 +227,35 @@ class RobotEstimate:
 
         Until that is settled the localisation is given no pose, and nobody is asked to give it one: it could be the other robot's.
         """
-        return ros_graph(self._node).foreign_localisation() or frame_sources(self._node).conflict()
+        graph = ros_graph(self._node)
+        conflict = graph.foreign_localisation() or frame_sources(self._node).conflict()
+        if conflict or self.pose is not None or self.transform_at is None or self.hears_others:
+            return conflict
+        others = graph.other_robots()
+        if not others:
+            return ""
+        return (
+            f"transforms from 'map' may be another robot's: {names_in_words(others)} publish{'es' if len(others) == 1 else ''} on "
+            f"{self._node.resolve_topic_name('/tf')}, too. Give each robot transforms of its own "
+            "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
+        )
+
+    @property
+    def hears_others(self) -> bool:
+        """Whether all transforms from `map` lead to frames of other robots, as far as this one's odometry says it."""
+        knows = self.odometry is not None and self.transform_at is not None
+        return knows and not self._has_own_transforms and bool(ros_graph(self._node).other_robots())
 
     def _on_transforms(self, message: bytes) -> None:
-        if FROM_MAP in message:
+        if FROM_MAP in message and not self._is_of_another_robot(message):
             self.transform_at, self._transforms = AWAKE.now(), message
             self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
+
+    def _is_of_another_robot(self, message: bytes) -> bool:
+        """Return whether transforms lead to none of this odometry's frames, although others do: robots may share `/tf`."""
+        leads_here = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
+        self._has_own_transforms = self._has_own_transforms or leads_here
+        return self._has_own_transforms and not leads_here
 
     def _place_by_transforms(self) -> PlanarPose | None:
         """Return the place by the last transform from `map`, and by the odometry if that leads to its frame."""

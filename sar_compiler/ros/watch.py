@@ -190,6 +190,7 @@ class Watch:
         self._topics = [use.name for use in uses if use.kind == "topic"]
         self._reported: set[str] = set()
         self._localisation = _Localisation(node) if any(use.kind == "nav2" for use in uses) else None
+        self._hears_transforms = self._localisation is not None or Use.transforms() in uses
         if self._localisation is not None:
             self._topics += ["odometry/filtered", "map"]
         self._motion = UnaskedMotion(node, drives) if drives else None
@@ -228,7 +229,7 @@ class Watch:
     def _count_sources(self) -> None:
         """Report once each frame, topic and clock that has come to have several sources."""
         lines = [self._graph.clock(), *map(self._graph.several_publishers, self._topics)]
-        if self._localisation is not None:
+        if self._hears_transforms:
             lines.append(frame_sources(self._node).conflict())
         for line in filter(None, lines):
             if line not in self._reported:

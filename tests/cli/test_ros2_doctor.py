@@ -77,6 +77,23 @@ def test_a_kernel_that_is_not_compiled_is_a_warning(check, capsys, monkeypatch):
     assert "trees are ticked by Python, several times slower" in capsys.readouterr().err
 
 
+def test_two_sources_of_what_is_meant_to_have_one_are_named(check, capsys, monkeypatch):
+    from nav_msgs.msg import OccupancyGrid
+    from rclpy.context import Context
+    from rclpy.node import Node
+
+    monkeypatch.setattr(kernel, "IS_COMPILED", True)
+    context = Context()
+    context.init(initialize_logging=False)
+    try:
+        nodes = [Node(name, context=context) for name in ("one", "two")]
+        publishers = [node.create_publisher(OccupancyGrid, "/map", 1) for node in nodes]
+        assert (check.check().error, len(publishers)) == (1, 2)
+    finally:
+        context.try_shutdown()
+    assert "sar_compiler: topic /map: /one and /two publish it; stop all but one" in capsys.readouterr().err
+
+
 def test_the_report_has_versions_the_kernel_and_the_missions(doctor, check):
     report = doctor("ros2doctor.report", "MissionReport")
     assert report.category() == check.category()

@@ -144,7 +144,7 @@ def test_a_tag_is_any_name_of_xml(tag):
             {"uses": ["odometry"]},
             (
                 "<M>: uses holds the text 'odometry'; "
-                "write Use.action(name), Use.service(name), Use.topic(name) or Use.nav2()"
+                "write Use.action(name), Use.service(name), Use.topic(name), Use.transforms() or Use.nav2()"
             ),
         ),
         (

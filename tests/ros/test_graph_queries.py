@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import pytest
@@ -23,6 +22,7 @@ pytestmark = pytest.mark.ros
 DETECT = "sar_interfaces/srv/DetectSurvivor"
 NAVIGATE = "nav2_msgs/action/NavigateToPose"
 ODOMETRY = "nav_msgs/msg/Odometry"
+POSES = "geometry_msgs/msg/PoseWithCovarianceStamped"
 BATTERY = "sensor_msgs/msg/BatteryState"
 
 
@@ -115,6 +115,19 @@ class Robots:
             server.destroy()
         for node in self.nodes:
             self._ros.remove(node)
+
+
+def transform_bytes(parent: str, *children: str) -> bytes:
+    """Return transforms as they come."""
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.serialization import serialize_message
+    from tf2_msgs.msg import TFMessage
+
+    message = TFMessage()
+    for child in children:
+        message.transforms.append(TransformStamped(child_frame_id=child))
+        message.transforms[-1].header.frame_id = parent
+    return bytes(serialize_message(message))
 
 
 def qos_of(
@@ -242,6 +255,13 @@ def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> Non
     assert [graph.ask(each).elsewhere for each in (DETECTOR, BATTERIES)] == [(), ()]
 
 
+SHARED = (
+    "transforms from 'map' may be another robot's: /tb2/amcl publishes on /tf, too. Give each robot transforms of its own "
+    "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
+)
+NO_POSE = "topic amcl_pose: no initial pose is sent while another robot's localisation may be heard"
+
+
 class TestNamespaces:
     def ready(self, node: Any, *uses: Use, pose: bool = True, **types: str) -> Readiness:
         from sar_compiler.ros.readiness import Readiness
@@ -256,7 +276,7 @@ class TestNamespaces:
         node = robots.node(f"{space}/amcl")
         robots.serve(node, f"{space}/amcl", f"{space}/bt_navigator", f"{space}/navigate_to_pose")
         poses = robots.publish(
-            node, "amcl_pose", "geometry_msgs/msg/PoseWithCovarianceStamped", durability="transient_local"
+            node, "amcl_pose", POSES, durability="transient_local"
         )
         message = PoseWithCovarianceStamped()
         message.header.frame_id, message.pose.pose.orientation.w = "map", 1.0
@@ -273,8 +293,7 @@ class TestNamespaces:
         mission = robots.node("/mission")
         robots.lines(
             self.ready(mission, *self.USES),
-            "topic amcl_pose: no initial pose is sent, it could be another robot's: topic amcl_pose has no publisher; there "
-            "is /tb1/amcl_pose",
+            NO_POSE,
             "node amcl: not there (no service /amcl/get_state); there is /tb1/amcl",
             "node bt_navigator: not there (no service /bt_navigator/get_state); there is /tb1/bt_navigator",
             "action navigate_to_pose: no server; there is /tb1/navigate_to_pose",
@@ -376,17 +395,82 @@ class TestNamespaces:
         robots.until(frame_sources(mission).conflict, "the conflict")
         robots.lines(
             ready,
-            f"topic amcl_pose: no initial pose is sent, it could be another robot's: {conflict}",
+            NO_POSE,
             conflict,
         )
         assert told == []
 
-    def test_a_check_asks_for_no_pose_while_two_localisations_publish_one(self, robots: Robots) -> None:
+    @pytest.mark.parametrize(
+        ("child", "advice"),
+        [
+            ("odom", SHARED),
+            ("tb2/odom", ""),
+        ],
+    )  # fmt: skip
+    def test_a_robot_without_a_pose_is_not_given_that_of_another_robot_on_its_transforms(
+        self, robots: Robots, child: str, advice: str
+    ) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from nav_msgs.msg import Odometry
+
+        from sar_compiler.ros.robot_estimate import robot_estimate
+
+        amcl, other = robots.node("/amcl"), robots.node("/tb2/amcl")
+        robots.serve(amcl, "/amcl", "/bt_navigator")
+        robots.publish(amcl, "amcl_pose", POSES)
+        robots.publish(other, "amcl_pose", POSES)
+        robots.send_transforms(other, ("map", child), x=4.0)
+        odometry = Odometry()
+        odometry.header.frame_id, odometry.child_frame_id = "odom", "base_link"
+        odometry.pose.pose.orientation.w = 1.0
+        publisher = robots.publish(amcl, "odometry/filtered", ODOMETRY)
+
+        def drive() -> None:
+            odometry.header.stamp = amcl.get_clock().now().to_msg()
+            publisher.publish(odometry)
+
+        amcl.create_timer(0.05, drive)
+        told: list[Any] = []
+        amcl.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
+        mission = robots.node("/mission")
+        robot, ready = robot_estimate(mission), self.ready(mission, Use.nav2())
+        robots.until(lambda: robot.odometry and robot.transform_at, "odometry and transforms")
+        if advice:
+            robots.lines(ready, NO_POSE, advice)
+            assert told == []
+        else:
+            robots.until(lambda: ready.missing() and told, "the pose")
+            ready.close()
+        assert "2D Pose Estimate" not in str(ready.missing())
+
+    def test_transforms_of_another_robot_do_not_stand_for_those_of_this_one(self, robots: Robots) -> None:
+        from sar_compiler.ros.robot_estimate import robot_estimate
+
+        robot = robot_estimate(robots.node("/mission"))
+        robot._frames = ("odom", "base_link")
+        own, other = (transform_bytes("map", child) for child in ("odom", "tb2/odom"))
+        robot._on_transforms(other)
+        before = robot.transform_at
+        robot._on_transforms(own)
+        after = robot.transform_at
+        robot._on_transforms(other)
+        assert before is not None
+        assert after is not None
+        assert before < after == robot.transform_at
+
+    @pytest.mark.parametrize(
+        ("topic", "type_name", "said"),
+        [
+            ("/amcl_pose", POSES, "topic amcl_pose has several publishers: /tb1/amcl and /tb2/amcl"),
+            ("/odometry/filtered", ODOMETRY, "topic odometry/filtered: published by /tb1/amcl and /tb2/amcl; stop all but one"),
+        ],
+    )  # fmt: skip
+    def test_nobody_is_asked_for_a_pose_while_two_robots_say_where_they_are(
+        self, robots: Robots, topic: str, type_name: str, said: str
+    ) -> None:
         for space in ("/tb1", "/tb2"):
-            node = robots.node(f"{space}/amcl")
-            robots.publish(node, "/amcl_pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+            robots.publish(robots.node(f"{space}/amcl"), topic, type_name)
         graph = robots.graph()
-        said = "topic amcl_pose has several publishers: /tb1/amcl and /tb2/amcl"
         robots.until(lambda: graph.foreign_localisation() == said, said)
 
 
@@ -615,6 +699,20 @@ class TestFrames:
         look = self.where(robots, "map", "zebra")
         robots.until(lambda: "survivor_15 and others" in str(look()).replace("'", ""), "some frames")
 
+    def test_a_tree_that_looks_up_a_frame_waits_for_transforms_of_one_source_each(
+        self, robots: Robots
+    ) -> None:
+        from sar_compiler.ros.readiness import Readiness
+
+        ready = Readiness(robots.node("/mission"), [Use.transforms()], initial_pose=None)
+        assert ready.missing() == ["transforms: no publisher on /tf or /tf_static"]
+        one = robots.node("/one")
+        robots.send_transforms(one, ("map", "dock"), topic="/tf_static", static=True)
+        robots.until(lambda: ready.missing() == [], "the static transform")
+        for node in (one, robots.node("/two")):
+            robots.send_transforms(node, ("map", "odom"))
+        robots.until(lambda: "frame 'odom' has two sources" in str(ready.missing()), "the conflict")
+
     def test_where_none_comes_it_is_told_where_they_are(self, robots: Robots) -> None:
         robots.send_transforms(robots.node("/tb1/ekf"), ("map", "odom"), topic="/tb1/tf")
         look = self.where(robots, "map", "odom", "/tb1/mission")
@@ -683,22 +781,72 @@ class TestFrames:
         robots.until(lambda: not isinstance(look(), str), "a frame of one source")
 
     def test_a_message_as_it_came_is_read_for_its_frames(self) -> None:
-        from geometry_msgs.msg import TransformStamped
-        from rclpy.serialization import serialize_message
-        from tf2_msgs.msg import TFMessage
-
         from sar_compiler.ros.frame_sources import child_frames
 
         children = ["odom", "a", "base_link", "", "camera/é"]
-        message = TFMessage()
-        for number, child in enumerate(children):
-            each = TransformStamped(child_frame_id=child)
-            each.header.frame_id, each.transform.translation.x = "p" * number, math.pi
-            message.transforms.append(each)
-        came = serialize_message(message)
-        assert child_frames(came) == children
-        assert child_frames(came[:-1]) == children[:-1]
+        for parent in ("", "p", "pp", "ppp", "pppp"):
+            came = transform_bytes(parent, *children)
+            assert child_frames(came) == children
+            assert child_frames(came[:-1]) == children[:-1]
         assert child_frames(b"\0\1\0\0\xff\xff\xff\xff") == child_frames(b"") == []
+
+
+class TestWatch:
+    def watch(self, node: Any) -> Any:
+        from sar_compiler.ros.watch import Watch
+
+        return Watch(node, [Use.nav2()])
+
+    def test_a_second_robot_on_the_transforms_is_reported_with_both_nodes(
+        self, robots: Robots, said: Said
+    ) -> None:
+        watch = self.watch(robots.node("/mission"))
+        robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
+        robots.until(lambda: ros_graph(robots.nodes[0]).publishers("/tf"), "the transforms")
+        watch.look()
+        assert not said.has("two sources")
+        robots.send_transforms(robots.node("/tb2/amcl"), ("map", "odom"), x=9.0)
+        robots.until(
+            lambda: said.has("frame 'odom' has two sources on /tf, /amcl and /tb2/amcl"), "the report"
+        )
+
+    def test_a_second_clock_is_reported(self, robots: Robots, said: Said) -> None:
+        watch = self.watch(robots.node("/mission", **TestClock.simulated()))
+        for name in ("/bag", "/gazebo"):
+            robots.publish(robots.node(name), "/clock", "rosgraph_msgs/msg/Clock")
+        robots.until(lambda: said.has("topic /clock: 2 publishers, of /bag and /gazebo"), "the report")
+        watch.look()
+
+    def test_a_localisation_of_another_robot_is_not_given_the_pose_of_this_one(
+        self, robots: Robots, said: Said, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+
+        from sar_compiler.ros.robot_estimate import robot_estimate
+
+        monkeypatch.setattr("sar_compiler.ros.watch._LOST_SEC", 0.1)
+        amcl, mission = robots.node("/amcl"), robots.node("/mission")
+        robots.serve(amcl, "/amcl", "/bt_navigator")
+        poses = robots.publish(
+            amcl, "amcl_pose", POSES, durability="transient_local"
+        )
+        pose = PoseWithCovarianceStamped()
+        pose.header.frame_id, pose.pose.pose.orientation.w = "map", 1.0
+        pose.header.stamp = amcl.get_clock().now().to_msg()
+        poses.publish(pose)
+        watch, robot = self.watch(mission), robot_estimate(mission)
+        robots.until(lambda: robot.pose and robot.lifecycle("amcl").state == "active", "the localisation")
+        watch.look()
+        other, told = robots.node("/tb2/amcl"), list[Any]()
+        other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
+        robots.publish(other, "/amcl_pose", POSES)
+        line = (
+            "A localisation has come, and is given no pose, it could be another robot's: topic amcl_pose has several publishers: "
+            "/amcl and /tb2/amcl."
+        )
+        robots.until(lambda: said.has(line), line)
+        assert told == []
+        assert not said.has("2D Pose Estimate")
 
 
 class TestLeaves:

@@ -604,6 +604,7 @@ def test_a_tree_of_such_leaves_is_made_by_the_palette_and_says_what_it_uses(tmp_
         ("action", "dock"),
         ("service", "door/open"),
         ("topic", "battery_state"),
+        ("transforms", ""),
     ]
     tags = [
         type(each).__name__
