@@ -194,7 +194,7 @@ class RosGraph:
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
             return ""
-        return f"topic {with_full_name(topic, full)}: {names_in_words(nodes)} publish it; stop all but one"
+        return f"topic {with_full_name(topic, full)}: published by {names_in_words(nodes)}; stop all but one"
 
     def contested_topics(self) -> list[str]:
         """Describe each topic in sight of which one source is meant, and that several nodes publish."""
@@ -202,7 +202,7 @@ class RosGraph:
         several = {topic: nodes for topic, nodes in publishing.items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
-            f"topic {topic}: {names_in_words(sorted(nodes))} publish it; stop all but one"
+            f"topic {topic}: published by {names_in_words(sorted(nodes))}; stop all but one"
             for topic, nodes in sorted(several.items())
             if single.intersection(*nodes.values())
         ]
@@ -239,7 +239,7 @@ class RosGraph:
             )
         if node_clock.now().nanoseconds > 0:
             return ""
-        missing = f"use_sim_time is set and no {topic} has come"
+        missing = "use_sim_time is set and no /clock has come"
         if nodes:
             return f"{missing} from {nodes[0]}: is the simulation paused?"
         others = sorted(name for name, types in self._topics().items() if _CLOCK_TYPE in types)
@@ -253,8 +253,8 @@ class RosGraph:
         if not nodes or self._node.get_clock().ros_time_is_active:
             return ""
         return (
-            f"{names_in_words(nodes)} publish{'es' if len(nodes) == 1 else ''} /clock, and use_sim_time is not set: stamps of "
-            "the robot look old. Run with `--ros-args -p use_sim_time:=true`"
+            f"/clock is published by {names_in_words(nodes)}, and use_sim_time is not set: stamps of the robot look old. Run with "
+            "`--ros-args -p use_sim_time:=true`"
         )
 
     def foreign_localisation(self) -> str:
@@ -373,8 +373,8 @@ class RosGraph:
             is_own = topic == f"{space}/tf"
             rules = _REMAP_TRANSFORMS if is_own else f"-r /tf:={topic} -r /tf_static:={topic}_static"
             return (
-                f"transforms: {names_in_words(sorted(nodes))} publish{'es' if len(nodes) == 1 else ''} them on {topic}, and this "
-                f"node listens to {here}: run with `--ros-args {rules}`"
+                f"transforms: published on {topic} by {names_in_words(sorted(nodes))}, and this node listens to {here}: run with "
+                f"`--ros-args {rules}`"
             )
         return ""
 

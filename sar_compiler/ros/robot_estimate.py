@@ -235,8 +235,8 @@ class RobotEstimate:
         if not others:
             return ""
         return (
-            f"transforms from 'map' may be another robot's: {names_in_words(others)} publish{'es' if len(others) == 1 else ''} on "
-            f"{self._node.resolve_topic_name('/tf')}, too. Give each robot transforms of its own "
+            f"transforms from 'map' may be another robot's: {self._node.resolve_topic_name('/tf')} is also published by "
+            f"{names_in_words(others)}. Give each robot transforms of its own "
             "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
         )
 

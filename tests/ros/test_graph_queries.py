@@ -256,7 +256,7 @@ def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> Non
 
 
 SHARED = (
-    "transforms from 'map' may be another robot's: /tb2/amcl publishes on /tf, too. Give each robot transforms of its own "
+    "transforms from 'map' may be another robot's: /tf is also published by /tb2/amcl. Give each robot transforms of its own "
     "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
 )
 NO_POSE = "topic amcl_pose: no initial pose is sent while another robot's localisation may be heard"
@@ -275,9 +275,7 @@ class TestNamespaces:
 
         node = robots.node(f"{space}/amcl")
         robots.serve(node, f"{space}/amcl", f"{space}/bt_navigator", f"{space}/navigate_to_pose")
-        poses = robots.publish(
-            node, "amcl_pose", POSES, durability="transient_local"
-        )
+        poses = robots.publish(node, "amcl_pose", POSES, durability="transient_local")
         message = PoseWithCovarianceStamped()
         message.header.frame_id, message.pose.pose.orientation.w = "map", 1.0
         message.pose.pose.position.x = 4.0
@@ -351,7 +349,7 @@ class TestNamespaces:
         ready = self.ready(robots.node("/tb1/mission"), *self.USES, pose=False)
         robots.lines(
             ready,
-            "transforms: /tb1/amcl publishes them on /tb1/tf, and this node listens to /tf: run with "
+            "transforms: published on /tb1/tf by /tb1/amcl, and this node listens to /tf: run with "
             "`--ros-args -r /tf:=tf -r /tf_static:=tf_static`",
         )
 
@@ -360,7 +358,7 @@ class TestNamespaces:
         arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         graph = robots.graph("/tb1/mission", cli_args=arguments)
         said = (
-            "transforms: /tb1/amcl publishes them on /tf, and this node listens to /tb1/tf: run with "
+            "transforms: published on /tf by /tb1/amcl, and this node listens to /tb1/tf: run with "
             "`--ros-args -r /tf:=/tf -r /tf_static:=/tf_static`"
         )
         robots.until(lambda: graph.transforms() == said, said)
@@ -561,7 +559,7 @@ class TestSources:
             robots.publish(robots.node(name), topic, type_name)
         graph = robots.graph()
         robots.until(lambda: len(graph.publishers(topic)) == 2, "both publishers")
-        said = f"topic {topic}: /one and /two publish it; stop all but one"
+        said = f"topic {topic}: published by /one and /two; stop all but one"
         assert graph.several_publishers(topic) == (said if is_told else "")
 
     def test_a_run_is_warned_of_them_and_of_odometry_under_another_name(
@@ -576,7 +574,7 @@ class TestSources:
         robots.until(lambda: len(graph.publishers("map")) == 2 and graph.publishers("odom"), "the publishers")
         Readiness(robots.nodes[-1], [Use.nav2()], initial_pose=None).warn()
         lines = said.lines()
-        assert any("topic map: /one and /two publish it; stop all but one." in line for line in lines)
+        assert any("topic map: published by /one and /two; stop all but one." in line for line in lines)
         odometry = "topic odometry/filtered: no publisher; there is /odom: run with `--ros-args -r odometry/filtered:=/odom`."
         assert any(odometry in line for line in lines)
 
@@ -589,7 +587,7 @@ class TestSources:
         robots.until(lambda: ros_graph(mission).publishers("battery_state") == ("/one",), "the first source")
         watch.look()
         robots.publish(robots.node("/two"), "battery_state", BATTERY)
-        line = "topic battery_state: /one and /two publish it; stop all but one."
+        line = "topic battery_state: published by /one and /two; stop all but one."
         robots.until(lambda: said.has(line), line)
         watch.look()
         assert sum(line in each for each in said.lines()) == 1
@@ -662,7 +660,7 @@ class TestClock:
         robots.until(lambda: mission.count_publishers("/clock"), "the clock")
         assert Readiness(mission, [], initial_pose=None).poll()
         assert said.has(
-            "/gazebo publishes /clock, and use_sim_time is not set: stamps of the robot look old. "
+            "/clock is published by /gazebo, and use_sim_time is not set: stamps of the robot look old. "
             "Run with `--ros-args -p use_sim_time:=true`."
         )
 
@@ -717,7 +715,7 @@ class TestFrames:
         robots.send_transforms(robots.node("/tb1/ekf"), ("map", "odom"), topic="/tb1/tf")
         look = self.where(robots, "map", "odom", "/tb1/mission")
         said = (
-            "no transform of 'map' and 'odom' has come; transforms: /tb1/ekf publishes them on /tb1/tf, and this node listens "
+            "no transform of 'map' and 'odom' has come; transforms: published on /tb1/tf by /tb1/ekf, and this node listens "
             "to /tf: run with `--ros-args -r /tf:=tf -r /tf_static:=tf_static`"
         )
         robots.until(lambda: look() == said, said)
@@ -827,9 +825,7 @@ class TestWatch:
         monkeypatch.setattr("sar_compiler.ros.watch._LOST_SEC", 0.1)
         amcl, mission = robots.node("/amcl"), robots.node("/mission")
         robots.serve(amcl, "/amcl", "/bt_navigator")
-        poses = robots.publish(
-            amcl, "amcl_pose", POSES, durability="transient_local"
-        )
+        poses = robots.publish(amcl, "amcl_pose", POSES, durability="transient_local")
         pose = PoseWithCovarianceStamped()
         pose.header.frame_id, pose.pose.pose.orientation.w = "map", 1.0
         pose.header.stamp = amcl.get_clock().now().to_msg()
