@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -36,6 +37,7 @@ def _tree_input(name: str) -> str:
     return str(STANDARD_INPUT) if name == "-" else name
 
 
+_MOST_RESTARTS = 1000
 FILE, FOLDER = ArgumentKind("file", Path), ArgumentKind("folder", Path)
 YAML_FILE, PALETTE = ArgumentKind("YAML file", Path), ArgumentKind("palette", Path)
 TREE, TREE_INPUT = ArgumentKind("tree"), ArgumentKind("tree", _tree_input)
@@ -110,7 +112,19 @@ port = reader(_whole, "a port, 0 to 65535", lambda value: value < 1 << 16)
 pair_of_ports = reader(
     _whole, "a port that has a next one, 1 to 65534", lambda value: 0 < value < (1 << 16) - 1
 )
-speed = reader(float, "a number above 0", lambda value: 0 < value < math.inf)
+MOST_JOBS = max(64, os.cpu_count() or 1)
+"""The most processes that a command begins at a time."""
+
+
+def number_within(least: float, most: float, what: str = "a number") -> Callable[[str], float]:
+    """Return a function that makes a number within bounds of a word."""
+    return reader(float, f"{what} from {least:g} to {most:g}", lambda value: least <= value <= most)
+
+
+jobs = reader(_whole, f"a number of processes from 1 to {MOST_JOBS}", lambda value: 0 < value <= MOST_JOBS)
+restarts = reader(_whole, "a whole number from 1 to 1000", lambda value: 0 < value <= _MOST_RESTARTS)
+speed = number_within(0.001, 10_000)
+tick_period = number_within(0.0001, 86_400, "a number of seconds")
 seconds = reader(float, "a number of seconds above 0", lambda value: 0 < value < math.inf)
 probability = reader(float, "a number between 0 and 1", lambda value: 0 <= value <= 1)
 confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < value < 1)

@@ -5,7 +5,7 @@ import contextlib
 import functools
 import time
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of, count, seconds
+from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of, count, tick_period
 from sar_compiler.cli.loading import INPUT_HELP, workspace
 from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_error, print_text
@@ -21,7 +21,7 @@ def add_predict(parser: argparse.ArgumentParser) -> None:
     text = "a further file with chances and times of answers, such as the statistics of journals; may be repeated"
     add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
-    add("--period", type=seconds, metavar="SEC", help=text)
+    add("--period", type=tick_period, metavar="SEC", help=text)
     text = f"explore at most N states; what is behind the others may be anything (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     text = "write a picture (SVG) of the chance that a run has ended, and ended well, by each time"

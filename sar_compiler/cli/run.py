@@ -15,8 +15,8 @@ from sar_compiler.cli.arguments import (
     YAML_FILE,
     Parser,
     add_page_options,
-    count,
     pair_of_ports,
+    restarts,
     seed,
     speed,
 )
@@ -304,7 +304,7 @@ def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
         "resume the mission when its process has died, stands still for 10 s, or has not found what it needs, at most N times "
         f"(default {_RESUMED})"
     )
-    add("--supervise", nargs="?", const=_RESUMED, type=count, metavar="N", help=text)
+    add("--supervise", nargs="?", const=_RESUMED, type=restarts, metavar="N", help=text)
     text = (
         "have a small process of its own cancel the goals of a run that is killed or crashes (default with a journal, "
         "without --sim)"

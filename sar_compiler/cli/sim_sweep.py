@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 from sar_compiler.budget import Budget
 from sar_compiler.cli.arguments import DEFAULT_WORLD, TREE, WORLD, YAML_FILE, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
-from sar_compiler.cli.sweep import Written, add_sweep_options, add_varied_parameters, run_sweep
+from sar_compiler.cli.sweep import (
+    Written,
+    add_sweep_options,
+    add_varied_parameters,
+    require_rows,
+    run_sweep,
+)
 from sar_compiler.cli.writing import write_text
 from sar_compiler.commands import CommandParser
 from sar_compiler.ros.middleware import require_middleware
@@ -53,6 +59,8 @@ def sweep_missions(options: argparse.Namespace) -> int:
     require_middleware()
     # The flights are stopped in order, however the command is.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    varied = [len(values) for _, values in options.vary]
+    require_rows(len(options.world) or 1, len(options.fault) or 1, *varied)
     rows = dict(_rows(options))
 
     def write(row: "SweptRow", played: "Played") -> Written:

@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import itertools
+import math
 import os
 import shlex
 import time
@@ -21,6 +22,7 @@ from sar_compiler.cli.arguments import (
     budget_of,
     confidence,
     count,
+    jobs,
     probability,
     seed,
 )
@@ -40,6 +42,28 @@ if TYPE_CHECKING:
 # Half the width of the interval of a tree that always succeeds is below 0.02 after four batches.
 _BATCH = 25
 _MAX_SEC = 600.0
+
+
+# Each row takes memory and an interval; nobody reads more of them.
+MOST_ROWS = 10_000
+
+
+class TooManyRowsError(SarError):
+    """What is varied has too many combinations."""
+
+
+def require_rows(*counts: int) -> None:
+    """Require that some numbers of values have not too many combinations.
+
+    Raises:
+        TooManyRowsError: If they have.
+    """
+    rows = math.prod(counts)
+    if rows > MOST_ROWS:
+        many = " x ".join(f"{each:,}" for each in counts if each > 1)
+        raise TooManyRowsError(
+            f"{many} = {rows:,} combinations; vary fewer values: {MOST_ROWS:,} are the most"
+        )
 
 
 class NothingByChanceError(SarError):
@@ -79,6 +103,8 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.checks.sweep.workers import in_processes
     from sar_compiler.project.swept import smallest_scenario
 
+    varied = [len(values) for _, values in (*arguments.vary, *arguments.set)]
+    require_rows(len(arguments.scenario) or 1, len(arguments.unusual), *varied)
     rows = dict(_rows(arguments))
     if not any(runs.are_by_chance() for runs in rows.values()):
         message = "all runs would be the same: give steps of a scenario a chance: (or after: 4s to 9s), or say --unusual 0.1"
@@ -172,7 +198,7 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     text = "the seed of the first run of each combination; the next runs have the next numbers (default 0)"
     first = add("--seed", type=seed, default=0, metavar="N", help=text)
     text = "how many runs go on at the same time (default: as many as there are cores)"
-    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help=text)
+    add("--jobs", type=jobs, default=os.cpu_count() or 1, metavar="N", help=text)
     text = "run on a Dask cluster instead: the address of its scheduler, such as tcp://host:8786"
     dask = add("--dask", metavar="ADDRESS", help=text)
     text = "write the smallest failure to this file, if there is one"

@@ -13,6 +13,7 @@ from sar_compiler.ros.parameter_reader import (
     RunParameters,
     lookalikes,
     read_run,
+    unread_files,
 )
 
 # The node of a tree that belongs to no mission.
@@ -58,8 +59,9 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
         )
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in _keys(binding))
-    slips = lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *keys), reader.place_of)
-    return Beginning(run, parameters, (*slips, *reader.notes))
+    names = (*RUN_PARAMETER_NAMES, *own, *keys)
+    slips = lookalikes(reader.parameters, names, reader.place_of)
+    return Beginning(run, parameters, (*slips, *unread_files(reader, names), *reader.notes))
 
 
 def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:

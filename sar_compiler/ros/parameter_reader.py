@@ -92,6 +92,30 @@ def lookalikes(
     return list(notes.values())
 
 
+def unread_files(reader: "ParameterReader", read: Iterable[str]) -> list[str]:
+    """Report that nothing is read of the files of parameters, if that is so.
+
+    Args:
+        reader: The parameters.
+        read: The names that are read; see `lookalikes`.
+    """
+    if reader.elsewhere:
+        return [f"no parameter of the file is read: {reader.elsewhere}; write '/**:' above the section"]
+    given = [name for name in reader.parameters if reader.place_of(name)]
+    firsts = {name.partition(".")[0] for name in read}
+    if not given or any(name.partition(".")[0] in {*firsts, *_ROS} for name in given):
+        return []
+    found = ", ".join(given[:_MOST_NAMED]) + (", …" if len(given) > _MOST_NAMED else "")
+    known = ", ".join(sorted(firsts))
+    text = f"no parameter of the file is read by the run: it gives {found}; known are {known}"
+    return [_with_place(reader.place_of(given[0]), text)]
+
+
+_MOST_NAMED = 5
+MOST_PLACES = 1_000
+"""The most places that a mission visits: so many are put in order within two seconds."""
+
+
 class ParameterReader:
     """Reads values and collects mistakes in them; a bad value is read as 0, and reading continues.
 
@@ -196,14 +220,18 @@ class ParameterReader:
         entries = list(value)
         if not entries:
             self.report(key, f"is empty{example}")
-        order: list[str] = []
+        if len(entries) > MOST_PLACES:
+            text = f"names {len(entries):,} {noun}s, and {MOST_PLACES:,} are the most: give the others to another mission"
+            self.report(key, text)
+            return []
+        order: dict[str, None] = {}
         for entry in entries:
             if not isinstance(entry, str) or not entry:
                 self.report(key, f"{allowed} (text), holds {_describe(entry)}")
             elif entry in order:
                 self.report(key, f"names '{entry}' more than once")
             else:
-                order.append(entry)
+                order[entry] = None
         return [name for name in order if self._has_pose(noun, name, known)]
 
     def _has_pose(self, noun: str, name: str, known: Collection[str]) -> bool:
@@ -306,12 +334,13 @@ class ParameterReader:
         if self.problems:
             raise ParameterError(self.problems)
 
-    def positive(self, key: str, default: float) -> float:
-        """Return a number above 0, such as a time span or a radius, in the unit that the key names."""
+    def positive(self, key: str, default: float, most: float = math.inf) -> float:
+        """Return a number above 0 and at most *most*, such as a time span or a radius, in the unit that the key names."""
         before = len(self.problems)
         value = self.number(key, default)
-        if value <= 0 and key in self.parameters and len(self.problems) == before:
-            self.report(key, f"must be above 0, is {value:g}")
+        if not 0.0 < value <= most and key in self.parameters and len(self.problems) == before:
+            limit = "" if most == math.inf else f" and at most {most:g}"
+            self.report(key, f"must be above 0{limit}, is {value:g}")
         return value
 
     def cruise_speed(self) -> float:

@@ -125,6 +125,12 @@ def survey(
     """
     if not world.survey:
         raise SurveyError(f"world '{world.name}' has no 'survey' way to drive for a map")
+    for number, (x, y) in enumerate(world.survey, 1):
+        if max(abs(x - world.start.x), abs(y - world.start.y)) > _REACH:
+            raise SurveyError(
+                f"point {number} of the survey of world '{world.name}', ({x:g}, {y:g}), is beyond what can be mapped: "
+                f"write one at most {_REACH:g} m from the robot's start in x and in y"
+            )
     lidar = Lidar()
     random = np.random.default_rng([seed, 2])
     robot, mapper = Robot(world, seed=seed), Mapper(lidar, world.start)

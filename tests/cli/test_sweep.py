@@ -11,6 +11,7 @@ from unittest import mock
 
 import pytest
 
+from sar_compiler.cli.arguments import MOST_JOBS
 from sar_compiler.cli.compile import main
 from tests.processes import children_of
 from tests.slowness import without_progress
@@ -25,6 +26,8 @@ leaves:
   NavigateToBase: [{answer: aborted, chance: 0.1, times: always}]
 """
 MISSION = ("search_and_rescue", "--count", "NotifyBase acknowledged", "--set", "zones_left=1,2")
+
+TRIES, ATS = f"tries={','.join(map(str, range(101)))}", f"at={','.join('12345' * 20)}"
 
 
 def run(capsys, *arguments):
@@ -164,6 +167,10 @@ def test_runs_that_would_all_be_the_same_are_refused(capsys):
         (["--set", "zones_left=many"], "the fact 'zones_left' is a whole number, and this is 'many'"),
         (["--count", "Go arived"], "did you mean 'arrived'?"),
         (["--scenario", "no.yaml"], "cannot read no.yaml"),
+        (
+            ["--vary", TRIES, "--set", ATS],
+            "101 x 100 = 10,100 combinations; vary fewer values: 10,000 are the most",
+        ),
         (["--dask", "tcp://127.0.0.1:1"], "no Dask scheduler answers at 'tcp://127.0.0.1:1'"),
     ],
 )
@@ -181,6 +188,7 @@ def test_what_cannot_be_played_is_said(capsys, arguments, words):
         (["--unusual", "2"], "'2' is not a number between 0 and 1"),
         (["--confidence", "1"], "'1' is not a number above 0 and below 1"),
         (["--seed", "-1"], "'-1' is not a whole number, 0 or above"),
+        (["--jobs", "100000"], f"'100000' is not a number of processes from 1 to {MOST_JOBS}"),
     ],
 )
 def test_wrong_usage_is_refused(capsys, arguments, words):

@@ -133,6 +133,38 @@ def test_a_sweep_of_too_many_stops_is_refused_with_the_numbers() -> None:
         swept("parallel", spacing=0.05)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "spacing", "polygon", "datum", "reason"),
+    [
+        # Little area, but thousands of kilometres of legs.
+        (
+            "parallel",
+            1.0,
+            ((0, 0), (30_000, 0), (30_000, 0.01), (0.01, 0.01), (0.01, 30_000), (0, 30_000)),
+            DATUM,
+            "too far for legs 1.00 m apart",
+        ),
+        ("expanding_square", 1.0, OBLONG, MapPose(x=600.0, y=0.0, yaw=0.0), "put the pose into it"),
+        (
+            "parallel",
+            1.0,
+            ((0, 0), (1500, 0), (1500, 0.5), (0.5, 0.5), (0.5, 1500), (0, 1500)),
+            DATUM,
+            r"too many cells of 0\.\d+ m of the map",
+        ),
+    ],
+)
+def test_ground_of_a_small_area_that_reaches_too_far_is_refused(
+    pattern: Any, spacing: float, polygon: Any, datum: MapPose, reason: str
+) -> None:
+    with pytest.raises(GroundError, match=reason):
+        swept(pattern, spacing, polygon, datum, obstacles=walled((0.0, 0.0, 1.0, 1.0)))
+
+
+def test_legs_may_begin_far_from_the_ground() -> None:
+    assert swept("parallel", datum=MapPose(x=5000.0, y=0.0, yaw=0.0))[0] == (7, 1)
+
+
 @given(
     turn=st.floats(0.0, math.pi),
     width=st.floats(1.0, 30.0),

@@ -5,8 +5,10 @@ import pytest
 from sar_compiler.ros.parameter_file import (
     ParameterFileError,
     check_parameter_file,
+    read_parameter_file,
     sections_elsewhere,
 )
+from sar_compiler.ros.parameter_reader import ParameterReader, unread_files
 
 NODE = "/robot1/search_and_rescue"
 
@@ -69,3 +71,28 @@ def test_a_section_that_is_misspelt_is_one_mistake_that_says_how_it_is_spelt(tmp
 
 def test_a_node_may_be_called_nearly_like_the_section(tmp_path):
     file_for(tmp_path, "ros_parameters")
+
+
+def unread(path, *read):
+    reader = ParameterReader.of_files(read_parameter_file(path, NODE), [path], NODE)
+    return unread_files(reader, read)
+
+
+def test_a_file_of_which_nothing_is_read_is_reported_with_what_would_be(tmp_path):
+    elsewhere = file_for(tmp_path, "/search_and_rescue")
+    [note] = unread(elsewhere, "x")
+    assert note.startswith(
+        "no parameter of the file is read: the file's sections are for /search_and_rescue;"
+    )
+    assert note.endswith(f"this node is {NODE}; write '/**:' above the section")
+    own = file_for(tmp_path, NODE)
+    [note] = unread(own, "tick_rate_hz", "zones")
+    assert (
+        note
+        == f"{own}:2:21: no parameter of the file is read by the run: it gives x; known are tick_rate_hz, zones"
+    )
+
+
+def test_a_file_of_which_something_is_read_is_not_reported(tmp_path):
+    assert unread(file_for(tmp_path, NODE), "x") == []
+    assert unread_files(ParameterReader({"speed": 1.0}), ["x"]) == []

@@ -20,6 +20,7 @@ from sar_compiler.opener import UnreadableFileError
 from sar_compiler.resources import shipped_root
 from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.ros.parameter_reader import (
+    MOST_PLACES,
     RUN_PARAMETER_NAMES,
     ParameterError,
     ParameterReader,
@@ -202,6 +203,13 @@ class TestMistakes:
     def test_a_zone_named_twice(self) -> None:
         found = mistakes(mission(zone_order=["zone_a", "zone_b", "zone_a"]))
         assert found == {"zone_order": "names 'zone_a' more than once"}
+
+    def test_an_order_of_too_many_zones(self) -> None:
+        order = [f"zone_{number}" for number in range(MOST_PLACES + 1)]
+        found = mistakes(mission(zone_order=order))
+        assert found == {
+            "zone_order": "names 1,001 zones, and 1,000 are the most: give the others to another mission"
+        }
 
     def test_a_zone_without_a_pose_with_the_nearest_name(self) -> None:
         [text] = mistakes(mission(zone_order=["zone_a", "zone_B"])).values()

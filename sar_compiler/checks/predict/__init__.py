@@ -4,7 +4,8 @@ The tree's states are searched as for a proof, with leaves whose chances and tim
 system of linear equations (`weighed_graph`).
 """
 
-from collections.abc import Callable, Collection, Mapping
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -24,15 +25,20 @@ from sar_compiler.checks.verify.properties import (
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.errors import UndecidableError
+from sar_compiler.nodes.values import MILLISECONDS, SECONDS
 from sar_compiler.runtime.kernel.cells import SUCCESS, WORDS
 from sar_compiler.runtime.kernel.chances import Chances, CountedTimes
 from sar_compiler.runtime.kernel.graph import Graph
 from sar_compiler.runtime.kernel.searching import Judgement, Progress, explore
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 _USUAL = WORDS[SUCCESS]
 _ROUNDING = 1e-9
 _ANYTHING = Between(0.0, 1.0)
+_SECONDS = {SECONDS.name: 1.0, MILLISECONDS.name: 1e-3}
+_MOST_TICKS = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,7 @@ def predict(
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
         UndecidableError: If the tree's runs cannot be gone through.
     """
+    _require_few_ticks(simulated, period_sec)
     prepared = Prepared.of(simulated)
     properties = properties_of(file, prepared, tags)
     chances = Chances(CountedTimes(period_sec))
@@ -139,6 +146,40 @@ def predict(
     )
     budget.publish(partial(replace, nothing, stopped=True))
     return _Reckoning(stepper, graph, chances, properties, period_sec).prediction(nothing, budget)
+
+
+def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
+    """Require that every time takes few ticks: the search counts them, and keeps each number that it has come to.
+
+    Raises:
+        UndecidableError: If a time takes too many.
+    """
+    for name, seconds in _times(simulated):
+        if seconds / period_sec > _MOST_TICKS:
+            period = _rounded_up(seconds / _MOST_TICKS)
+            raise UndecidableError(
+                f"'{name}' takes {seconds:g} s, which is {seconds / period_sec:.3g} ticks; the most are {_MOST_TICKS:,}. "
+                f"Let ticks be further apart: --period {period}"
+            )
+
+
+def _rounded_up(seconds: float) -> str:
+    """Return a number of seconds, rounded up to two digits, as an option takes it."""
+    digits = 1 - math.floor(math.log10(seconds))
+    return f"{math.ceil(seconds * 10.0**digits) / 10.0**digits:g}"
+
+
+def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
+    """Yield the nodes that wait, each with how long it may, seconds; what is known only while the tree runs is left out."""
+    for behaviour in simulated.root.iterate():
+        if isinstance(behaviour, StubLeaf):
+            yield from ((behaviour.name, answer.sec[1]) for answer in behaviour.answers)
+            continue
+        bound = simulated.compiled.origins[behaviour.id].bound
+        for name, parameter in bound.spec.parameters.items():
+            value = bound.value(name)
+            if isinstance(value, int | float) and parameter.value_type.name in _SECONDS:
+                yield bound.name, value * _SECONDS[parameter.value_type.name]
 
 
 def _nothing_known(properties: Properties) -> Prediction:

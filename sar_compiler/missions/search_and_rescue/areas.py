@@ -24,6 +24,8 @@ COVERAGE = 0.9
 """Of a sweep for which nothing else is said: how often each place is covered by the sweep width."""
 LEAST_CORNERS = 3
 """Of an outline."""
+FARTHEST_SEEN_M = 1_000.0
+"""The largest detection range and sweep width, metres: so far around the robot obstacles are looked for, cell by cell."""
 # An outline may follow the fence so closely.
 _TOUCHES_M = 1e-6
 # A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is no position in metres.
@@ -156,8 +158,8 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
         return 1.0, 1.0
     per_range = sweep_width_of(1.0, str(visibility))
     mistakes = len(reader.problems)
-    width = reader.positive(width_key, reader.number(range_key, 0.0) * per_range)
-    reach = reader.positive(range_key, width / per_range)
+    width = reader.positive(width_key, reader.number(range_key, 0.0) * per_range, FARTHEST_SEEN_M)
+    reach = reader.positive(range_key, width / per_range, FARTHEST_SEEN_M)
     if len(reader.problems) == mistakes and width > 2 * reach:
         text = (
             f"is {width:g} m, and nobody is found farther away than {range_key}: write {2 * reach:g} at most"

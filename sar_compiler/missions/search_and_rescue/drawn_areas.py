@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from sar_compiler.leaves import UnusableValueError, planar_outline
 from sar_compiler.missions.search_and_rescue.areas import (
     COVERAGE,
+    FARTHEST_SEEN_M,
     LEAST_CORNERS,
     Corners,
     Ground,
@@ -84,8 +85,10 @@ class DrawnAreas:
         reach = request.detection_range
         if math.isnan(reach) and like is None:
             raise DrawingError("give a detection range: how far a survivor can be seen, metres")
-        if reach <= 0.0 or math.isinf(reach):
-            raise DrawingError(f"the detection range is {reach:g}, and must be above 0, metres")
+        if reach <= 0.0 or reach > FARTHEST_SEEN_M:
+            raise DrawingError(
+                f"the detection range is {reach:g}, and must be above 0, metres, and at most {FARTHEST_SEEN_M:g}"
+            )
         outline = polygon or before.polygon if before is not None else polygon
         if math.isnan(reach):
             assert like is not None  # noqa: S101 - else it is refused

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap
 
 MOST_PIECES = 2000
+# Legs, cells of the map, and stops that are gone through, also where only few of them lie in the ground: seconds, and some hundred megabytes.
+_MOST_LEGS, _MOST_CELLS, _MOST_STOPS = 20_000, 16_000_000, 1_000_000
 # So that no sliver is free between two cells that are not.
 _ROUNDING_M = 1e-6
 _Point = tuple[float, float]
@@ -53,8 +55,10 @@ def sweep(
         raise GroundError(
             f"{ground.area:.0f} m² in steps of {spacing:.2f} m are more than {MOST_PIECES} stops"
         )
-    free = ground if obstacles is None else ground.difference(_blocked(ground, obstacles, clearance))
     here = (datum["x"], datum["y"])
+    cell_m = obstacles.resolution if obstacles is not None else math.inf
+    _require_small(ground, spacing, here, pattern, cell_m)
+    free = ground if obstacles is None else ground.difference(_blocked(ground, obstacles, clearance))
     if pattern in ("parallel", "creeping_line"):
         stops = _along_legs(free, spacing, here, along_long_side=pattern == "parallel")
     else:
@@ -65,6 +69,28 @@ def sweep(
     if not stops:
         raise GroundError("no stop of it can be driven to: all is obstacle, unknown or beyond the map")
     return _facing(stops)
+
+
+def _require_small(
+    ground: "BaseGeometry", spacing: float, here: _Point, pattern: SweepPattern, cell_m: float
+) -> None:
+    """Require that little is gone through for ground of a small area, which may reach far all the same.
+
+    Raises:
+        GroundError: If its legs, the stops around its datum, or the cells of the map around it are too many.
+    """
+    import shapely
+
+    left, low, right, high = ground.bounds
+    wide, tall = right - left, high - low
+    size = f"it reaches over {wide:.0f} x {tall:.0f} m"
+    if math.hypot(wide, tall) / spacing > _MOST_LEGS:
+        raise GroundError(f"{size}, too far for legs {spacing:.2f} m apart: cut it into smaller zones")
+    if wide * tall / cell_m**2 > _MOST_CELLS:
+        raise GroundError(f"{size}, too many cells of {cell_m:g} m of the map: cut it into smaller zones")
+    reach = shapely.hausdorff_distance(shapely.Point(here), ground)
+    if pattern == "expanding_square" and (2.0 * reach / spacing) ** 2 > _MOST_STOPS:
+        raise GroundError(f"it reaches {reach:.0f} m from the zone's pose: put the pose into it, or cut it")
 
 
 def _blocked(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float) -> "BaseGeometry":
@@ -106,6 +132,8 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
     for piece in apart:
         if not any(shapely.intersects_xy(piece, *stop) for part in parts for stop in part):
             parts += _legs(piece, spacing)
+    if len(parts) > MOST_PIECES:
+        raise GroundError(f"it has {len(parts)} pieces of legs, and {MOST_PIECES} are the most: cut it")
     start = shapely.affinity.rotate(shapely.Point(here), -angle, origin=(0.0, 0.0), use_radians=True)
     path = shapely.MultiPoint(_nearest_first(parts, (start.x, start.y))) if parts else shapely.MultiPoint()
     back = shapely.affinity.rotate(path, angle, origin=(0.0, 0.0), use_radians=True)
