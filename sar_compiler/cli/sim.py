@@ -93,7 +93,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     add("--robot", type=_ROBOT, action="append", default=[], metavar="NAME[:X,Y[,YAW]]", help=text)
     text = (
         "let something go wrong: navigate_to_pose:abort=PLACE, :code=NUMBER[@PLACE][,after=SECONDS], "
-        ":late=SECONDS[@PLACE][,drives=SECONDS], :starved[@PLACE], :delay=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
+        ":late=SECONDS[@PLACE][,drives=SECONDS], :starved[@PLACE], :succeed[@PLACE], :delay=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
         "Each robot of several does so, and counts for itself"
     )
     add("--fault", type=_FAULT, action="append", default=[], metavar="SPEC", help=text)

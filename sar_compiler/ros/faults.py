@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 NAVIGATION, LOCALISATION = "navigate_to_pose", "amcl"
 NAVIGATION_FAULTS = {
-    NAVIGATION: ("abort", "code", "late", "starved", "delay", "reject", "die"),
+    NAVIGATION: ("abort", "code", "late", "starved", "succeed", "delay", "reject", "die"),
     LOCALISATION: ("die",),
 }
 """The faults of the stand-in for Nav2, the same for every mission."""
@@ -48,6 +48,7 @@ _FORMS = {
     "code": _FaultForm("code=NUMBER[@PLACE][,after=SECONDS]", ("=", "=@"), "code", "after"),
     "late": _FaultForm("late=SECONDS[@PLACE][,drives=SECONDS]", ("=", "=@"), "seconds", "drives"),
     "starved": _FaultForm("starved[@PLACE]", ("", "@")),
+    "succeed": _FaultForm("succeed[@PLACE]", ("", "@")),
     "reject": _FaultForm("reject=COUNT", amount="count"),
     "die": _FaultForm("die[@PLACE][,back=SECONDS]", ("", "@"), option="back"),
 }
@@ -73,11 +74,11 @@ class Fault:
 
     Attributes:
         target: The service or action, such as `navigate_to_pose`, or the node `amcl`.
-        kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `starved`, `reject` or `die`.
+        kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `starved`, `succeed`, `reject` or `die`.
         count: The number of calls or goals that it affects (`drop`, `refuse`, `reject`).
         seconds: Seconds of the server's clock: of delay of each answer (`delay`), on the way until the end (`code`), until a server
             of Nav2 acknowledges another one's goal (`late`).
-        place: The place that it affects (`abort`, `code`, `late`, `starved`, `die`); "" for all.
+        place: The place that it affects (`abort`, `code`, `late`, `starved`, `succeed`, `die`); "" for all.
         code: The error code that a goal ends with (`code`).
         drives: How long the robot drives on after the end of a goal, seconds of the server's clock (`late`).
         back: The time until a dead server returns, in simulated seconds; None for never (`die`).
@@ -167,7 +168,7 @@ class ServiceFaults:
 
 
 class NavigationFaults:
-    """The faults of navigation. Aborts and codes affect every goal for their place; a server dies, is late or is starved at a place once per fault."""
+    """The faults of navigation. Aborts and codes affect every goal for their place; a server dies, is late, is starved or succeeds at a place once per fault."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
@@ -206,11 +207,13 @@ class NavigationFaults:
 
 
 # Of one goal for a place; a slow computer, without a place, is slow for every goal.
-_AT_ONE_GOAL = ("die", "late", "starved")
+_AT_ONE_GOAL = ("die", "late", "starved", "succeed")
 
 
 def _is_lasting(fault: Fault) -> bool:
-    return fault.kind in ("code", "abort") or (fault.kind in ("late", "starved") and not fault.place)
+    return fault.kind in ("code", "abort") or (
+        fault.kind in ("late", "starved", "succeed") and not fault.place
+    )
 
 
 class FaultPlan:

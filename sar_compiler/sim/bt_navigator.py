@@ -435,15 +435,17 @@ class BtNavigator(NavigationServer):
         fault = goal.fault
         if fault is None or fault.kind == "die":
             return None
+        if fault.kind == "succeed":
+            self._node.get_logger().warning("Fault: a goal succeeds, and the robot stays where it is.")
+            return DriveOutcome(DriveEnd.SUCCEEDED)
         if fault.kind == "late":
             return self._end_late(goal, fault)
+        due_sec = _DIES_AFTER_SEC if fault.kind == "starved" else fault.seconds
+        if self._now - goal.began < due_sec or (fault.kind == "starved" and goal.drive is None):
+            return None
         if fault.kind == "starved":
-            if goal.drive is None or self._now - goal.began < _DIES_AFTER_SEC:
-                return None
             self._log_as("tf_help", "Transform data too old when converting from map to odom")
             return DriveOutcome(DriveEnd.ABORTED)
-        if self._now - goal.began < fault.seconds:
-            return None
         code = fault.code or NavCode.NO_VALID_PATH
         return DriveOutcome(DriveEnd.ABORTED, code, "fault: the goal is aborted")
 

@@ -25,6 +25,13 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The localisation follows at once here, and each leaf sends its goal several times."""
+    monkeypatch.setattr("sar_compiler.ros.leaves.arrivals._FOLLOWS_SEC", 0.2)
+
+
 FAR = (50.0, 50.0)
 TO_POSE = "nav2_msgs/action/NavigateToPose"
 
@@ -95,7 +102,7 @@ def driving(stage: "Stage", make: Callable[["Stage"], Any]) -> Any:
     leaf = make(stage)
     server = stage.through_server() if make is through_pieces else stage.nav_server()
     server.script = ["succeed"]
-    leaf.hold_timeout_sec = 0.5
+    leaf.hold_timeout_sec, leaf.pause_sec = 0.1, 0.01
     stage.take(leaf)
     stage.until(leaf._port.statuses.servers, "the server")
     return leaf
@@ -109,12 +116,12 @@ def test_a_drive_that_has_succeeded_far_from_its_goal_has_not_arrived(
     Localisation(stage, *FAR)
     assert stage.run(leaf) is Status.FAILURE
     told = " ".join(stage.warnings)
-    assert "the goal has succeeded, and by the localisation the robot is " in told
-    assert "(0.75 m are allowed)" in told
+    assert "by the localisation the robot is " in told
+    assert "m away from its goal (0.75 m are allowed)" in told
     if make is not by_attributes:
         record = leaf.record
         assert (leaf.answer_label, record.home, record.charging_at) == ("unavailable", False, "")
-        assert "the goal has succeeded" in record.navigation_lost
+        assert record.navigation_lost.startswith("Nav2 reports success of ")
 
 
 @pytest.mark.parametrize(("make", "there"), DRIVERS, ids=lambda each: getattr(each, "__name__", ""))
@@ -125,6 +132,31 @@ def test_a_drive_has_arrived_within_the_tolerance(
     Localisation(stage, there[0] + 0.7, there[1])
     assert stage.run(leaf) is Status.SUCCESS
     assert stage.warnings == []
+
+
+def test_a_goal_that_has_not_arrived_is_sent_again_and_costs_no_attempt(stage: "Stage") -> None:
+    leaf = driving(stage, to_zone)
+    leaf.pause_sec = 0.5
+    localisation = Localisation(stage, *FAR)
+    stage.tick_until(leaf, lambda: leaf.has_not_arrived, "the end of the first goal")
+    assert (leaf.status, leaf.answer_label) == (Status.RUNNING, "not arrived")
+    assert stage.record.navigation_lost
+    localisation.tell(-3.0, 3.0)
+    assert stage.run(leaf) is Status.SUCCESS
+    assert stage.record.navigation_lost == ""
+    assert stage.zones.times_postponed() == 0
+
+
+def test_after_the_third_goal_in_a_row_it_holds_and_is_unavailable_in_the_end(stage: "Stage") -> None:
+    leaf = driving(stage, to_zone)
+    Localisation(stage, *FAR)
+    assert stage.run(leaf) is Status.FAILURE
+    assert "Nav2 reports success of the goal, and by the localisation" in stage.warnings[0]
+    assert (
+        "'Drive' holds: Nav2 reports success of 3 goals in a row, and by the localisation"
+        in stage.warnings[2]
+    )
+    assert stage.warnings[-1].startswith("Navigation to zone_a is unavailable: Nav2 reports success of ")
 
 
 def test_the_localisation_may_follow_the_robot_a_moment_later(stage: "Stage") -> None:

@@ -561,7 +561,7 @@ class TestGoalsWithoutAnErrorCode:
         server, leaf = without_code(stage), leaf_of(stage)
         pauses: list[int] = []
         while len(pauses) < 6:
-            stage.tick_until(leaf, lambda: leaf._uncoded_count > len(pauses), f"end {len(pauses) + 1}")
+            stage.tick_until(leaf, lambda: leaf._lost_count > len(pauses), f"end {len(pauses) + 1}")
             assert leaf._pause is not None
             pauses.append(math.ceil(leaf._pause.left))
             leaf._pause = None  # not waited for here
@@ -606,7 +606,7 @@ class TestGoalsWithoutAnErrorCode:
         stage.run(leaf)
         before, leaf.hold_timeout_sec = len(server.goals), 60.0
         stage.tick_until(leaf, lambda: len(server.goals) == before + 2, "the next goals")
-        assert leaf._uncoded_count == before + 1
+        assert leaf._lost_count == before + 1
         assert leaf.status is Status.RUNNING
 
     def test_a_goal_with_a_code_ends_the_row(self, stage: "Stage") -> None:

@@ -31,6 +31,7 @@ TARGETS = {**MISSION.faults, **NAVIGATION_FAULTS}
         ("navigate_to_pose:delay=2s", Fault("navigate_to_pose", "delay", seconds=2.0)),
         ("navigate_to_pose:late=50ms", Fault("navigate_to_pose", "late", seconds=0.05)),
         ("navigate_to_pose:starved@zone_b", Fault("navigate_to_pose", "starved", place="zone_b")),
+        ("navigate_to_pose:succeed@zone_b", Fault("navigate_to_pose", "succeed", place="zone_b")),
         ("navigate_to_pose:code=208,after=14s", Fault("navigate_to_pose", "code", code=208, seconds=14.0)),
         ("navigate_to_pose:code=107@zone_c", Fault("navigate_to_pose", "code", code=107, place="zone_c")),
         (
@@ -126,7 +127,7 @@ def test_a_code_comes_without_a_zone_to_every_goal() -> None:
     assert [navigation.accepted(zone) for zone in ("zone_c", "zone_a")] == [*faults.faults, None]
 
 
-@pytest.mark.parametrize("kind", ["late=50ms", "starved"])
+@pytest.mark.parametrize("kind", ["late=50ms", "starved", "succeed"])
 def test_a_busy_computer_fails_every_goal_and_at_a_zone_one(kind: str) -> None:
     faults = plan(f"navigate_to_pose:{kind}")
     navigation = faults.for_navigation()

@@ -49,10 +49,10 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     rejected or aborted at once the leaf pauses before the next one, whatever the tree does.
 
     A goal of navigation that has succeeded is no proof that the robot is there: farther from the goal than `arrival_tolerance_m`
-    of the run by its own localisation it has not arrived, and the means are not available. Without a localisation the goal's end counts.
+    of the run by its own localisation it has not arrived (`has_not_arrived`). Without a localisation the goal's end counts.
 
-    A goal that Nav2 aborts without an error code (0) has failed for want of Nav2's own nodes: every failure that has to do with the target has a code. A leaf
-    that uses Nav2 sends such a goal again, after a pause that doubles. After the third in a row it holds (`on_hold`), and sends on
+    Such a goal, and one that Nav2 aborts without an error code (0), has failed for want of means: every failure that has to do with the target has a code. A leaf
+    that uses Nav2 sends it again, after a pause that doubles. After the third in a row it holds (`on_hold`), and sends on
     until `hold_timeout_sec` is over (`on_unavailable`). The row is over when the robot has come half a metre on a goal, or a goal has ended otherwise.
 
     A goal that has ended is no proof that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry says so, for
@@ -75,6 +75,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
         rivals: Other actions, by their (relative) names, whose server takes no goal of this one while it works on one of theirs.
         interface: The Python class of the action, once the leaf is set up.
+        has_not_arrived: Whether the last goal has succeeded without the robot, until it is sent again.
 
     Example:
         A leaf that docks, with a port::
@@ -116,12 +117,13 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._rest: Standstill | None = None
         self._turn: Deadline | None = None
         self._arrival: Arrival | None = None
+        self.has_not_arrived = False
         self._rivals: list[GoalStatuses] = []
-        # Of goals in a row without an error code: the last one, how many, in words, until when they are sent again, and where the robot was.
-        self._uncoded: ActionGoal | None = None
-        self._uncoded_count = 0
-        self._uncoded_words = ""
-        self._uncoded_until: Deadline | None = None
+        # Of goals in a row that have failed for want of means: the last one, how many, in words, until when they are sent again, and where the robot was.
+        self._lost: ActionGoal | None = None
+        self._lost_count = 0
+        self._lost_words = ""
+        self._lost_until: Deadline | None = None
         self._set_out_from: tuple[float, float, float] | None = None
 
     @abstractmethod
@@ -219,7 +221,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._rest_no_longer()
         destination = goal_destination(self.interface, message)
         self._arrival = None if destination is None else Arrival(self.node, destination)
-        self._set_out_from = None
+        self._set_out_from, self.has_not_arrived = None, False
         return ActionGoal(self, cast("ActionPort", self._port), message)
 
     def _begin(self) -> Status:
@@ -228,7 +230,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self._robot.driving_nodes.look()
         if self._pause is not None and not self._pause.passed:
             self._exchange = None
-            self.feedback_message = f"next attempt in {self._pause.left:.1f} s, after {self._failures + self._uncoded_count} failures"
+            self.feedback_message = f"next attempt in {self._pause.left:.1f} s, after {self._failures + self._lost_count} failures"
             return Status.RUNNING
         for rival in self._rivals:
             if rival.has_foreign_goal:
@@ -250,7 +252,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
 
     def initialise(self) -> None:
         """Start anew; the goal of the last activation is given up."""
-        self._hold = self._turn = self._uncoded_until = None
+        self._hold = self._turn = self._lost_until = None
+        self.has_not_arrived = False
         super().initialise()
 
     def _judge(self, exchange: ActionGoal) -> Status:
@@ -260,16 +263,25 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             return self._fail_or_hold(exchange)
         if exchange.trouble and self._robot is not None:
             return self._hold_on_for_server(exchange, self._robot.driving_nodes)
-        if exchange.answer is not None and self._arrival is not None:
-            if self._arrival.is_awaited():
-                self.feedback_message = "waiting for the localisation to follow"
-                return Status.RUNNING
-            if doubt := self._arrival.doubt:
-                return self.on_unavailable(doubt)
         if exchange.answer is not None:
+            if (status := self._judge_arrival(exchange)) is not None:
+                return status
             self._failures = 0
             self._end_row()
         return super()._judge(exchange)
+
+    def _judge_arrival(self, goal: ActionGoal) -> Status | None:
+        """Return the status while a goal that has succeeded is held against the localisation; None once the robot has arrived."""
+        if self._arrival is not None and self._arrival.is_awaited():
+            self.feedback_message = "waiting for the localisation to follow"
+            return Status.RUNNING
+        doubt = self._arrival.doubt if self._arrival is not None else ""
+        self.has_not_arrived = bool(doubt)
+        if not doubt:
+            return None
+        if self._robot is None:
+            return self.on_unavailable(f"the server reports success, and {doubt}")
+        return self._send_again(goal, doubt)
 
     def _hold_on_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
         """Wait for a server that has not taken the goal, or has fallen silent, and for its nodes; send the goal again."""
@@ -315,42 +327,50 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._count_failure(goal)
         return super()._judge(goal)
 
-    def _send_again(self, goal: ActionGoal) -> Status:
-        """Send a goal again that was aborted without an error code, after a pause; hold after the third in a row."""
-        if self._uncoded is not goal:
-            reason = str(getattr(goal.answer.result, "error_msg", "")) or self.nav2_reason()
+    def _send_again(self, goal: ActionGoal, doubt: str = "") -> Status:
+        """Send a goal again, after a pause; hold after the third in a row.
+
+        Args:
+            goal: One that was aborted without an error code, or has succeeded without the robot.
+            doubt: Why the robot has not arrived, in words; empty for the former.
+        """
+        if self._lost is not goal:
+            reason = doubt or str(getattr(goal.answer.result, "error_msg", "")) or self.nav2_reason()
             # Nav2's log takes another way than the result of the goal.
             if not reason and time.monotonic() - goal.ended_at < _REASON_AFTER_SEC:
                 return Status.RUNNING
-            self._uncoded = goal
-            self._uncoded_count += 1
-            self._report_uncoded(reason or "its nodes have logged no reason")
-        self.feedback_message = self._uncoded_words
-        if self._uncoded_until is not None and self._uncoded_until.passed:
-            self._uncoded_until = None
-            return self.on_unavailable(f"{self._uncoded_words}, for {self.hold_timeout_sec:g} s")
+            self._lost = goal
+            self._lost_count += 1
+            goals = "the goal" if self._lost_count == 1 else f"{self._lost_count} goals in a row"
+            self._report_lost(
+                f"Nav2 reports success of {goals}, and {doubt}"
+                if doubt
+                else f"Nav2 has aborted {goals} without an error code ({reason or 'its nodes have logged no reason'})"
+            )
+        self.feedback_message = self._lost_words
+        if self._lost_until is not None and self._lost_until.passed:
+            self._lost_until = None
+            return self.on_unavailable(f"{self._lost_words}, for {self.hold_timeout_sec:g} s")
         return self._begin() if self._pause is None or self._pause.passed else Status.RUNNING
 
-    def _report_uncoded(self, reason: str) -> None:
-        """Report a goal without an error code, and begin the pause before the next one."""
-        count = self._uncoded_count
+    def _report_lost(self, words: str) -> None:
+        """Report a goal that has failed for want of means, in words, and begin the pause before the next one."""
+        count, self._lost_words = self._lost_count, words
         pause_sec = self.pause_sec * min(2.0 ** (count - 1), _LONGEST_PAUSE)
         self._pause = Deadline(pause_sec, self._clock)
-        goals = "the goal" if count == 1 else f"{count} goals in a row"
-        self._uncoded_words = f"Nav2 has aborted {goals} without an error code ({reason})"
         holds = count >= _HOLDS_AT
-        if holds and self._uncoded_until is None:
-            self._uncoded_until = Deadline(self.hold_timeout_sec, self._clock)
-        self.on_hold(self._uncoded_words)
+        if holds and self._lost_until is None:
+            self._lost_until = Deadline(self.hold_timeout_sec, self._clock)
+        self.on_hold(self._lost_words)
         if count <= _HOLDS_AT:  # a hold is logged once
             pauses = (
                 "it is sent again after pauses that grow" if holds else f"it is sent again in {pause_sec:g} s"
             )
-            self.complain(f"'{self.name}'{' holds' if holds else ''}: {self._uncoded_words}; {pauses}.")
+            self.complain(f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}; {pauses}.")
 
     def _end_row(self) -> None:
         """Note that goals are judged again, or that the robot makes progress."""
-        self._uncoded_count, self._uncoded_until = 0, None
+        self._lost_count, self._lost_until = 0, None
         self.on_available()
 
     def _makes_progress(self) -> bool:
@@ -401,7 +421,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         status = super()._progress(exchange)
         if not exchange.is_accepted or status is not Status.RUNNING:
             return status
-        if self._uncoded_count and not exchange.over and self._makes_progress():
+        if self._lost_count and not exchange.over and self._makes_progress():
             self._end_row()
         self._say_how_long(exchange)
         if not exchange.has_feedback:
@@ -437,7 +457,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         return self.on_result(answer.status, answer.result)
 
     def _hear(self) -> None:
-        if self._uncoded_count < _HOLDS_AT:
+        if self._lost_count < _HOLDS_AT:
             self.on_available()
         self._complaints.clear()
         self._wake()

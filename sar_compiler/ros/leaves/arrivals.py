@@ -90,7 +90,4 @@ class Arrival:
         distance = self.distance_m
         if distance is None or distance <= self.tolerance_m:
             return ""
-        return (
-            f"the goal has succeeded, and by the localisation the robot is {distance:.2f} m away from it "
-            f"({self.tolerance_m:.2f} m are allowed)"
-        )
+        return f"by the localisation the robot is {distance:.2f} m away from its goal ({self.tolerance_m:.2f} m are allowed)"

@@ -35,7 +35,7 @@ def test_a_node_that_one_of_the_runs_ticks_is_covered():
 def test_the_answers_of_leaves_that_no_run_has_shown_are_named():
     collected = coverage("name: x", "leaves: {NavigateToZone: [RUNNING, aborted]}", body=TRY)
     assert unseen(collected) == {
-        "NavigateToZone": ["no zone", "unavailable", "waiting for Nav2"],
+        "NavigateToZone": ["no zone", "unavailable", "waiting for Nav2", "not arrived"],
         "DetectSurvivor": ["nothing", "no answer", "no zone", "searching"],
         "AdvanceZone": ["no zone"],
     }
@@ -48,7 +48,9 @@ def test_leaves_of_the_language_have_their_outcomes():
 def test_what_a_wrapper_answers_is_not_an_outcome_of_the_node_in_it():
     body = '<Sequence><NavigateToBase oneshot="ON_COMPLETION"/><AdvanceZone _skipIf="true"/></Sequence>'
     collected = coverage("until: tick == 2", body=body)
-    assert unseen(collected) == {"NavigateToBase": ["aborted", "unavailable", "driving", "waiting for Nav2"]}
+    assert unseen(collected) == {
+        "NavigateToBase": ["aborted", "unavailable", "driving", "waiting for Nav2", "not arrived"]
+    }
     assert names(collected.never_ticked) == ["AdvanceZone"]
 
 
@@ -56,4 +58,6 @@ def test_a_tree_that_is_used_twice_is_covered_where_either_is():
     body = """<Selector><SubTree ID="Drive" name="one"/><SubTree ID="Drive" name="two"/></Selector></BehaviorTree>
     <BehaviorTree ID="Drive"><NavigateToZone/>"""
     collected = coverage("tree: Main\nleaves: {one/NavigateToZone: aborted}", body=body)
-    assert unseen(collected) == {"NavigateToZone": ["no zone", "unavailable", "driving", "waiting for Nav2"]}
+    assert unseen(collected) == {
+        "NavigateToZone": ["no zone", "unavailable", "driving", "waiting for Nav2", "not arrived"]
+    }

@@ -152,7 +152,8 @@ class NavigateTo(ActionLeaf):
         """Return the leaf's status, and say of RUNNING whether the robot drives or waits for somebody to judge the drive."""
         status = super().update()
         if status is Status.RUNNING:
-            self.answer_label = "waiting for Nav2" if self.record.navigation_lost else "driving"
+            waits = "not arrived" if self.has_not_arrived else "waiting for Nav2"
+            self.answer_label = waits if self.record.navigation_lost else "driving"
         return status
 
     def on_failure(self, reason: str) -> Status:
