@@ -491,6 +491,31 @@ def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
     return answer.explanation or f"; no node {'publishes it' if kind == 'topic' else 'serves it'}"
 
 
+def explain_unmatched(node: "Node", topic: str, type_name: str, offered: "QoSProfile") -> str:
+    """Return why no subscription of a topic matches a publisher, as the end of a sentence; empty if there is none.
+
+    Args:
+        node: The node of the publisher.
+        topic: The topic's name.
+        type_name: The full name of the publisher's type.
+        offered: The publisher's quality of service.
+    """
+    from rclpy.qos import QoSProfile
+
+    infos = node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
+    wrong = _wrong_type("it is there", {each.topic_type for each in infos}, type_name)
+    if wrong:
+        return f"; {wrong}"
+    for each in infos:
+        # Without the limits of time, which the graph says to be infinite, and rclpy then takes for limits.
+        asked = each.qos_profile
+        wanted = QoSProfile(depth=1, reliability=asked.reliability, durability=asked.durability)
+        if reason := _incompatibility(offered, wanted):
+            fitting = next(name for name in NAMED_QOS if not _incompatibility(qos_profile("", name), wanted))
+            return f'; no message reaches {_node_of(each)} ({reason}): write qos="{fitting}"'
+    return ""
+
+
 def with_full_name(name: str, resolved: str) -> str:
     """Return a name, followed by its resolved form in brackets if that is not obvious."""
     return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"

@@ -251,6 +251,14 @@ def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> N
         leaf.setup(node=ros.node())
 
 
+@pytest.mark.parametrize(("written", "said"), [("no name", "topic name must not contain"), ("", "''")])
+def test_a_name_that_is_none_is_told_before_anything_is_waited_for(written: str, said: str) -> None:
+    leaf = made(by_attributes.RosService, "Call", written, "std_srvs/srv/Trigger")
+    with pytest.raises(LeafDefinitionError, match=f"'Call': .*{said}") as raised:
+        leaf.require_definition()
+    assert f"'{written}' is no name of a server or a topic" in str(raised.value)
+
+
 class TestRosAction:
     TYPE = "nav2_msgs/action/NavigateToPose"
 
@@ -334,7 +342,8 @@ class TestRosAction:
         leaf = by_attributes.RosAction(
             "Go", Input(action), self.TYPE, goal=Input(read_fields("behavior_tree: x"))
         )
-        leaf.setup(node=ros.node("mission"))
+        mission = ros.node("mission")
+        leaf.setup(node=mission)
         for name in ("first", "second", "first"):
             action.write(name)
             leaf.tick_once()
@@ -345,7 +354,9 @@ class TestRosAction:
             PortError, match=r"action: \{where\}: 'no name' is no name of a server or a topic"
         ):
             leaf.tick_once()
+        assert list(mission.clients)
         leaf.shutdown()
+        assert list(mission.clients) == []
 
 
 class TestRosPublish:
@@ -376,8 +387,29 @@ class TestRosPublish:
     def test_without_a_subscriber_it_fails_after_its_time_out_unless_it_need_not_wait(self, ros: Ros) -> None:
         leaf = self.leaf(timeout_sec=0.0)
         assert run(ros, leaf) is Status.FAILURE
-        assert leaf.feedback_message == "'Say': nothing subscribes to '/said' within 0 s"
+        assert leaf.feedback_message == "'Say': no subscriber of '/said' within 0 s"
         assert run(ros, self.leaf(waits=False)) is Status.SUCCESS
+
+    @pytest.mark.parametrize(
+        ("kind", "durability", "why"),
+        [
+            ("String", "volatile", 'no message reaches /listener (best effort publisher and reliable subscription): write qos="reliable"'),
+            ("String", "transient_local", 'no message reaches /listener (best effort publisher and reliable subscription, volatile publisher and transient local subscription): write qos="transient_local"'),
+            ("Int8", "volatile", "it is there as std_msgs/msg/Int8, must be std_msgs/msg/String"),
+        ],
+    )  # fmt: skip
+    def test_a_subscriber_that_hears_nothing_is_named_with_the_reason(
+        self, ros: Ros, make_ros: Callable[[], Ros], kind: str, durability: str, why: str
+    ) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from std_msgs import msg
+
+        qos = QoSProfile(depth=1, durability=DurabilityPolicy.get_from_short_key(durability))
+        make_ros().node("listener").create_subscription(getattr(msg, kind), "said", print, qos)
+        leaf = self.leaf(qos="sensor_data", timeout_sec=0.0)
+        leaf.setup(node=ros.node("mission"))
+        said = f"'Say': no subscriber of '/said' within 0 s; {why}"
+        ros.spin_until(lambda: ticked(leaf) and leaf.feedback_message == said, said)
 
     def test_a_latched_message_reaches_who_comes_later_and_of_two_leaves_the_last_one(self, ros: Ros) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
