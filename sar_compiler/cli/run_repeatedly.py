@@ -12,6 +12,9 @@ from sar_compiler.cli import run
 from sar_compiler.commands import USAGE
 from sar_compiler.process_end import shut_down
 
+# What ROS logs of a run that begins is no mistake.
+_LOGGED = ("[INFO]", "[DEBUG]")
+
 
 def serve() -> int:
     """Do the runs whose arguments come in, a JSON list a line; answer each with its status, its output and its last words.
@@ -26,13 +29,20 @@ def serve() -> int:
         for line in sys.stdin:
             with ExitStack() as ros:
                 status = _run(json.loads(line), ros)
-                words = _taken(log).strip().rpartition("\n")[2]
+                words = _last_words(_taken(log), status)
                 answers.write(json.dumps([status, _taken(output), words]) + "\n")
                 answers.flush()
                 shut_down(status, ros.pop_all().close)
             # A run ends in cycles that hold its maps, which the collector does not know to be large.
             gc.collect()
     return 0
+
+
+def _last_words(log: str, status: int) -> str:
+    """Return why a run has failed: all mistakes of one that has not begun, else the last line."""
+    if status != USAGE:
+        return log.strip().rpartition("\n")[2]
+    return "\n".join(line for line in log.strip().splitlines() if not line.startswith(_LOGGED))
 
 
 def _run(arguments: list[str], ros: ExitStack) -> int:

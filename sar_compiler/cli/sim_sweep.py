@@ -60,7 +60,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
     # The flights are stopped in order, however the command is.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     varied = [len(values) for _, values in options.vary]
-    require_rows(len(options.world) or 1, len(options.fault) or 1, *varied)
+    require_rows(len(options.world or [""]), len(options.fault or [""]), *varied)
     rows = dict(_rows(options))
 
     def write(row: "SweptRow", played: "Played") -> Written:
