@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree as LoadedTree
     from sar_compiler.project import load as load
     from sar_compiler.project.simulated import Simulated as Simulated
-    from sar_compiler.ros.parameter_file import ParameterFileError as ParameterFileError
+    from sar_compiler.ros.host_programs import running as running
     from sar_compiler.ros.runner import TreeRunner as TreeRunner
     from sar_compiler.runtime.kernel.searching import Progress as Progress
     from sar_compiler.tree.diagnostic import Diagnostic as Diagnostic

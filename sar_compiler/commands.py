@@ -17,6 +17,8 @@ FINDINGS = 1
 USAGE = 2
 RULE_FAILED = 3
 """The status of `sar-compile` where a rule of the project's own has failed; what the others found is told."""
+ADRIFT = 4
+"""The status of a run that was stopped, and of which a goal may still be active."""
 INTERRUPTED = 130
 PIPE_CLOSED = 141
 """The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""

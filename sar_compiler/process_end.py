@@ -54,6 +54,27 @@ def end_process(status: int, take_down: Callable[[], object] | None = None, name
     os._exit(status)
 
 
+def end_after_program(status: int, name: str) -> None:
+    """End this process with its status once its main thread has come to its end, as `end_process` does.
+
+    The interpreter would wait for others' threads for ever. It would also go on in daemon threads while it is taken apart: one that
+    spins an executor crashes then now and again.
+
+    Args:
+        status: The exit status.
+        name: The name of the program.
+    """
+
+    def end() -> None:
+        _await_threads(name)
+        try_for(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001
+        flush()
+        os._exit(status)
+
+    # `atexit` comes too late: the interpreter waits for the threads before.
+    threading._register_atexit(end)  # type: ignore[attr-defined]  # noqa: SLF001
+
+
 def flush() -> None:
     """Write out what is buffered in Python's streams; the thread that is stuck may hold the lock of one."""
     for stream in (sys.stdout, sys.stderr):

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from nav_msgs.msg import OccupancyGrid
 from py_trees.common import Status
@@ -14,8 +14,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from sar_compiler.cli.companions import Companions, RunSetup
-from sar_compiler.cli.supervision import ADRIFT
-from sar_compiler.commands import FINDINGS, OK, print_error
+from sar_compiler.commands import ADRIFT, FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import LEAF_RAISED, Ending
@@ -24,31 +23,22 @@ from sar_compiler.missions.choosing import MissionError
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
 from sar_compiler.missions.mission import MissionRun, SearchedArea
 from sar_compiler.nodes.spec import Use
-from sar_compiler.process_end import end_at_once, try_for
-from sar_compiler.ros.arguments import readable_ros_errors, security_arguments
+from sar_compiler.ros.arguments import readable_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.companion import UnfitLeavesError
-from sar_compiler.ros.engine import (
-    Engine,
-    SetupFailedError,
-    error_text,
-    failure_text,
-    raised_in,
-    send_cancels,
-    tell,
-)
+from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, raised_in, tell
 from sar_compiler.ros.executors import suited
+from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.graph_queries import declared_endpoints, ros_graph
-from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.leaves.leaf import RosLeaf, qos_profile
-from sar_compiler.ros.left_goals import LeftGoals
+from sar_compiler.ros.left_goals import LeftGoals, cancel_apart
 from sar_compiler.ros.message_values import grid_place, value_reports
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.parameter_reader import RunParameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 from sar_compiler.ros.sole_mission import LOOK_SEC, SoleMission
-from sar_compiler.ros.tick_watch import Cancel, TickWatch, cancel_apart
+from sar_compiler.ros.tick_watch import TickWatch
 from sar_compiler.ros.watch import Watch, refuse_parameters
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
@@ -62,9 +52,6 @@ if TYPE_CHECKING:
 
 # A signal is noticed between two turns of the executor; in one of a flight it does whatever there is to do.
 _TURN_SEC, _FLIGHT_TURN_SEC = 0.05, 0.1
-
-# How long leaves may take to be stopped from another thread than the one that is blocked, and a ROS context of its own to be made; seconds.
-_LEAVES_SEC, _APART_SEC = 1.0, 5.0
 
 # A tree can swing between two things to do for ever; seconds of simulated time.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
@@ -279,7 +266,6 @@ class TreeRun:
         self._sole: SoleMission | None = None
         self._watch: Watch | None = None
         self._robot: RobotEstimate | None = None
-        self._cancel_apart: Cancel | None = None
 
     def run(self, route: RouteCheck | None) -> int:
         """Wait, tick, stop and sum up; returns the exit status.
@@ -387,7 +373,7 @@ class TreeRun:
                 self.executor = suited(self.executor, self._node)
                 self.setup.orders.begin()
                 self.companions.take_setup()
-                self._signals.last_words = self._leave_at_once
+                self._signals.last_words = self._end.hurry
                 self._begin_watching()
                 self._started = self._clock.now()
                 self._tick_until_over()
@@ -488,49 +474,28 @@ class TreeRun:
 
     def _tick_watch(self) -> TickWatch:
         """Return what names a leaf that blocks, and ends the run where it is asked to end meanwhile; goals of a simulation end with it."""
-        is_real, parameters = self.simulation is None, self._parameters
-        security = security_arguments(self._options.ros)
-        self._cancel_apart = cancel_apart(self._node, security) if is_real else None
+        cancel, parameters = None, self._parameters
+        if self.simulation is None:
+            cancel = cancel_apart(self._node)
+        self._end = ForcedEnd(
+            "sar-run",
+            self._node,
+            self.tree.root,
+            self._signals,
+            cancel,
+            parameters.settle_timeout_sec,
+            moves=lambda: self._robot is not None and bool(self._robot.moves),
+            before_message=self._output.leave,
+        )
         return TickWatch(
             self._node,
             self.tree.root,
-            cancel=self._cancel_apart,
+            cancel=cancel,
             cancel_sec=parameters.blocked_tick_timeout_sec,
             signals=self._signals,
-            end=self._end_blocked,
+            end=self._end.end_blocked,
             settle_sec=parameters.settle_timeout_sec,
         )
-
-    def _end_blocked(self, where: str) -> NoReturn:
-        """End the process as a signal has asked for, which the thread that ticks does not hear of: from the thread that calls this."""
-
-        def cancel() -> int | None:
-            self._output.leave()
-            print_error(f"sar-run: stopped although {where}")
-            # Leaves may have more to stop than goals; one that blocks there as well keeps nobody.
-            try_for(_LEAVES_SEC, lambda: send_cancels(self.tree.root, self._node))
-            active = self._cancel_apart(self._parameters.settle_timeout_sec) if self._cancel_apart else []
-            if not active:
-                return None
-            print_error(
-                f"sar-run: a goal may still be active, and the robot may still be moving: {', '.join(active)}"
-            )
-            return ADRIFT
-
-        end_at_once(self._signals.exit_status, cancel, self._parameters.settle_timeout_sec + _APART_SEC)
-
-    def _leave_at_once(self) -> int | None:
-        active = len(goals_under_way(self._node)) or (self._robot is not None and self._robot.moves)
-        # Before anything that may take its time, which there is little of.
-        send_cancels(self.tree.root, self._node)
-        self._output.leave()
-        if not active:
-            print_error("sar-run: ended at once, as asked twice")
-            return None
-        print_error(
-            "sar-run: ended at once, as asked twice: what is under way was told to stop, the robot may still be moving"
-        )
-        return ADRIFT
 
     def _begin_watching(self) -> None:
         if self._sole is not None:

@@ -16,9 +16,9 @@ from threading import Thread
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 from sar_compiler.cli.loading import additions, tell_note
-from sar_compiler.cli.supervision import ADRIFT, run_command
+from sar_compiler.cli.supervision import run_command
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import FINDINGS, OK, USAGE
+from sar_compiler.commands import ADRIFT, FINDINGS, OK, USAGE
 from sar_compiler.errors import SarError
 from sar_compiler.ros.arguments import parameter_files, split_arguments
 from sar_compiler.ros.middleware import require_middleware

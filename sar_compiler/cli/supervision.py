@@ -17,8 +17,8 @@ _VARIABLE = "SAR_SUPERVISION"
 PERIOD_SEC = 1.0
 """How often a run tells that it lives, steady seconds."""
 
-NOT_READY, ADRIFT = 3, 4
-"""Exit statuses of a run: something that it needs did not appear in time; a goal may still be active."""
+NOT_READY = 3
+"""The exit status of a run: something that it needs did not appear in time."""
 
 
 # The program: its first statement keeps the current folder, from which `-c` would import, out of the way.

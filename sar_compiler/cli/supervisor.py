@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.supervision import (
-    ADRIFT,
     ALIVE,
     DEAF,
     ENDING,
@@ -21,7 +20,7 @@ from sar_compiler.cli.supervision import (
     Supervision,
     run_command,
 )
-from sar_compiler.commands import print_error
+from sar_compiler.commands import ADRIFT, print_error
 from sar_compiler.errors import SarError
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.ros.guardian import ADRIFT_SIGN

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.faults import FaultPlan as FaultPlan
     from sar_compiler.ros.faults import ServiceFaults as ServiceFaults
     from sar_compiler.ros.faults import create_service as create_service
+    from sar_compiler.ros.parameter_file import ParameterFileError as ParameterFileError
     from sar_compiler.ros.parameter_reader import ParameterError as ParameterError
     from sar_compiler.ros.parameter_reader import ParameterReader as ParameterReader
     from sar_compiler.ros.parameter_reader import lookalikes as lookalikes

@@ -202,7 +202,7 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
         The names of the leaves that still had work in progress at the end.
     """
     deadline = time.monotonic() + timeout_sec
-    while _leaves_at_work(root) and time.monotonic() < deadline:
+    while leaves_at_work(root) and time.monotonic() < deadline:
         try:
             executor.spin_once(timeout_sec=_TURN_SEC)
         except (ExternalShutdownException, InvalidHandle):
@@ -211,7 +211,7 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
             tell(node, f"while the tree was stopping: {error_text(error)}")
         if not executor.context.ok():
             break
-    return [leaf.name for leaf in _leaves_at_work(root)]
+    return [leaf.name for leaf in leaves_at_work(root)]
 
 
 def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
@@ -257,7 +257,8 @@ def _shut_one_down(behaviour: Behaviour, node: Node | None) -> None:
         tell(node, f"'{behaviour.name}' could not be shut down: {words}", error)
 
 
-def _leaves_at_work(root: Behaviour) -> list[Behaviour]:
+def leaves_at_work(root: Behaviour) -> list[Behaviour]:
+    """Return the leaves of a stopped tree that have something under way."""
     return [leaf for leaf in root.iterate() if isinstance(leaf, Settling) and not leaf.settled()]
 
 

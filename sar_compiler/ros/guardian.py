@@ -74,6 +74,10 @@ class Guardian(Companion):
 
     def begin(self, tree: "CompiledTree", engine: "Engine") -> None:  # noqa: ARG002
         """Guard the goals of the mission's node."""
+        self.listen()
+
+    def listen(self) -> None:
+        """Guard the goals of the node from here on."""
         goals_under_way(self._node).listen(self.note)
         heartbeats(self._node).listen(self.take_heartbeat)
 

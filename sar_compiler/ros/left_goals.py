@@ -1,11 +1,13 @@
 """Goals that a process has left behind: cancelled, and their ends awaited; those in a journal before its mission goes on."""
 
 import math
+import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import rclpy
 from action_msgs.srv import CancelGoal
@@ -19,6 +21,7 @@ from rclpy.task import Future
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT
+from sar_compiler.ros.arguments import security_arguments, split_arguments
 from sar_compiler.ros.leaves.goals import (
     FINAL,
     UNKNOWN,
@@ -275,3 +278,35 @@ class Canceller:
         """Take the context down."""
         self.node.destroy_node()
         self.context.try_shutdown()
+
+
+class Cancel(Protocol):
+    """Cancels the goals of a node from another thread than its executor's."""
+
+    def __call__(self, limit_sec: float) -> Sequence[str]:
+        """Return the actions of the goals whose ends were not seen within a limit, in seconds."""
+
+
+def cancel_apart(node: Node) -> Cancel:
+    """Return what cancels the goals of a node in a ROS context of its own, once its executor is blocked or its context shut down.
+
+    Args:
+        node: The node, whose context is still up.
+    """
+    domain, security = node.context.get_domain_id(), security_arguments(split_arguments(sys.argv[1:]).ros)
+    logger, name = node.get_logger(), node.get_name()
+
+    def report(goal: GoalNews) -> None:
+        logger.info(f"Canceling the goal of '{goal.action}'.")
+
+    def cancel(limit_sec: float) -> Sequence[str]:
+        goals = goals_under_way(node).active()
+        if not goals:
+            return []
+        canceller = Canceller(f"{name}_canceller_{os.getpid()}", security, domain)
+        try:
+            return canceller.cancel(goals, limit_sec, report)
+        finally:
+            canceller.close()
+
+    return cancel

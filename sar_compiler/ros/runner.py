@@ -6,8 +6,9 @@ run with either. In addition, the tree is ticked at once when a leaf has news
 from the root, so that a robot is not left driving.
 """
 
+import atexit
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator, Sequence
 from typing import Any
 
 import py_trees
@@ -33,6 +34,8 @@ from sar_compiler.ros.engine import (
     tell,
     tell_failure,
 )
+from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.left_goals import Cancel, cancel_apart
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.breakpoints import Breakpoints, tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
@@ -156,10 +159,12 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self.failure: Exception | None = None
         self.failed_behaviour: Behaviour | None = None
         self._owns_node = False
+        self._cancel_apart: Cancel = _cancel_nothing
         self._beat: Beat | None = None
         self._guard: Any = None
         self._handlers: tuple[TickHandler | None, TickHandler | None] = (None, None)
         self._ticks_left = py_trees.trees.CONTINUOUS_TICK_TOCK
+        self._last: set[Status] = set()
         self._running = self._ticking = self._stopped = self._shut_down = self._woken = False
 
     @property
@@ -198,12 +203,14 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._owns_node = node is None
         self.node = node if node is not None else rclpy.create_node(node_name)
         self._guard = self._make_guard(self.node)
+        self._cancel_apart = cancel_apart(self.node)
         limit = float(timeout.value if isinstance(timeout, Duration) else timeout)
         try:
             self._set_up_behaviours(limit, visitor, {"node": self.node, "wake": self.wake, **kwargs})
         except Exception as error:  # noqa: BLE001 - raised again, in words
             self._stopped = self._shut_down = True
             give_up(self.root, error, self.node)
+        atexit.register(self._end_with_program)
 
     def _make_guard(self, node: Node) -> Any:
         """Return what has `_on_wake` called by the node's executor, whichever thread or signal handler triggers it."""
@@ -233,6 +240,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         number_of_iterations: int = py_trees.trees.CONTINUOUS_TICK_TOCK,
         pre_tick_handler: TickHandler | None = None,
         post_tick_handler: TickHandler | None = None,
+        until: Status | Collection[Status] = (),
     ) -> None:
         """Start ticking, from the executor, and return at once.
 
@@ -241,6 +249,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             number_of_iterations: The number of ticks, including woken ones; by default without a limit.
             pre_tick_handler: Called before every tick, before the handlers that were added.
             post_tick_handler: Called after every tick, after the handlers that were added.
+            until: The statuses of the root at which ticking ends, by default none: the tree begins anew at the next tick, which changes
+                `last_status`. Then `running` is False, and `last_status` keeps that status.
 
         Raises:
             RuntimeError: If `setup` was not called, or the tree was stopped already.
@@ -254,6 +264,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._pause()
         self._handlers = (pre_tick_handler, post_tick_handler)
         self._ticks_left = number_of_iterations
+        self._last = {until} if isinstance(until, Status) else {*until}
         self._woken = False
         if number_of_iterations == 0:
             return
@@ -373,8 +384,15 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         return settle(self.root, executor, timeout_sec, self.node)
 
     def shutdown(self) -> None:
-        """Stop the tree and release its resources; never raises, may be called again."""
+        """Stop the tree and release its resources; never raises, may be called again.
+
+        Where ROS has been shut down before, as by rclpy's handlers of signals, goals that are under way are canceled from a context of
+        its own, and their ends are awaited for some seconds.
+        """
         self.stop()
+        atexit.unregister(self._end_with_program)
+        if self.node is not None and not alive(self.node):
+            self._cancel_what_is_left()
         if not self._shut_down:
             self._shut_down = True
             shut_down(list(self.root.iterate()), self.node)
@@ -384,6 +402,23 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._try(lambda: node.destroy_guard_condition(guard), "the runner's guard could not be given back")
         if self._owns_node:
             self._try(node.destroy_node, "the node could not be given back")
+
+    def _end_with_program(self) -> None:
+        """Shut down at the end of a program that has not done so."""
+        self.shutdown()
+        self._cancel_what_is_left()
+
+    def _cancel_what_is_left(self) -> None:
+        active: Sequence[str] = []
+
+        def cancel() -> None:
+            nonlocal active
+            active = self._cancel_apart(SETTLE_SEC)
+            self._cancel_apart = _cancel_nothing
+
+        self._try(cancel, "what is under way could not be canceled, and the robot may still be moving")
+        for action in active:
+            tell(self.node, f"{action} does not end its goal: the robot may still be moving")
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
         """Try one of several steps that must all be tried, even if the context is shut down."""
@@ -424,10 +459,14 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             return
         if self._ticks_left > 0:
             self._ticks_left -= 1
-        if self._ticks_left == 0:
+        if self._ticks_left == 0 or self.last_status in self._last:
             self._pause()
 
     def _fail(self, error: Exception) -> None:
+        if isinstance(
+            error.__cause__, StopIteration
+        ):  # which Python lets no generator pass on, such as `_tick`
+            error = error.__cause__
         self.failure = error
         self.failed_behaviour = tell_failure(self.node, error)
         self.stop()
@@ -437,6 +476,11 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         beat, self._beat = self._beat, None
         if beat is not None:
             beat.destroy()
+
+
+def _cancel_nothing(limit_sec: float) -> Sequence[str]:  # noqa: ARG001
+    """Cancel the goals of a runner that has no node, or whose goals were canceled."""
+    return []
 
 
 def _show(visits: list[Visit], visitors: list[VisitorBase]) -> None:

@@ -41,7 +41,8 @@ class StopSignals:
         self.last_words: Callable[[], int | None] | None = None
         self.came_at: float | None = None
         self.is_noticed = self.ends_unnoticed = False
-        self._number = 0
+        self._number = self._own = 0
+        self._interrupts = False
         self._came = threading.Event()
         # Python writes the number of each signal here as it arrives, not only when the main thread gets to it.
         self._ear, mouth = socket.socketpair()
@@ -49,7 +50,7 @@ class StopSignals:
         self._mouth = mouth
         self._listener_before = signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
         self._before = {
-            number: signal.signal(number, _let_go)
+            number: signal.signal(number, self._let_go)
             for number in _NUMBERS
             if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN
         }
@@ -71,6 +72,13 @@ class StopSignals:
         """Wait until the process is asked to stop, with a time limit in seconds; return whether it was."""
         return self._came.wait(timeout_sec)
 
+    def interrupt_main(self) -> None:
+        """Raise `KeyboardInterrupt` in the main thread, also where that waits for something else than an executor."""
+        number = next(iter(self._before), None)
+        if number is not None:
+            self._interrupts, self._own = True, number
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+
     def give_back(self) -> None:
         """Restore the previous handlers."""
         for number, handler in self._before.items():
@@ -82,7 +90,9 @@ class StopSignals:
     def _listen(self) -> None:
         while numbers := self._heard():
             for number in (each for each in numbers if each in self._before):
-                if self.came_at is None:
+                if number == self._own:
+                    self._own = 0
+                elif self.came_at is None:
                     self.came_at, self._number = time.monotonic(), number
                     self._came.set()
                     self._ear.settimeout(UNNOTICED_SEC)
@@ -105,6 +115,8 @@ class StopSignals:
         """End the process at once."""
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
-
-def _let_go(_number: int, _frame: FrameType | None) -> None:
-    """Do nothing: system calls go on waiting, and the listening thread receives the signal."""
+    def _let_go(self, _number: int, _frame: FrameType | None) -> None:
+        """Interrupt the main thread if that is wanted; else system calls go on waiting, and the listening thread receives the signal."""
+        if self._interrupts:
+            self._interrupts = False
+            raise KeyboardInterrupt

@@ -12,8 +12,8 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable
+from types import FrameType
 
 from py_trees.behaviour import Behaviour
 from rclpy.node import Node
@@ -22,8 +22,8 @@ from sar_compiler.process_end import place_of_thread
 from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import behaviour_title, places_of
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
-from sar_compiler.ros.leaves.goals import GoalNews, goals_under_way
-from sar_compiler.ros.left_goals import Canceller
+from sar_compiler.ros.leaves.goals import goals_under_way
+from sar_compiler.ros.left_goals import Cancel
 from sar_compiler.ros.parameter_reader import BLOCKED_TICK_SEC
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.tree.showing import in_one_line
@@ -33,40 +33,6 @@ _PERIOD_SEC, _LOOK_SEC = 0.5, 0.2
 _OWN_PAUSE_SEC = 0.5
 # How long the goals have to end after they were told to, steady seconds.
 _TRYING_SEC = 10.0
-
-
-class Cancel(Protocol):
-    """Cancels the goals of a node from another thread than its executor's."""
-
-    def __call__(self, limit_sec: float) -> Sequence[str]:
-        """Return the actions of the goals whose ends were not seen within a limit, in seconds."""
-
-
-def cancel_apart(node: Node, security: Sequence[str] = (), domain_id: int | None = None) -> Cancel:
-    """Return what cancels the goals of a node in a ROS context of its own, because its executor is blocked or its context shut down.
-
-    Args:
-        node: The node.
-        security: The ROS arguments that a second participant needs.
-        domain_id: The ROS domain; by default that of the node's context, which must be up.
-    """
-    domain = node.context.get_domain_id() if domain_id is None else domain_id
-    logger, name = node.get_logger(), node.get_name()
-
-    def report(goal: GoalNews) -> None:
-        logger.info(f"Canceling the goal of '{goal.action}'.")
-
-    def cancel(limit_sec: float) -> Sequence[str]:
-        goals = goals_under_way(node).active()
-        if not goals:
-            return []
-        canceller = Canceller(f"{name}_canceller_{os.getpid()}", security, domain)
-        try:
-            return canceller.cancel(goals, limit_sec, report)
-        finally:
-            canceller.close()
-
-    return cancel
 
 
 class TickWatch:
@@ -80,6 +46,10 @@ class TickWatch:
         signals: The requests to stop.
         end: Ends the process as asked, from the watching thread, because the one that ticks is blocked; is given where.
         settle_sec: How long that thread may be blocked once it has noticed the request, steady seconds.
+        on_beat: Called in the executor's thread with each heartbeat.
+
+    Attributes:
+        end: As above.
     """
 
     def __init__(
@@ -92,10 +62,12 @@ class TickWatch:
         signals: StopSignals | None = None,
         end: Callable[[str], object] = lambda _: None,
         settle_sec: float = 0.0,
+        on_beat: Callable[[], object] = lambda: None,
     ) -> None:
         self._node, self._root, self._logger = node, root, node.get_logger()
         self._cancel, self._cancel_sec = cancel, cancel_sec
-        self._signals, self._end, self._settle_sec = signals, end, settle_sec
+        self.end, self._on_beat = end, on_beat
+        self._signals, self._settle_sec = signals, settle_sec
         self._heartbeats = heartbeats(node)
         self._beat_at = time.monotonic()
         self._thread = threading.get_ident()
@@ -106,7 +78,7 @@ class TickWatch:
 
     def __enter__(self) -> None:
         """Watch from here on."""
-        self._timer = steady_timer(self._node, _PERIOD_SEC, self._beat)
+        self._timer = steady_timer(self._node, _PERIOD_SEC, self._on_timer)
         self._beat()
         self._watcher = threading.Thread(target=self._watch, name="tick watch", daemon=True)
         self._watcher.start()
@@ -121,6 +93,10 @@ class TickWatch:
             os.close(self._stack)
         if self._node.context.ok():
             self._node.destroy_timer(self._timer)
+
+    def _on_timer(self) -> None:
+        self._beat()
+        self._on_beat()
 
     def _beat(self) -> None:
         """Note that the executor turns; called in its thread."""
@@ -155,7 +131,7 @@ class TickWatch:
                 "takes effect. Send a request in initialise(), and ask for its answer in update()."
             )
         if self._is_to_be_ended(silent_sec):
-            self._end(self.where())
+            self.end(self.where())
         if silent_sec > self._cancel_sec and not self._is_canceled and self._cancel is not None:
             self._is_canceled = True
             self._cancel_goals(self._cancel)
@@ -176,11 +152,16 @@ class TickWatch:
 
     def where(self) -> str:
         """Return what the thread that ticks is doing: the leaf with its lines, or the line of the program."""
-        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the one way to another thread's stack
-        frames = list(traceback.walk_stack(frame)) if frame is not None else []
-        leaf = next((each for each, _ in frames if isinstance(each.f_locals.get("self"), Behaviour)), None)
-        if leaf is not None:
-            behaviour: Behaviour = leaf.f_locals["self"]
-            return f"{behaviour_title(behaviour)} blocks{places_of(behaviour, frames)}"
+        if (leaf := self.blocking_leaf()) is not None:
+            return f"{behaviour_title(leaf)} blocks{places_of(leaf, self._frames())}"
         place = place_of_thread(self._thread)
         return f"the program is in {place}" if place else "the executor does not turn"
+
+    def blocking_leaf(self) -> Behaviour | None:
+        """Return the behaviour in whose method the thread that ticks is, the innermost; None if it is in none."""
+        owners = (each.f_locals.get("self") for each, _ in self._frames())
+        return next((each for each in owners if isinstance(each, Behaviour)), None)
+
+    def _frames(self) -> list[tuple[FrameType, int]]:
+        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the one way to another thread's stack
+        return list(traceback.walk_stack(frame)) if frame is not None else []

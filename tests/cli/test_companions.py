@@ -147,8 +147,8 @@ def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> N
 def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     stage: Stage, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from sar_compiler.cli.run_mission_tree import TreeRun
-    from sar_compiler.cli.supervision import ADRIFT
+    from sar_compiler.commands import ADRIFT
+    from sar_compiler.ros.forced_end import ForcedEnd
     from sar_compiler.ros.leaves.goals import goals_under_way
 
     goals_under_way(stage.node).sending("01" * 16, "/drive")
@@ -156,8 +156,8 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     leaf.status = Status.RUNNING
     leaf.terminate = lambda _: stage.done.append("cancelled")
     stage.output.leave = lambda: stage.done.append("closed")
-    tree = SimpleNamespace(root=leaf)
-    run: Any = SimpleNamespace(_node=stage.node, _output=stage.output, _robot=None, tree=tree)
-    assert TreeRun._leave_at_once(run) == ADRIFT
+    signals: Any = SimpleNamespace()
+    end = ForcedEnd("sar-run", stage.node, leaf, signals, None, 1.0, before_message=stage.output.leave)
+    assert end.hurry() == ADRIFT
     assert stage.done == ["cancelled", "closed"]
     assert "what is under way was told to stop" in capsys.readouterr().err

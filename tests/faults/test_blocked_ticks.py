@@ -106,7 +106,7 @@ def test_the_first_ctrl_c_ends_a_run_whose_leaf_blocks(block, place, cancel, sta
     server, run, go = block("sleep", cancel=cancel, settle_timeout_sec=2.0)
     go.touch()
     run.wait_for("Nothing was ticked for 2 s")
-    assert run.stop(within_sec=10.0) == status, run.output
+    assert run.stop(within_sec=20.0) == status, run.output
     assert f"sar-run: stopped although {place('sleep')}" in run.output
     assert ("the robot may still be moving: /navigate_to_pose" in run.output) == (status == 4)
     assert server.active == (status == 4)
@@ -124,7 +124,7 @@ def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancel
 
 def test_a_leaf_that_blocks_while_it_is_stopped_keeps_no_run(block, place):
     server, run, _ = block("end", "--journal", "none", settle_timeout_sec=2.0)
-    assert run.stop(within_sec=10.0) == 130, run.output
+    assert run.stop(within_sec=20.0) == 130, run.output
     assert f"sar-run: stopped although {place('end', 'terminate')}" in run.output
     server.wait_for("ended", how="cancel")
 

@@ -229,6 +229,15 @@ class TestTicking:
         runner.tick_tock(5.0, number_of_iterations=2)
         ros.spin_until(lambda: runner.count == 4, "two more ticks")
 
+    @pytest.mark.parametrize("until", [Status.SUCCESS, [Status.FAILURE, Status.SUCCESS]])
+    def test_ends_at_the_status_that_it_is_told_and_keeps_it(self, ros: Ros, until: Any) -> None:
+        probe = Probe(on_update=lambda probe: Status.SUCCESS if probe.updates == 3 else Status.RUNNING)
+        runner = runner_of(probe, ros.node())
+        runner.tick_tock(5.0, until=until)
+        ros.spin_until(lambda: not runner.running, "the end of ticking")
+        ros.spin_for(0.1)
+        assert (probe.updates, runner.last_status) == (3, Status.SUCCESS)
+
     def test_handlers_are_called_in_order_around_each_tick(self, ros: Ros) -> None:
         order: list[str] = []
 
@@ -473,6 +482,20 @@ class TestFailing:
         runner.stop()
         assert driving.ends == [Status.INVALID]
         assert said.has("'Stubborn' failed while it was stopped", "the arm fell off", ", in terminate")
+
+    def test_a_leaf_that_raises_what_ends_an_iteration_is_named_with_its_line(
+        self, ros: Ros, said: Said
+    ) -> None:
+        def exhausted(_: Probe) -> Status:
+            return next(iter(()))
+
+        runner = runner_of(Probe("Reader", exhausted), ros.node())
+        runner.tick_tock(SLOW_MS)
+        runner.wake()
+        ros.spin_until(lambda: runner.failure is not None, "the failure")
+        assert isinstance(runner.failure, StopIteration)
+        line = "tests/ros/test_runner.py:47, in update"
+        assert said.has(f"'Reader' (Probe) failed: StopIteration ({line}). The tree is stopped.")
 
     def test_a_handler_that_fails_is_not_blamed_on_a_leaf(self, ros: Ros, said: Said) -> None:
         def fail(_: py_trees.trees.BehaviourTree) -> None:

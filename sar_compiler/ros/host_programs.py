@@ -1,0 +1,250 @@
+"""A tree that is ticked by a program of a user's own: its signals, its goals, and its end."""
+
+import math
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+from py_trees.behaviour import Behaviour
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import (
+    SignalHandlerOptions,
+    get_current_signal_handlers_options,
+    install_signal_handlers,
+    uninstall_signal_handlers,
+)
+
+from sar_compiler.commands import ADRIFT, print_error
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.process_end import end_after_program
+from sar_compiler.ros.arguments import security_arguments, split_arguments
+from sar_compiler.ros.engine import leaves_at_work
+from sar_compiler.ros.forced_end import ForcedEnd
+from sar_compiler.ros.guardian import Guardian
+from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.left_goals import Cancel, cancel_apart
+from sar_compiler.ros.parameter_reader import BLOCKED_TICK_SEC, SETTLE_SEC
+from sar_compiler.ros.runner import TreeRunner
+from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
+from sar_compiler.ros.tick_watch import TickWatch
+
+_TURN_SEC = 0.05
+# When an executor has left a callback, seconds.
+_SOON_SEC = 0.02
+
+
+@contextmanager
+def running(
+    tree: CompiledTree | Behaviour | TreeRunner,
+    node: Node,
+    *,
+    guardian: bool = False,
+    settle_timeout_sec: float = SETTLE_SEC,
+    blocked_tick_timeout_sec: float = BLOCKED_TICK_SEC,
+) -> Iterator[TreeRunner]:
+    """Set a tree up on a node, and see that no goal outlives the block in which it is ticked, however that ends.
+
+    In the block Ctrl-C, SIGTERM and SIGHUP interrupt the executor between two callbacks, by a `KeyboardInterrupt`. At its end the
+    tree is stopped from its root and its goals are canceled, and their ends are awaited. After a signal the program then exits with
+    130, 143 or 129, or with 4 if a goal may still be active. A second Ctrl-C ends it at once. A leaf that blocks the tick is named,
+    and does not keep the program from its end. In another thread than the main one, signals are left to the program.
+
+    Args:
+        tree: The compiled tree, its root, or a `TreeRunner` of it.
+        node: The node, which ROS has not shut down. Spin it as you like.
+        guardian: Whether a small process of its own cancels the goals of a program that is killed or crashes.
+        settle_timeout_sec: How long the goals have to end, steady seconds.
+        blocked_tick_timeout_sec: How long nothing may be ticked before the goals are canceled, steady seconds.
+
+    Yields:
+        The runner, which is set up: call its `tick_tock`, or its `tick`.
+
+    Raises:
+        SetupFailedError: If the setup of a behaviour raised an exception.
+        SystemExit: At the end of the block, if a signal has asked for it.
+    """
+    runner = tree if isinstance(tree, TreeRunner) else TreeRunner(tree)
+    name = Path(sys.argv[0]).name or "python"
+    security = security_arguments(split_arguments(sys.argv[1:]).ros)
+    with ExitStack() as stack:
+        if guardian:
+            guard = Guardian(node, security)
+            stack.callback(guard.end, has_begun=True)
+            guard.listen()
+        signals = _Signals() if threading.current_thread() is threading.main_thread() else None
+        if signals is not None:
+            stack.callback(signals.give_back)
+            signals.ends_unnoticed = True
+        if runner.node is None:
+            runner.setup(node=node)
+        if signals is not None:
+            signals.ends_unnoticed = False
+        cancel = cancel_apart(node)
+        stack.callback(runner.shutdown)
+        hosted = _Hosted(name, runner, node, cancel, settle_timeout_sec, signals)
+        with hosted.watch(blocked_tick_timeout_sec):
+            try:
+                yield runner
+            except _InterruptionError:
+                pass
+            except KeyboardInterrupt:
+                if signals is None or not signals.came:
+                    raise
+            finally:
+                hosted.settle()
+        if signals is not None and signals.came:
+            end_after_program(hosted.status(signals), name)
+            raise SystemExit(hosted.status(signals))
+
+
+class _InterruptionError(RuntimeError):
+    """What ends the spinning of an executor whose callbacks run in threads of its own: it passes nothing on that is no `Exception`."""
+
+
+class _Signals(StopSignals):
+    """Takes the place of rclpy's handlers, which would shut ROS down before a goal could be canceled; gives it back."""
+
+    def __init__(self) -> None:
+        self._options = get_current_signal_handlers_options()
+        uninstall_signal_handlers()
+        super().__init__()
+
+    def give_back(self) -> None:
+        """Restore the previous handlers."""
+        super().give_back()
+        if self._options != SignalHandlerOptions.NO:
+            install_signal_handlers(self._options)
+
+
+class _Hosted:
+    """A tree that a program ticks.
+
+    Args:
+        name: The program.
+        runner: Ticks the tree.
+        node: Its node.
+        cancel: Cancels its goals where that node cannot.
+        settle_sec: How long the goals have to end, steady seconds.
+        signals: The requests to stop; None where the program has them itself.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        runner: TreeRunner,
+        node: Node,
+        cancel: Cancel,
+        settle_sec: float,
+        signals: _Signals | None,
+    ) -> None:
+        self._name, self._runner, self._node, self._cancel = name, runner, node, cancel
+        self._settle_sec, self._signals = settle_sec, signals
+        self._is_ending = self._has_interrupted = False
+        self._interrupted_at = -math.inf
+        self._spinner = threading.get_ident()
+        self._active: list[str] = []
+
+    def watch(self, blocked_sec: float) -> TickWatch:
+        """Return what watches the executor while the tree is ticked."""
+        signals = self._signals
+        watch = TickWatch(
+            self._node,
+            self._runner.root,
+            cancel=self._cancel,
+            cancel_sec=blocked_sec,
+            signals=signals,
+            settle_sec=self._settle_sec,
+            on_beat=self._on_beat,
+        )
+        if signals is not None:
+            end = ForcedEnd(
+                self._name, self._node, self._runner.root, signals, self._cancel, self._settle_sec
+            )
+            watch.end = lambda where: self._on_unnoticed(watch, end, where)
+            signals.last_words = end.hurry
+        return watch
+
+    def _on_beat(self) -> None:
+        """Interrupt the executor, in whose thread this is called, if a signal has come."""
+        self._spinner = threading.get_ident()
+        if self._signals is None or self._is_ending or not self._signals.came:
+            return
+        if isinstance(self._node.executor, MultiThreadedExecutor):
+            self._interrupt_workers()
+        elif threading.current_thread() is threading.main_thread() and isinstance(
+            self._node.executor, Executor
+        ):
+            raise KeyboardInterrupt
+        else:
+            # The executor has a thread of its own, and the main one waits for something else; or it is one of events, which logs what is raised in it.
+            threading.Timer(_SOON_SEC, self._interrupt).start()
+
+    def _interrupt_workers(self) -> None:
+        """Raise what the executor passes on to the thread that spins it; again if the program goes on."""
+        if time.monotonic() - self._interrupted_at < UNNOTICED_SEC:
+            return
+        self._interrupted_at = time.monotonic()
+        raise _InterruptionError
+
+    def _on_unnoticed(self, watch: TickWatch, end: ForcedEnd, where: str) -> None:
+        """Interrupt the main thread, if it does something else than to spin; end the process where that is of no use."""
+        if watch.blocking_leaf() is not None or self._has_interrupted:
+            if time.monotonic() - self._interrupted_at > UNNOTICED_SEC:
+                end.end_blocked(where)
+            return
+        self._interrupt()
+
+    def _interrupt(self) -> None:
+        if self._signals is not None and not self._has_interrupted:
+            self._has_interrupted, self._interrupted_at = True, time.monotonic()
+            self._signals.interrupt_main()
+
+    def settle(self) -> None:
+        """Stop the tree, and wait until its goals have ended."""
+        self._is_ending = True
+        if self._signals is not None:
+            self._signals.is_noticed = True
+        names = self._settled() if alive(self._node) else []
+        if not alive(self._node):
+            names = list(self._cancel(self._settle_sec))
+        if names:
+            self._active = names
+            words = "a goal may still be active, and the robot may still be moving"
+            print_error(f"{self._name}: {words}: {', '.join(names)}")
+
+    def _settled(self) -> list[str]:
+        executor = self._node.executor
+        if (
+            executor is not None and self._node not in executor.get_nodes()
+        ):  # `rclpy.spin` has taken it out again
+            executor = None
+        is_elsewhere = executor is not None and self._spinner != threading.get_ident()
+        if is_elsewhere and not isinstance(executor, MultiThreadedExecutor):
+            return self._settled_elsewhere()
+        if executor is not None:
+            with suppress(_InterruptionError):  # one that a worker has raised, and nobody has been passed
+                executor.spin_once(timeout_sec=0.0)
+            return self._runner.settle(executor, self._settle_sec)
+        own = SingleThreadedExecutor(context=self._node.context)
+        own.add_node(self._node)
+        try:
+            return self._runner.settle(own, self._settle_sec)
+        finally:
+            own.remove_node(self._node)
+            own.shutdown()
+
+    def _settled_elsewhere(self) -> list[str]:
+        """Have the tree stopped by the thread that spins its executor, and wait."""
+        self._runner.interrupt()
+        deadline = time.monotonic() + self._settle_sec
+        while (self._runner.running or leaves_at_work(self._runner.root)) and time.monotonic() < deadline:
+            time.sleep(_TURN_SEC)
+        return [leaf.name for leaf in leaves_at_work(self._runner.root)]
+
+    def status(self, signals: StopSignals) -> int:
+        """Return the exit status of a program that was asked to stop."""
+        return ADRIFT if self._active else signals.exit_status
