@@ -82,6 +82,9 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
         return PIPE_CLOSED
     except (OSError, UnicodeEncodeError) as error:
         reason = _not_written(error)
+        if reason is None and isinstance(error, OSError) and isinstance(error.filename, (str, bytes)):
+            print_error(f"{prog}: {os.fsdecode(error.filename)}: {error.strerror}")
+            return USAGE
         if reason is None:
             raise
         discard_output()

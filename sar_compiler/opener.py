@@ -86,7 +86,8 @@ IMAGE = FileKind("image of a map", 64 * _MIB)
 RECORDED_OUTPUT = FileKind("recorded output", 32 * _MIB)
 APPROVAL = FileKind("record of an approval", 4 * _MIB)
 POSES = FileKind("file of poses", _MIB)
-CHECKPOINTS = FileKind("cache of a replay", 1024 * _MIB)
+CHECKPOINTS = FileKind("cache of a replay", 256 * _MIB)
+RESERVE = FileKind("reserve of a journal", 128 * 1024)
 MODULE = FileKind("module of leaves", 32 * _MIB, is_installed=True)
 METADATA = FileKind("package metadata", _MIB, is_installed=True)
 
@@ -182,6 +183,21 @@ def _named_path(path: str, beneath: tuple[Path, ...] | None) -> NamedPath:
     named = NamedPath(path)
     named.beneath = beneath
     return named
+
+
+def is_file(path: str | Path) -> bool:
+    """Return whether there is a regular file; False for a name that no file can have, of which pathlib's `is_file` raises."""
+    return os.path.isfile(path)  # noqa: PTH113 - see above
+
+
+def is_folder(path: str | Path) -> bool:
+    """Return whether there is a folder; False for a name that none can have."""
+    return os.path.isdir(path)  # noqa: PTH112
+
+
+def is_there(path: str | Path) -> bool:
+    """Return whether there is a file or anything else; False for a name that nothing can have."""
+    return os.path.exists(path)  # noqa: PTH110
 
 
 class _Confinement(NamedTuple):
@@ -324,7 +340,7 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
             # A pipe of the shell's (`<(...)`) has no name, and a writer; one with a name may never have a writer.
             is_pipe_of_the_shell = stat.S_ISFIFO(mode) and not place.is_absolute()
             if not is_pipe_of_the_shell:
-                _require_file(mode)
+                require_regular_mode(mode)
             if _HANDLE_ONLY is None:
                 return os.dup(handle), place
             descriptor = os.open(_DESCRIPTORS / str(handle), os.O_RDONLY | _NOT_BLOCKING)
@@ -358,7 +374,12 @@ def _require_beneath(path: Path, place: Path | None, limit: _Confinement) -> Non
         raise OutsideError(path, f"it lies outside {limit.said}")
 
 
-def _require_file(mode: int) -> None:
+def require_regular_mode(mode: int) -> None:
+    """Require of the mode of an open file that it is a regular one, for those that open a file of their own to write it.
+
+    Raises:
+        OSError: If it is not.
+    """
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(mode):

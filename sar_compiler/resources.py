@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sar_compiler.errors import SarError
+from sar_compiler.opener import is_file
 
 _PACKAGE = Path(__file__).resolve().parent
 # The file that marks the folder of the shipped files, in a checkout and in an installation.
@@ -77,10 +78,10 @@ def find(kind: str, name: str, suffix: str) -> Path:
         as written, whether it exists or not.
     """
     path = Path(name)
-    if not is_bare_word(name) or path.is_file():
+    if not is_bare_word(name) or is_file(path):
         return path
     named = shipped_root() / kind / f"{name}{suffix}"
-    return named if named.is_file() else path
+    return named if is_file(named) else path
 
 
 def is_bare_word(name: str) -> bool:
@@ -95,7 +96,7 @@ def not_found(kind: str, name: str, suffix: str) -> str:
 
     noun = kind.removesuffix("s")
     names = sorted(entry.stem for entry in (shipped_root() / kind).glob(f"*{suffix}"))
-    files = [f"{name}{each}" for each in (suffix, ".yaml", ".yml") if Path(f"{name}{each}").is_file()]
+    files = [f"{name}{each}" for each in (suffix, ".yaml", ".yml") if is_file(f"{name}{each}")]
     hint = did_you_mean(files[0] if files else nearest(name, names))
     there = f"there {'is' if len(names) == 1 else 'are'}: {', '.join(names) or 'none'}"
     return f"there is no {noun} file '{name}', nor a shipped {noun} of that name ({there}){hint}"

@@ -15,6 +15,9 @@ import pytest
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.signs import COLOURS
+from tests.faults.test_hostile_files import ELSEWHERE as TRIED_ELSEWHERE
+from tests.faults.test_hostile_files import SURFACES
+from tests.readers import readers
 
 # Files are read here, hardly any code is run: with coverage the walks through them take half as long again.
 pytestmark = pytest.mark.unmeasured
@@ -275,6 +278,70 @@ def test_measured_fields_of_messages_are_read_at_one_place_alone():
         and (fields := list(fields_read(path)))
     }
     assert found == READ_ELSEWHERE
+
+
+# How Python and the libraries of this project open a file, or read one that is open.
+OPENS = re.compile(
+    r"(?:^|\.)(?:open|fdopen|open_code|read_text|read_bytes|memmap|fromfile|loadtxt|genfromtxt|getlines?|run_path|copyfile|copy2"
+    r"|copytree|ZipFile|TarFile|FileIO|iterparse|get_data)$"
+    r"|^(?:sqlite3\.connect|np\.load|shutil\.copy|(?:etree|ET)\.parse|(?:json|pickle|tomllib|yaml)\.load|yaml\.parse|mmap\.mmap)$"
+)
+OWN, TEXT, WRITTEN = "a file of the package", "no file, but a text or bytes", "written, not read"
+OPENED_ELSEWHERE = {
+    "cli/run_page.py": {"webbrowser.open": "an address"},
+    "cli/run_repeatedly.py": {"os.fdopen": "a descriptor of its own"},
+    "cli/supervisor.py": {"open": "a descriptor of its own"},
+    "cli/writing.py": {"new.open": WRITTEN, "target.open": WRITTEN},
+    "commands.py": {"open": "/dev/null, in place of a closed stream"},
+    "documents/located.py": {"shipped('schemas', f'sar_{schema}.schema.json').read_bytes": OWN},
+    "faces.py": {"spec.loader.get_data": OWN},
+    "journal/database.py": {
+        "cls.open": "its own method",
+        "os.open": "a lock, a folder to flush, and a journal to write: fstat says that it is a file",
+        "sqlite3.connect": "SQLite opens by name alone, what require_regular has looked at",
+    },
+    "journal/opening.py": {"JournalFile.open": "the method above"},
+    "journal/reserve.py": {"os.open": "to write; fstat says that it is a file"},
+    "nodes/nav2/__init__.py": {"Path(__file__).with_name('nodes.yaml').read_text": OWN, "yaml.load": TEXT},
+    "nodes/schemas/xml_schema.py": {"Path(__file__).with_name('frame.xsd').read_text": OWN},
+    "ros/guardian.py": {"Path(beat.stack).read_text": "the stack that the guarded process itself writes"},
+    "ros/middleware.py": {"os.open": "a lock; its content is not read"},
+    "ros/mission_recording.py": {"path.open": WRITTEN},
+    "ros/parameter_file.py": {"yaml.parse": TEXT},
+    "runtime/kernel/__init__.py": {"_RECORD.read_bytes": OWN, "path.read_bytes": OWN},
+    "signs/__init__.py": {"Path(__file__).with_name('marks.css').read_text": OWN},
+    "sim/flights.py": {"path.open": "a lock; its content is not read"},
+    "sim/isolation.py": {"path.read_text": "the system's lists of sockets, in /proc"},
+    "sim/occupancy.py": {"Image.open": TEXT},
+    "tree/yaml_events.py": {
+        "Path(__file__).with_name('yaml_mistakes.yaml').read_text": OWN,
+        "yaml.load": TEXT,
+        "yaml.parse": TEXT,
+    },
+    "views/drawing.py": {"files(__package__).joinpath('drawing.css').read_text": OWN},
+    "views/findings.py": {"shipped('docs/findings', f'{code}.md').read_text": OWN},
+    "views/prediction.py": {"files(__package__).joinpath('prediction.css').read_text": OWN},
+    "views/report_html.py": {"files(__package__).joinpath('report.css').read_text": OWN},
+    "web/page_server.py": {"path.read_bytes": OWN},
+    "web/replay.py": {"Path(file).read_bytes": OWN, "beside.open": WRITTEN},
+}
+"""Where a file is opened otherwise than by the opener, with the reason."""
+
+
+def test_what_others_name_is_read_by_the_opener_alone():
+    found = collections.defaultdict(set)
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and OPENS.search(name := ast.unparse(node.func)):
+                found[str(path.relative_to(PACKAGE))].add(name)
+    del found["opener.py"]
+    assert found == {path: names.keys() for path, names in OPENED_ELSEWHERE.items()}
+
+
+def test_each_reader_of_files_is_in_the_table_of_hostile_ones():
+    """Add a surface of a new reader to `SURFACES`: it is then tried with pipes, links, long names, a million elements, and so on."""
+    tried = {reader for surface in SURFACES.values() for reader in surface.readers}
+    assert readers() == tried | TRIED_ELSEWHERE.keys()
 
 
 # Where a node is said what it is, or is written: nowhere else does a text of the code name one.

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes.btcpp import NEWEST, VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
-from sar_compiler.opener import SETTINGS, NamedPath, UnreadableFileError, read_file
+from sar_compiler.opener import SETTINGS, NamedPath, UnreadableFileError, is_file, is_there, read_file
 from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span, TreeError
@@ -96,8 +96,8 @@ def configuration_for(
         for name, table in ((OWN_FILE, ()), (SHARED_FILE, _SHARED_TABLE)):
             path = folder / name
             # What is there and is no file (a named pipe, a folder) cannot be read, and that is told of the project's own.
-            is_there = path.is_file() if table else path.exists()
-            if not is_there or (table and not _OWN_WORD.search(read_file(path, SETTINGS).data)):
+            exists = is_file(path) if table else is_there(path)
+            if not exists or (table and not _OWN_WORD.search(read_file(path, SETTINGS).data)):
                 continue
             if not _counts(path, tree_file):
                 passed_over(path)
@@ -152,7 +152,7 @@ def _counts(configuration: Path, tree_file: Path) -> bool:
     if sys.platform == "win32":
         return True
     # A tree file that is not there is complained of when it is read.
-    owners = {path.stat().st_uid for path in (tree_file,) if path.exists()}
+    owners = {path.stat().st_uid for path in (tree_file,) if is_there(path)}
     return configuration.stat().st_uid in {os.geteuid(), 0, *owners}
 
 

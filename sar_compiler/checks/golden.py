@@ -5,10 +5,15 @@ import os
 from pathlib import Path
 
 from sar_compiler.errors import SarError
-from sar_compiler.opener import RECORDED_OUTPUT, read_file
+from sar_compiler.opener import RECORDED_OUTPUT, is_there, read_file
+from sar_compiler.tree.showing import shortened
 
 RENEW = "SAR_RENEW_GOLDEN"
 """The environment variable that has such files written anew."""
+
+
+_MOST_COMPARED, _MOST_SHOWN = 2000, 500
+"""How many lines are compared, and how many lines of differences are shown."""
 
 
 def compare_golden(path: Path, text: str, what: str) -> str | None:
@@ -24,15 +29,20 @@ def compare_golden(path: Path, text: str, what: str) -> str | None:
     if os.environ.get(RENEW):
         _write(path, text)
         return None
-    if not path.is_file():
+    if not is_there(path):
         return f"there is no golden file {path} yet: run with {RENEW}=1, then review and commit it"
     expected = read_file(path, RECORDED_OUTPUT).data.decode("utf-8", "replace")
     if text == expected:
         return None
-    lines = difflib.unified_diff(
-        expected.splitlines(), text.splitlines(), f"{path} (committed)", what, lineterm=""
-    )
-    return "\n".join([*lines, f"If this is meant, run with {RENEW}=1 and review the change."])
+    # What it takes to compare two texts grows with the product of their lengths, and somebody reads the differences.
+    old, new = (each.splitlines()[:_MOST_COMPARED] for each in (expected, text))
+    lines = [*difflib.unified_diff(old, new, f"{path} (committed)", what, lineterm="")]
+    if not lines or len(lines) > _MOST_SHOWN:
+        lines = [
+            *lines[:_MOST_SHOWN],
+            f"... there are more differences, some maybe after line {_MOST_COMPARED:,}",
+        ]
+    return "\n".join([*map(shortened, lines), f"If this is meant, run with {RENEW}=1 and review the change."])
 
 
 def _write(path: Path, text: str) -> None:

@@ -13,6 +13,7 @@ from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
 from sar_compiler.commands import OK, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
+from sar_compiler.opener import is_file
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.plain import as_json
 
@@ -233,7 +234,7 @@ def trees_that_ran(
     if file is None:
         raise GoneTreeError("the journal does not say in which file the tree is")
     path = Path(str(file))
-    if not path.is_file():
+    if not is_file(path):
         raise GoneTreeError(f"{path} is not there")
     values = StartValues(state.parameters, about.get("facts") or {})
     loaded = projects.load_file(path)

@@ -24,6 +24,7 @@ from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
 from sar_compiler.cli.supervision import Supervision, own_supervision
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, add_version, print_error, run
+from sar_compiler.opener import is_file
 from sar_compiler.process_end import end_process, shut_down
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
@@ -193,7 +194,7 @@ def _looks_like_a_tree(world: str) -> bool:
     if world.endswith(".xml"):
         return True
     named = (find(kind, world, suffix) for kind, suffix in (("worlds", ".yaml"), ("trees", ".xml")))
-    is_world, is_tree = (path.is_file() for path in named)
+    is_world, is_tree = (is_file(path) for path in named)
     return is_tree and not is_world
 
 

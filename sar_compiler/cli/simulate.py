@@ -9,6 +9,7 @@ from sar_compiler.cli.arguments import TREE_INPUT, YAML_FILE, add_budget, add_tr
 from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
+from sar_compiler.opener import is_folder
 from sar_compiler.tree.guessing import did_you_mean
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def scenario_files(paths: "list[Path]") -> "list[Path | None]":
     """
     files: list[Path | None] = []
     for path in paths:
-        if path.is_dir():
+        if is_folder(path):
             found = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
             if not found:
                 raise ScenarioFolderError(f"there is no scenario in {path}: no file in it ends with .yaml")

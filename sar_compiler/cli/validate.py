@@ -22,7 +22,7 @@ from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.writing import WriteError, write_bytes
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
-from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, read_file
+from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, is_folder, read_file
 from sar_compiler.tree.content import bytes_of, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
@@ -148,7 +148,7 @@ class _Validation:
     def _find_files(self, name: str) -> Iterator[Path]:
         """Yield the files that an argument names."""
         try:
-            if name and Path(name).is_dir():
+            if name and is_folder(name):
                 files = tree_files_in(Path(name))
                 if not files:
                     self._tell(f"there is no tree file in {name}")

@@ -177,6 +177,9 @@ def _series(words: Iterable[str], last: str) -> str:
     return f"{', '.join(front)} {last} {end}" if front else end
 
 
+MAX_VALUES = 50_000
+"""The most values, keys among them, that a file beside a tree may have."""
+
 _CONSTANTS: dict[str, bool | None] = {"true": True, "false": False, "": None}
 
 
@@ -292,6 +295,18 @@ class Document:
     def __init__(self, source: Source) -> None:
         self.source = source
         self.findings: list[Diagnostic] = []
+        self._values = 0
+
+    def count_value(self) -> None:
+        """Count a value that is read.
+
+        Raises:
+            TreeError: If there are more than anybody writes: each takes a thousand times its letters in memory.
+        """
+        self._values += 1
+        if self._values > MAX_VALUES:
+            message = f"the file has more than {MAX_VALUES:,} values"
+            raise TreeError([Diagnostic("file-too-large", message, self.source, Span(1, 1, 1, 1))])
 
     def report(
         self,

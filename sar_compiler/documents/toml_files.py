@@ -43,7 +43,7 @@ def read_toml(path: Path, shown: str) -> Document:
     document = Document(source)
     try:
         content = tomllib.loads(source.text)
-        document.root = _value(content, (), _TomlPlaces(source.text), (0, len(source.text)))
+        document.root = _value(content, (), _TomlPlaces(source.text), (0, len(source.text)), document)
     except RecursionError:
         message = "lists and tables are nested too deep"
         raise TreeError([Diagnostic("too-deep", message, source, source.span(0, 1))]) from None
@@ -58,8 +58,9 @@ def read_toml(path: Path, shown: str) -> Document:
     return document
 
 
-def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets) -> Value:
+def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets, document: Document) -> Value:
     """Return the value at a path; one of unknown place has the place of the enclosing one."""
+    document.count_value()
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
         pairs = [(name, (*path, name), inner) for name, inner in data.items()]
@@ -67,13 +68,18 @@ def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets) -
             start,
             end,
             (
-                (Value(*places.keys.get(at, place), name, text=name), _value(inner, at, places, place))
+                (
+                    Value(*places.keys.get(at, place), name, text=name),
+                    _value(inner, at, places, place, document),
+                )
                 for name, at, inner in pairs
             ),
         )
     if isinstance(data, list):
         return Value.of_items(
-            start, end, (_value(item, (*path, index), places, place) for index, item in enumerate(data))
+            start,
+            end,
+            (_value(item, (*path, index), places, place, document) for index, item in enumerate(data)),
         )
     plain = data if isinstance(data, (bool, int, float, str)) else None  # JSON has no dates
     return Value(start, end, plain, text=data if isinstance(data, str) else places.text_of(path, data))

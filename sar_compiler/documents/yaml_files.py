@@ -94,6 +94,7 @@ def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Docum
 
 
 def _value(events: Events, document: Document) -> Value:
+    document.count_value()
     event: Any = events.take()
     start, end = _start(event), int(event.end_mark.index)
     if isinstance(event, yaml.SequenceStartEvent):

@@ -5,7 +5,6 @@ import functools
 import math
 import os
 import sqlite3
-import stat
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -38,6 +37,7 @@ from sar_compiler.journal.journal_entries import (
 )
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_reserve
+from sar_compiler.opener import UnreadableFileError, require_regular, require_regular_mode
 
 # Why a commit is as it is.
 #
@@ -161,6 +161,9 @@ class StreamPlace(NamedTuple):
         return StreamPlace(entry.run, entry.number, latest)
 
 
+_BESIDE = ("-wal", "-shm", "-journal")
+"""The endings of what SQLite puts beside a database."""
+
 END = 2**63 - 1
 """What stands for the number of a run's end in a `StreamPlace`."""
 
@@ -275,7 +278,11 @@ class JournalFile:
             JournalError: If it cannot be opened, or is no journal of this version.
         """
         with _readable(path):
-            _require_regular(path.stat().st_mode)
+            # SQLite opens what lies beside it as well, and would wait for the writer of a pipe.
+            require_regular(path)
+            for each in (f"{path}{suffix}" for suffix in _BESIDE):
+                if os.path.lexists(each):
+                    require_regular(each)
             is_written = is_locked(path)
             # Where nobody writes to it SQLite need not put anything beside it to read it; and what whoever does has put
             # there is not touched: the file may get another name just now, and another one its place.
@@ -681,7 +688,7 @@ def _locked(path: Path) -> int:
     # Not blocking: a pipe without a reader would keep the command for good.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
     try:
-        _require_regular(os.fstat(descriptor).st_mode)
+        require_regular_mode(os.fstat(descriptor).st_mode)
         _lock(descriptor)
     except BlockingIOError:
         os.close(descriptor)
@@ -764,11 +771,6 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-def _require_regular(mode: int) -> None:
-    if not stat.S_ISREG(mode):
-        raise OSError(errno.EINVAL, "it is no file, but a folder, a device or a pipe")
-
-
 class _Patience:
     """Limits the work of SQLite for one reading, since a malicious file can keep it busy for ever.
 
@@ -809,6 +811,9 @@ def _readable(path: Path) -> Iterator[None]:
     """Raise errors of SQLite, and of damaged contents, as errors of the journal in words."""
     try:
         yield
+    except UnreadableFileError as error:
+        name = "" if error.path == path else f"{error.path.name}: "
+        raise JournalPlaceError(f"the journal {path} cannot be used: {name}{error.reason}") from error
     except OSError as error:
         raise JournalPlaceError(f"the journal {path} cannot be used: {error.strerror or error}") from error
     except (sqlite3.Error, sqlite3.Warning, ValueError, TypeError, OverflowError, RecursionError) as error:

@@ -7,7 +7,6 @@ leaves the other. A slot has all facts that wait; where they do not fit, how man
 
 import json
 import os
-import stat
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple
 
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import FACTS_LOST, Ending, Row
+from sar_compiler.opener import RESERVE, MissingFileError, NamedPath, read_file, require_regular_mode
 
 SUFFIX = "-reserve"
 
@@ -111,14 +111,11 @@ def read_reserve(journal: Path) -> Kept:
     """
     path = Path(f"{journal}{SUFFIX}")
     try:
-        descriptor = _opened(path, os.O_RDONLY)
-    except FileNotFoundError:
+        # No link to elsewhere: what is wrong with its content is shown.
+        content = read_file(NamedPath.within(path, [path.parent.resolve()]), RESERVE).data
+    except MissingFileError:
         return Kept()
-    try:
-        content = _content(descriptor)
-    finally:
-        os.close(descriptor)
-    slots = _slots(content)
+    slots = _slots(content[: 2 * _SLOT_BYTES])
     try:
         if not slots:
             raise ValueError("no part of it is whole")  # noqa: TRY301 - the words are below, for all that can be wrong
@@ -130,9 +127,11 @@ def read_reserve(journal: Path) -> Kept:
 
 def _opened(path: Path, flags: int) -> int:
     descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_NOFOLLOW, 0o644)
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+    try:
+        require_regular_mode(os.fstat(descriptor).st_mode)
+    except OSError:
         os.close(descriptor)
-        raise OSError(f"{path} is no file, but a folder, a device or a pipe")
+        raise
     return descriptor
 
 

@@ -25,7 +25,7 @@ from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_
 from sar_compiler.nodes.models import described_specs, read_models, supplements
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
-from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, admit, read_file
+from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, admit, is_there, read_file
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, real_path
@@ -239,7 +239,7 @@ class Project:
         yield from self.additions.trees
         for folder, pattern in self.configuration.trees:
             for path in map(as_written, files_meant(folder, pattern)):
-                if not path.exists():
+                if not is_there(path):
                     read_file(path, TREE)  # says why
                 if real_path(path).is_relative_to(self.checkout):
                     yield NamedPath.within(path, (self.checkout,))

@@ -9,7 +9,8 @@ which may differ from the source beside them, are ignored, and so are modules ne
 import hashlib
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.abc import MetaPathFinder
 from importlib.machinery import (
@@ -24,7 +25,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 
 from sar_compiler.errors import SarError
-from sar_compiler.opener import MODULE, read_file
+from sar_compiler.opener import MODULE, NamedPath, UnreadableFileError, read_file
 from sar_compiler.resources import state_folder
 
 _COMPILED = "__pycache__"
@@ -41,12 +42,13 @@ class Content:
     Attributes:
         configuration: The configuration file.
         packages: The names of the packages and modules beside it.
-        files: Their files.
+        sums: The SHA-256 of the configuration and of each file of theirs, as they were read once: a module is run only if it
+            is still the same when it is imported.
     """
 
     configuration: Path
     packages: frozenset[str]
-    files: frozenset[Path]
+    sums: Mapping[Path, bytes]
 
     @classmethod
     def of(cls, configuration: Path, modules: Iterable[str]) -> "Content":
@@ -57,8 +59,12 @@ class Content:
         packages = frozenset(module.partition(".")[0] for module in modules)
         folder = configuration.parent
         files = (path for name in packages if name.isidentifier() for path in _files(folder, name))
-        inside = (path for path in files if path.is_file() and path.resolve().is_relative_to(folder))
-        return cls(configuration, packages, frozenset(path for path in inside if os.access(path, os.R_OK)))
+        inside = [configuration, *(NamedPath.within(path, [folder.resolve()]) for path in files)]
+        sums = {}
+        for path in inside:
+            with suppress(UnreadableFileError):
+                sums[Path(path)] = hashlib.sha256(read_file(path, MODULE).whole()).digest()
+        return cls(configuration, packages, sums)
 
     @property
     def is_trusted(self) -> bool:
@@ -80,9 +86,9 @@ class Content:
     @property
     def _record(self) -> Path:
         digest = hashlib.sha256()
-        for path in sorted((self.configuration, *self.files)):
-            digest.update(hashlib.sha256(str(path).encode()).digest())
-            digest.update(hashlib.sha256(read_file(path, MODULE).whole()).digest())
+        for path in sorted(self.sums):
+            digest.update(hashlib.sha256(os.fsencode(path)).digest())
+            digest.update(self.sums[path])
         return trust_folder() / digest.hexdigest()
 
     def make_importable(self) -> None:
@@ -120,17 +126,33 @@ class _Finder(MetaPathFinder):
             return None
         for folder in path or [str(self.content.configuration.parent)]:
             finder = FileFinder(
-                folder, (_SourceLoader, SOURCE_SUFFIXES), (ExtensionFileLoader, EXTENSION_SUFFIXES)
+                folder,
+                (self._loader, SOURCE_SUFFIXES),  # type: ignore[arg-type]
+                (ExtensionFileLoader, EXTENSION_SUFFIXES),
             )
             spec = finder.find_spec(fullname)
             # A folder without a module of its own has no origin.
-            if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.files):
+            if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.sums):
                 return spec
         raise ModuleNotFoundError(f"{fullname} is not among what is trusted", name=fullname)
 
+    def _loader(self, fullname: str, path: str) -> "_SourceLoader":
+        return _SourceLoader(fullname, path, self.content.sums)
+
 
 class _SourceLoader(SourceFileLoader):
+    def __init__(self, fullname: str, path: str, sums: Mapping[Path, bytes]) -> None:
+        super().__init__(fullname, path)
+        self._sums = sums
+
     def get_code(self, fullname: str) -> CodeType:
-        """Compile the source; compiled files are ignored."""
+        """Compile the source; compiled files are ignored.
+
+        Raises:
+            ImportError: If it is not what was trusted any more.
+        """
         source = self.get_filename(fullname)
-        return self.source_to_code(self.get_data(source), source)
+        code = read_file(source, MODULE).whole()
+        if hashlib.sha256(code).digest() != self._sums[Path(source)]:
+            raise ImportError(f"{source} has changed since it was trusted", name=fullname)
+        return self.source_to_code(code, source)

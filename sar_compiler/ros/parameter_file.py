@@ -8,7 +8,7 @@ the rest, whichever nodes the file is for. The parser also has its own rules for
 import difflib
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +25,8 @@ _LOADER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _PART = r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"
 _NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
 _MAX_DEPTH = 64
+_MAX_EVENTS = 100_000
+"""The most names, values, and beginnings and ends of lists; 30,000 parameters have fewer."""
 _SIGNS = re.compile("[:?]")
 
 
@@ -268,7 +270,7 @@ class _Walk:
         An older libyaml, which some builds of ROS have, refuses some signs in plain scalars within brackets.
         """
         documents = brackets = depth = 0
-        for event in yaml.parse(self._text, Loader=_LOADER):
+        for event in self._events():
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if event.version is not None and tuple(event.version) != (1, 1):
@@ -290,6 +292,14 @@ class _Walk:
             elif isinstance(event, yaml.ScalarEvent) and brackets and _needs_quotes(event):
                 why = "needs quotes within [] and {}: not every ROS takes its ':' or '?'"
                 self._report(event, f"'{event.value}' {why}")
+
+    def _events(self) -> Iterator[Any]:
+        for number, event in enumerate(yaml.parse(self._text, Loader=_LOADER)):
+            if number > _MAX_EVENTS:
+                text = f"there are more than {_MAX_EVENTS:,} names and values, as in no parameter file"
+                self._report(event, text)
+                return
+            yield event
 
     def _nodes(self, mapping: yaml.MappingNode, name: str, above: str) -> None:
         """Walk through the names of nodes and namespaces, which may be nested, down to the parameters."""

@@ -16,7 +16,7 @@ from sar_compiler import resources
 from sar_compiler.checks.configuration import path_inside
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
-from sar_compiler.opener import WORLD
+from sar_compiler.opener import WORLD, is_there
 from sar_compiler.sim.battery import BatteryKind
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D
 
@@ -173,7 +173,7 @@ def find_world(name: str) -> World:
         TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
     """
     path = resources.find("worlds", name, ".yaml")
-    if not path.exists():
+    if not is_there(path):
         raise WorldError(resources.not_found("worlds", name, ".yaml"))
     return load_world(path)
 

@@ -26,8 +26,8 @@ _BYTE_ORDER_MARKS = [
 
 
 def real_path(path: Path) -> Path:
-    """Return a path with its links followed, as far as they do not go round in a circle."""
-    return Path(os.path.realpath(path))
+    """Return a path with its links followed, as far as they do not go round in a circle; as it is, if no file can be called so."""
+    return Path(os.path.abspath(path) if "\0" in str(path) else os.path.realpath(path))  # noqa: PTH100 - pathlib's follows links
 
 
 def as_written(path: Path) -> Path:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sar_compiler.opener import NamedPath, UnreadableFileError, admit
+from sar_compiler.opener import NamedPath, UnreadableFileError, admit, is_there
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import FORMS
@@ -354,7 +354,7 @@ class _Loader:
         """Return the path of a missing include with the name of the tree file beside it that was probably meant."""
         written, beside = element.attributes["path"], []
         with suppress(OSError):
-            if self.compared < MAX_NEIGHBOURS and not target.exists():
+            if self.compared < MAX_NEIGHBOURS and not is_there(target):
                 others = (path for path in target.parent.iterdir() if path.suffix in FORMS)
                 beside = [path.name for path in others if path.name != target.name]
         self.compared += len(beside)

@@ -13,6 +13,9 @@ from sar_compiler.opener import (
     MissingFileError,
     UnreadableFileError,
     folder_entries,
+    is_file,
+    is_folder,
+    is_there,
     read_file,
 )
 from sar_compiler.tree.diagnostic import Form
@@ -101,7 +104,7 @@ def palettes_in(folder: Path, trees: Iterable[Path]) -> list[Path]:
     Raises:
         UnreadableFileError: If a folder or a file cannot be read.
     """
-    projects = [path for path in _files_in(folder) if _is_project(path) and path.is_file()]
+    projects = [path for path in _files_in(folder) if _is_project(path) and is_file(path)]
     palettes = [path for path in trees if _describes(path) and not _has(path, _TREE)]
     return sorted([*palettes, *filter(_describes, projects)])
 
@@ -109,7 +112,7 @@ def palettes_in(folder: Path, trees: Iterable[Path]) -> list[Path]:
 def palettes_beside(tree_file: Path) -> list[Path]:
     """Return the palettes, as `palettes_in`, in the folder of a tree file itself, as far as they can be read."""
     try:
-        beside = [path for path in folder_entries(tree_file.parent) if path.is_file() and path != tree_file]
+        beside = [path for path in folder_entries(tree_file.parent) if is_file(path) and path != tree_file]
         return [path for path in beside if _describes(path) and (_is_project(path) or not _has(path, _TREE))]
     except (OSError, UnreadableFileError):
         return []
@@ -140,21 +143,21 @@ def files_meant(folder: Path, pattern: str) -> list[Path]:
         UnreadableFileError: If a folder or a file cannot be read.
     """
     path = folder / pattern
-    if path.is_dir():
+    if is_folder(path):
         return tree_files_in(path)
     if not glob.has_magic(pattern):
         return [path]
     found: list[Path] = []
     for each in sorted(glob.glob(str(Path(glob.escape(str(folder))) / pattern), recursive=True)):  # noqa: PTH207
         match = Path(each)
-        found += tree_files_in(match) if match.is_dir() else [match] if is_tree_file(match) else []
+        found += tree_files_in(match) if is_folder(match) else [match] if is_tree_file(match) else []
     return list(dict.fromkeys(found))
 
 
 def is_tree_file(path: Path) -> bool:
     """Return whether a file has the ending and the outermost element, or key, of a tree file."""
     form = FORMS.get(path.suffix.lower())
-    if form is None or not path.is_file():
+    if form is None or not is_file(path):
         return False
     # A byte order mark, and the zero bytes of UTF-16, do not matter here.
     data = read_file(path, _BEGINNING).data.lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
@@ -191,7 +194,7 @@ def _files_in(folder: Path) -> Iterator[Path]:
         for entry in folder_entries(here):
             if entry.name.startswith("."):
                 continue
-            if entry.is_dir():
+            if is_folder(entry):
                 waiting += [] if entry.name in SKIPPED else [entry]
             else:
                 yield entry
@@ -223,6 +226,6 @@ def find_tree(name: str) -> Path:
     if path_named(name) == STANDARD_INPUT:
         return STANDARD_INPUT
     path = resources.find("trees", name, ".xml")
-    if resources.is_bare_word(name) and not path.exists():
+    if resources.is_bare_word(name) and not is_there(path):
         raise MissingFileError(path, "there is no such file", resources.not_found("trees", name, ".xml"))
     return path

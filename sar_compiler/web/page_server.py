@@ -308,7 +308,9 @@ def _is_own(headers: Headers) -> bool:
     name, colon, port = host.rpartition(":")
     if not colon or host.endswith("]"):
         name, port = host, "80"
-    return name in _NAMES and port.isdecimal() and origin in (None, f"http://{host}")
+    # A page that was opened by one of these names may be asked by another.
+    names = [host, *(f"{each}:{port}" for each in _NAMES)]
+    return name in _NAMES and port.isdecimal() and origin in (None, *(f"http://{each}" for each in names))
 
 
 PORT = 8043

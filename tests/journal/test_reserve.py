@@ -286,5 +286,5 @@ def test_a_reserve_that_is_no_file_is_refused_at_once(place):
     reserve = place.with_name(place.name + reserves.SUFFIX)
     reserve.unlink()
     os.mkfifo(reserve)
-    with pytest.raises(JournalError, match="is no file, but a folder, a device or a pipe"):
+    with pytest.raises(JournalError, match=r"mission\.journal-reserve: it is a pipe, not a file"):
         JournalFile.read(place)

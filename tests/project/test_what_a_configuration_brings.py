@@ -1,5 +1,6 @@
 """Looking at somebody's trees runs none of his code, unless the user says so."""
 
+import importlib
 import os
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.checks.configuration import configuration_for
+from sar_compiler.project.trust import Content
 from tests.trees import document
 
 VALID = "tree.xml: no findings\n"
@@ -267,6 +269,23 @@ class TestTrust:
         assert done.returncode == 2
         assert "is not among what is trusted" in done.stderr
         assert not checkout.has_run
+
+    @pytest.mark.parametrize("is_link", [False, True])
+    def test_ends_where_a_module_is_exchanged_after_its_hash_was_taken(self, tmp_path, monkeypatch, is_link):
+        monkeypatch.setattr(sys, "meta_path", [*sys.meta_path])
+        (tmp_path / "exchanged_gripper.py").write_text("VALUE = 'trusted'\n", encoding="utf-8")
+        (tmp_path / "sar.toml").write_text("", encoding="utf-8")
+        content = Content.of(tmp_path / "sar.toml", ["exchanged_gripper"])
+        content.make_importable()
+        evil = "raise SystemExit('it has run')\n"
+        if is_link:
+            (tmp_path / "evil.py").write_text(evil, encoding="utf-8")
+            (tmp_path / "exchanged_gripper.py").unlink()
+            (tmp_path / "exchanged_gripper.py").symlink_to("evil.py")
+        else:
+            (tmp_path / "exchanged_gripper.py").write_text(evil, encoding="utf-8")
+        with pytest.raises(ImportError, match=r"exchanged_gripper\.py has changed since it was trusted"):
+            importlib.import_module("exchanged_gripper")
 
     def test_that_cannot_be_recorded_is_said(self, named):
         (named.home / "state").write_text("a file")

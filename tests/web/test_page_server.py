@@ -179,6 +179,19 @@ def test_another_page_of_the_browser_is_refused(live, origin):
     assert run.order("pause", {}, Origin=origin)[0] == 403
 
 
+@pytest.mark.parametrize("name", ["localhost", "127.0.0.1", "[::1]"])
+def test_the_page_is_its_own_by_each_name_of_this_machine(live, name):
+    run = live(orders=Operator())
+    assert run.ask("/", Origin=f"http://{name}:{run.server.port}")[0] == 200
+    assert run.order("pause", {"why": "rest"}, Origin=f"http://{name}:{run.server.port}")[0] == 200
+    for other in (
+        f"http://{name}:{run.server.port + 1}",
+        f"https://{name}:{run.server.port}",
+        f"http://{name}",
+    ):
+        assert run.ask("/", Origin=other)[0] == 403
+
+
 def test_who_has_the_address_gives_orders(live):
     operator = Operator()
     run = live(orders=operator)

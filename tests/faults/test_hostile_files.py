@@ -1,0 +1,459 @@
+"""Every reader of files, fed with everything that is no file, lies elsewhere, is exchanged, or is more than anybody writes.
+
+A surface is a way to have a file read; `SURFACES` has one or more for each reader of the package, so that `tests/test_house.py` is red
+of a new reader until it is here. Nothing of a file elsewhere is ever shown, nothing blocks, and nothing ends with a traceback.
+"""
+
+import json
+import os
+import signal
+import socket
+import sys
+from collections.abc import Callable
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from sar_compiler import opener
+from sar_compiler.agent.approval import approval_folder
+from sar_compiler.cli.compile import main as compile_command
+from sar_compiler.cli.journal_command import main as journal_command
+from sar_compiler.cli.sim import main as sim_command
+from sar_compiler.errors import SarError
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.missions import ParameterReader
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.nodes.installed import entry_points
+from sar_compiler.nodes.registry import RegistryError, load_registry
+from sar_compiler.project.trust import Content
+from sar_compiler.resources import state_folder
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.sim.occupancy import read_map
+from sar_compiler.sim.placement import KeptPlaces
+from sar_compiler.sim.world import load_world
+from sar_compiler.web.replay import Replay
+from tests.trees import document
+from tests.web.folding import fly
+
+TREE = document('<Sequence><Script code="a := 1"/></Sequence>')
+SECRET = "root:x:0:0: never shown"  # noqa: S105 - nobody's
+MAP = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+WORLD = "robot: {x: 1, y: 1, radius: 0.2}\nwalls: []\n"
+_MOST_SEC = 60
+
+
+def command(*words: str) -> Callable[[str], int]:
+    """Return what runs `sar-compile` with the path of a file for `{}`."""
+    return lambda path: compile_command([word.replace("{}", path) for word in words])
+
+
+def told(read: Callable[[], object]) -> int:
+    """Return the status of a command that does nothing but to read something."""
+    try:
+        read()
+    except SarError as error:
+        sys.stderr.write(str(error))
+        return 2
+    return 0
+
+
+def named_by(file: str, text: str, then: Callable[[str], int]) -> Callable[[str], int]:
+    """Return what writes the path into a file, as JSON has it, and then reads that one."""
+
+    def read(path: str) -> int:
+        Path(file).write_text(text.replace("{}", json.dumps(path)), encoding="utf-8")
+        return then(path)
+
+    return read
+
+
+def under(place: str | Callable[[], Path], then: Callable[[], int]) -> Callable[[str], int]:
+    """Return what moves the file to the one place at which it is read, and reads it."""
+
+    def read(path: str) -> int:
+        there = Path(place) if isinstance(place, str) else place()
+        there.parent.mkdir(parents=True, exist_ok=True)
+        with suppress(OSError, ValueError):
+            there.unlink(missing_ok=True)
+            there.symlink_to(Path(path).absolute())
+        return then()
+
+    return read
+
+
+def map_of_the_world() -> None:
+    """Read a world, and the map that it names."""
+    path = load_world(Path("world.yaml")).map_path
+    assert path is not None
+    read_map(path)
+
+
+def areas(path: str) -> int:
+    """Begin a mission whose parameter file names a file of areas."""
+    Path("params.yaml").write_text(
+        f"/**: {{ros__parameters: {{areas_file: {json.dumps(path)}, georeference: {{lat: 1.0, lon: 1.0, heading: 0.0}}}}}}\n",
+        encoding="utf-8",
+    )
+    return compile_command(["simulate", "mission.xml", "--params", "params.yaml"])
+
+
+def journal_with(suffix: str) -> Callable[[str], int]:
+    """Return what reads a journal beside which lies the file."""
+
+    def read(path: str) -> int:
+        if not Path("good.journal").exists():
+            kept = open_journal(Path("good.journal"))
+            fly(kept, 0, 20, clock=ManualClock(0.0), is_ended=True)
+            kept.close()
+        return under(f"good.journal{suffix}", lambda: journal_command(["show", "good.journal"]))(path)
+
+    return read
+
+
+def cached(path: str) -> int:
+    """Replay a journal whose checkpoints in the cache are the file."""
+    journal_with("-unread")("tree.xml")
+    Replay([Path("good.journal")])
+    for each in (Path("cache") / "sar_compiler" / "replay").glob("*"):
+        under(str(each), lambda: 0)(path)
+    Replay([Path("good.journal")])
+    return 0
+
+
+def approved(path: str) -> int:
+    """Read an approval in whose place the file is."""
+    return under(lambda: approval_folder() / "a.json", lambda: compile_command(["approve", "--list"]))(path)
+
+
+def trusted(path: str) -> int:
+    """Trust a configuration beside whose modules lies the file."""
+    return under("gripper/inner.py", lambda: told(lambda: Content.of(Path("sar.toml"), ["gripper"])))(path)
+
+
+def package(path: str) -> int:
+    """Name a package without leaves, of whose modules one is the file: its text is searched for leaves."""
+    Path("plain").mkdir(exist_ok=True)
+    Path("plain/__init__.py").write_text("", encoding="utf-8")
+
+    def look() -> None:
+        with suppress(RegistryError):
+            load_registry(["plain"])
+
+    return under("plain/other.py", lambda: told(look))(path)
+
+
+def metadata(path: str) -> int:
+    """Look for installed leaves where the file is an entry_points.txt."""
+    return under(
+        "site/x-1.dist-info/entry_points.txt", lambda: told(lambda: list(entry_points("sar_compiler.nodes")))
+    )(path)
+
+
+class Surface(NamedTuple):
+    """A way to have a file read.
+
+    Attributes:
+        readers: The functions that read it.
+        read: Has the file of a path read, and returns an exit status.
+        form: What its content is.
+        has_root: Whether the file that names it keeps it in its folder.
+        is_sought: Whether a file that cannot be read is passed over, because nobody has named it.
+    """
+
+    readers: tuple[str, ...]
+    read: Callable[[str], int]
+    form: str = "yaml"
+    has_root: bool = False
+    is_sought: bool = False
+
+
+TREES = "tree/gathering.py:read_tree_file"
+YAML = "documents/yaml_files.py:read_yaml"
+PARAMETERS = "ros/parameter_file.py:_text_of"
+BEGINNING = "tree/gathering.py:is_tree_file"
+SURFACES = {
+    "a tree": Surface((TREES,), command("validate", "{}"), "xml"),
+    "a tree that is formatted": Surface(("cli/format.py:_format",), command("format", "{}"), "xml"),
+    "a tree that is fixed": Surface(("cli/validate.py:_write",), command("validate", "--fix", "{}"), "xml"),
+    "an included tree": Surface(
+        (TREES,), named_by("main.xml", document("").replace("<Beh", "<include path={}/>\n<Beh", 1), command("validate", "main.xml")), "xml", has_root=True,
+    ),
+    "a palette": Surface((TREES,), command("validate", "tree.xml", "--model", "{}"), "xml"),
+    "a palette of the settings": Surface(
+        (TREES,), named_by("sar.toml", "models = [{}]\n", command("validate", "tree.xml")), "xml", has_root=True
+    ),
+    "a tree of a set": Surface(
+        (TREES, "project/__init__.py:Project._set_files"),
+        named_by("sar.toml", "[project]\ntrees = [{}]\n", command("validate", "lacking.xml")), "xml", has_root=True,
+    ),
+    "a palette that lies beside a tree": Surface(
+        ("tree/gathering.py:palettes_beside", "tree/gathering.py:_has"),
+        under("beside.xml", lambda: compile_command(["validate", "tree.xml"])), "xml", is_sought=True,
+    ),
+    "a tree in a folder": Surface(
+        (BEGINNING, "tree/gathering.py:_files_in"),
+        under("folder/one.xml", lambda: compile_command(["validate", "folder"])), "xml", is_sought=True,
+    ),
+    "settings": Surface(
+        ("documents/toml_files.py:read_toml",), under("sar.toml", lambda: compile_command(["validate", "tree.xml"])), "toml"
+    ),
+    "settings for all tools": Surface(
+        ("checks/configuration.py:configuration_for",),
+        under("pyproject.toml", lambda: compile_command(["validate", "tree.xml"])), "toml", is_sought=True,
+    ),
+    "a scenario": Surface(
+        (YAML, "checks/simulate/scenario_files.py:read_scenario"), command("simulate", "tree.xml", "--scenario", "{}")
+    ),
+    "a scenario of many runs": Surface(
+        ("cli/sweep.py:_rows",), command("sweep", "tree.xml", "--scenario", "{}", "--vary", "ticks=1,2", "--runs", "1")
+    ),
+    "the trace of a scenario": Surface(
+        ("checks/golden.py:compare_golden",),
+        named_by("s.yaml", "expect: {trace: {}}\n", command("simulate", "tree.xml", "--scenario", "s.yaml")), has_root=True,
+    ),
+    "properties": Surface(
+        ("checks/verify/properties.py:read_property_file",), command("verify", "tree.xml", "--properties", "{}")
+    ),
+    "properties that are approved": Surface(
+        ("agent/approval.py:Fingerprint.of",), command("approve", "tree.xml", "--properties", "{}")
+    ),
+    "parameters": Surface((PARAMETERS,), command("simulate", "tree.xml", "--params", "{}")),
+    "areas": Surface(
+        ("missions/search_and_rescue/areas_file.py:_features", "ros/parameter_reader.py:ParameterReader.read_file"),
+        areas, "json", has_root=True,
+    ),
+    "a world": Surface(("sim/world.py:load_world",), lambda path: sim_command(["map", path])),
+    "the map of a world": Surface(
+        ("sim/occupancy.py:read_map",),
+        named_by("world.yaml", f"{WORLD}map: {{}}\n", lambda _: told(map_of_the_world)),
+        has_root=True,
+    ),
+    "the image of a map": Surface(
+        ("sim/occupancy.py:_brightness",),
+        named_by("map.yaml", f"image: {{}}\n{MAP}", lambda _: told(lambda: read_map(Path("map.yaml")))), "image", has_root=True,
+    ),
+    "the poses of robots": Surface(
+        ("sim/placement.py:KeptPlaces.read",), lambda path: told(KeptPlaces(Path(path), "world").read), "json"
+    ),
+    "a journal": Surface(
+        ("journal/database.py:JournalFile.read",), lambda path: journal_command(["show", path]), "journal"
+    ),
+    "a journal that is judged": Surface(
+        ("journal/database.py:JournalFile.read",), command("conform", "tree.xml", "{}"), "journal"
+    ),
+    "the log beside a journal": Surface(("journal/database.py:JournalFile.read",), journal_with("-wal"), "journal", is_sought=True),
+    "the reserve of a journal": Surface(("journal/reserve.py:read_reserve",), journal_with("-reserve"), "journal"),
+    "the cache of a replay": Surface(("web/replay.py:_CacheFile.read",), cached, "journal", is_sought=True),
+    "an approval": Surface(("agent/approval.py:_read", "agent/approval.py:_records"), approved, "json"),
+    "a module that is trusted": Surface(("project/trust.py:Content.of",), trusted, "python", is_sought=True),
+    "a module of a package": Surface(("nodes/registry.py:_submodules_with_leaves",), package, "python", is_sought=True),
+    "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
+}  # fmt: skip
+ELSEWHERE = {
+    "agent/approval.py:ApprovalCheck.__init__": "tests/agent/test_approval.py: only sar-run asks it",
+    "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",
+}
+"""Readers that no command line reaches, and who tries them."""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """Work in a folder beside a secret, as a user of whom nothing is known; what blocks is ended."""
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    for variable in ("XDG_STATE_HOME", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(variable, str(work / variable.split("_")[1].lower()))
+    monkeypatch.setattr("sar_compiler.web.replay._LEAST", 9)
+    monkeypatch.syspath_prepend(str(work / "site"))
+    Path("tree.xml").write_text(TREE, encoding="utf-8")
+    Path("lacking.xml").write_text(document('<SubTree ID="Elsewhere"/>'), encoding="utf-8")
+    Path("mission.xml").write_text(document("<ZonesRemaining/>"), encoding="utf-8")
+    (tmp_path / "secret").write_text(f"{SECRET}\n" * 20, encoding="utf-8")
+    state_folder().mkdir(parents=True)
+
+    def too_long(*_: object) -> None:
+        raise TimeoutError(f"it has blocked for {_MOST_SEC} s")
+
+    former = signal.signal(signal.SIGALRM, too_long)
+    signal.alarm(_MOST_SEC)
+    yield work
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, former)
+
+
+def refused(name: str, path: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """Have a surface read a file that is none, or not to be read, and return what is said."""
+    surface = SURFACES[name]
+    status = surface.read(path)
+    out, err = capsys.readouterr()
+    assert status in ((0, 1, 2) if surface.is_sought else (1, 2)), out + err
+    assert "Traceback" not in out + err
+    assert SECRET not in out + err
+    return out + err
+
+
+def make_socket(path: str) -> None:
+    with closing(socket.socket(socket.AF_UNIX)) as listening:
+        listening.bind(path)
+
+
+NO_FILES = {
+    "a pipe": (os.mkfifo, "it is a pipe, not a file"),
+    "a device": (lambda path: Path(path).symlink_to("/dev/zero"), "it is a device, not a file"),
+    "a folder": (os.mkdir, "Is a directory"),
+    "a socket": (make_socket, "it is a socket, not a file"),
+}
+
+
+@pytest.mark.parametrize("kind", NO_FILES)
+@pytest.mark.parametrize("name", SURFACES)
+def test_what_is_no_file_is_refused_and_not_waited_for(name, kind, capsys):
+    make, reason = NO_FILES[kind]
+    make("odd.xml" if SURFACES[name].form == "xml" else "odd")
+    said = refused(name, "odd.xml" if SURFACES[name].form == "xml" else "odd", capsys)
+    surface = SURFACES[name]
+    # A folder may be looked into, and a link to a device leads outside.
+    if not surface.is_sought and kind != "a folder":
+        assert reason in said or (kind == "a device" and "outside" in said)
+
+
+# Of the others the project itself says the name.
+NAMED = [
+    name
+    for name, surface in SURFACES.items()
+    if not surface.is_sought and name not in ("settings", "the reserve of a journal", "an approval")
+]
+
+
+@pytest.mark.parametrize("path", ["nul\0.xml", "x" * 300, "d/" * 3000], ids=["zero byte", "long", "deep"])
+@pytest.mark.parametrize("name", NAMED)
+def test_a_name_that_no_file_can_have_is_an_error_in_words(name, path, capsys):
+    refused(name, path, capsys)
+
+
+ROOTED = [name for name, surface in SURFACES.items() if surface.has_root]
+
+
+@pytest.mark.parametrize("path", ["../secret", "link", "{here}/secret", "/proc/self/environ"])
+@pytest.mark.parametrize("name", ROOTED)
+def test_what_lies_outside_is_not_read(name, path, capsys, folder):
+    Path("link").symlink_to("../secret")
+    said = refused(name, path.format(here=folder.parent), capsys)
+    assert "outside" in said or "Elsewhere" in said
+
+
+@pytest.mark.parametrize("name", ROOTED)
+def test_what_is_exchanged_for_a_link_after_the_check_is_not_read(name, capsys, monkeypatch):
+    """The file is exchanged in the last moment: when all that is asked of its path is asked, and before it is opened."""
+    form = SURFACES[name].form
+    path = "part.xml" if form == "xml" else "part"
+    Path(path).write_bytes(next(iter(CONTENTS[form].values())))
+    open_it, exchanged = opener._open, list[Path]()
+
+    def exchange_and_open(named, limits):
+        if Path(named).name == path and not exchanged:
+            exchanged.append(named)
+            Path(path).unlink()
+            Path(path).symlink_to("../secret")
+        return open_it(named, limits)
+
+    monkeypatch.setattr(opener, "_open", exchange_and_open)
+    said = refused(name, path, capsys)
+    assert exchanged
+    assert "it lies outside" in said
+
+
+MILLION = 1_000_000
+NO_TEXT = b"\xff\xfe\xfa\x80" * 10
+CONTENTS = {
+    "xml": {
+        "a million elements": document("<Sequence>" + "<A/>" * MILLION + "</Sequence>").encode(),
+        "deep nesting": document("<Sequence>" * 100_000).encode(),
+        "no number": document('<Sleep msec="nan"/>').encode(),
+        "no text": NO_TEXT,
+    },
+    "yaml": {
+        "a million elements": b"a: [" + b"1, " * MILLION + b"]",
+        "many elements": b"[" + b"1," * 400_000 + b"]",
+        "deep nesting": b"[" * 100_000,
+        "deep keys": b"{a: " * 50_000,
+        "no number": b"{period: .nan, ticks: .inf, resolution: .nan, /**: {ros__parameters: {tick_rate_hz: .nan}}}\n",
+        "no text": NO_TEXT,
+    },
+    "toml": {
+        "a million elements": b"models = [" + b"1, " * MILLION + b"]",
+        "deep nesting": b"models = " + b"[" * 100_000,
+        "no number": b"[findings]\nx = nan\n[tool.sar]\nmodels = nan\n",
+        "no text": NO_TEXT,
+    },
+    "json": {
+        "a million elements": b'{"features": [' + b"{}," * MILLION + b"{}]}",
+        "deep nesting": b"[" * 100_000,
+        "no number": b'{"features": [{"properties": {"name": "a", "poa": NaN}, "geometry": {"type": "Polygon", '
+        b'"coordinates": [[[NaN, 1], [1, Infinity], [1, 1]]]}}], "world": "world", "robots": {"a": [[NaN, 0, 0], [0, 0, 1e999]]}}',
+        "no text": NO_TEXT,
+    },
+    "image": {"a million elements": b"P5\n1000000 1000000\n255\n" + bytes(MILLION), "no text": NO_TEXT},
+    "journal": {
+        "a million elements": b"SQLite format 3\0" + bytes(MILLION),
+        "deep nesting": b"{" * 100_000,
+        "no number": b'{"key": NaN}\n',
+        "no text": NO_TEXT,
+    },
+    "python": {"a million elements": b"x = 1\n" * MILLION, "no text": NO_TEXT},
+}  # fmt: skip
+CASES = [(name, each) for name, surface in SURFACES.items() for each in CONTENTS[surface.form]]
+
+
+@pytest.mark.parametrize(("name", "content"), CASES, ids=lambda part: part)
+def test_what_nobody_would_write_is_a_finding_or_an_error_in_words(name, content, capsys):
+    surface = SURFACES[name]
+    path = "odd.xml" if surface.form == "xml" else "odd"
+    Path(path).write_bytes(CONTENTS[surface.form][content])
+    status = surface.read(path)
+    out, err = capsys.readouterr()
+    assert status in (0, 1, 2)
+    assert "Traceback" not in out + err
+    assert "internal-error" not in out + err
+    assert len(out + err) < 100_000
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_a_file_that_grows_while_it_is_read_is_read_to_its_limit(name, capsys, monkeypatch):
+    """Each time that something is read of it, it has more, and never an end."""
+    surface, read, sizes = SURFACES[name], os.read, list[int]()
+    path = Path("odd.xml" if surface.form == "xml" else "odd")
+    path.write_bytes(b" ")
+    number = path.stat().st_ino
+
+    def read_and_grow(descriptor: int, most: int) -> bytes:
+        if os.fstat(descriptor).st_ino == number:
+            sizes.append(most)
+            with path.open("ab") as file:
+                file.truncate(file.tell() + most)
+        return read(descriptor, most)
+
+    monkeypatch.setattr(os, "read", read_and_grow)
+    status = surface.read(str(path))
+    out, err = capsys.readouterr()
+    assert status in (0, 1, 2)
+    assert "Traceback" not in out + err
+    assert sum(sizes) < 1000 * 2**20
+
+
+@pytest.mark.parametrize("path", ["../elsewhere/areas.geojson", "{here}/elsewhere/areas.geojson"])
+def test_areas_that_the_command_line_names_may_lie_anywhere(path, folder):
+    there = folder.parent / "elsewhere" / "areas.geojson"
+    there.parent.mkdir()
+    square = [[0.001, 0.001], [0.002, 0.001], [0.002, 0.002], [0.001, 0.001]]
+    area = {
+        "properties": {"name": "a", "detection_range": 3.0},
+        "geometry": {"type": "Polygon", "coordinates": [square]},
+    }
+    there.write_text(json.dumps({"features": [area]}), encoding="utf-8")
+    given: dict[str, object] = {f"georeference.{key}": 0.0 for key in ("lat", "lon", "heading")}
+    reader = ParameterReader({**given, "areas_file": path.format(here=folder.parent)})
+    assert [zone["id"] for zone in MISSION.begin(reader).zones.remaining_zones()] == ["a"]

@@ -1,0 +1,37 @@
+"""Which functions of the package read files that others name: the list from which the table of hostile files is made."""
+
+import ast
+from pathlib import Path
+
+PACKAGE = Path("sar_compiler").resolve()
+WAYS = {"read_file", "read_yaml", "require_regular", "folder_entries"}
+"""The functions through which all of them go."""
+
+
+class _Calls(ast.NodeVisitor):
+    def __init__(self, module: str) -> None:
+        self.module, self.around, self.found = module, list[str](), set[str]()
+
+    def visit_FunctionDef(self, node: ast.FunctionDef | ast.ClassDef) -> None:
+        self.around.append(node.name)
+        self.generic_visit(node)
+        self.around.pop()
+
+    visit_ClassDef = visit_FunctionDef  # noqa: N815
+
+    def visit_Call(self, node: ast.Call) -> None:
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        if name in WAYS:
+            self.found.add(f"{self.module}:{'.'.join(self.around)}")
+        self.generic_visit(node)
+
+
+def readers() -> set[str]:
+    """Return the functions that read a file, each as `module.py:Class.function`."""
+    found: set[str] = set()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        if path != PACKAGE / "opener.py":
+            calls = _Calls(str(path.relative_to(PACKAGE)))
+            calls.visit(ast.parse(path.read_text(encoding="utf-8")))
+            found |= calls.found
+    return found
