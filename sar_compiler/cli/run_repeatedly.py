@@ -39,10 +39,9 @@ def serve() -> int:
 
 
 def _last_words(log: str, status: int) -> str:
-    """Return why a run has failed: all mistakes of one that has not begun, else the last line."""
-    if status != USAGE:
-        return log.strip().rpartition("\n")[2]
-    return "\n".join(line for line in log.strip().splitlines() if not line.startswith(_LOGGED))
+    """Return why a run has failed: all mistakes of one that has not begun, else the last line, as of an option that argparse refuses."""
+    lines = [line for line in log.strip().splitlines() if not line.startswith(_LOGGED)]
+    return "\n".join(lines if status == USAGE and "usage: " not in log else lines[-1:])
 
 
 def _run(arguments: list[str], ros: ExitStack) -> int:
