@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -15,6 +16,7 @@ from sar_compiler.ros.clock import AWAKE, deadline_clock, deadline_timer
 from sar_compiler.ros.frame_sources import frame_sources
 from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
 from sar_compiler.ros.leaves.goals import (
+    ABORTED,
     GoalNews,
     cancel_client,
     canceled_action,
@@ -30,6 +32,8 @@ from sar_compiler.ros.sole_mission import SoleMission
 
 # How long a robot may brake, and how long after the end of a goal a movement is taken for that goal's, seconds.
 _BRAKES_SEC, _LATEST_SEC = 0.7, 2.0
+# How soon everything is cancelled of a goal that was aborted: Nav2's controller may not know of the end, and drive on.
+_ABORTED_SEC = 0.3
 # How often everything is cancelled while it moves on, steady seconds.
 _CANCEL_SEC = 1.0
 # What Nav2 drives with, beside the action that is asked: the goals of its navigator can outlive the navigator's own.
@@ -60,7 +64,7 @@ class UnaskedMotion:
         self._has_sent = False
         self._ended: tuple[float, float] | None = None
         self._since: tuple[float, float] | None = None
-        self._told = self._blindness_told = False
+        self._told = self._blindness_told = self._was_aborted = False
         self._cancelled_at = -math.inf
         self._goals.listen(self._on_goal)
         self._robot.listen_to_odometry(self.look)
@@ -74,8 +78,12 @@ class UnaskedMotion:
             self._ended = self._now()
         if self._robot.moves:
             self._since = self._since or self._now()
-            if self._seconds_since(self._since) >= _BRAKES_SEC:
+            seconds = self._seconds_since(self._since)
+            if seconds >= _BRAKES_SEC:
                 self._judge()
+            elif seconds >= _ABORTED_SEC and self._was_aborted and self._is_ours:
+                self._was_aborted = False  # once: what still moves then is reported
+                self._cancel_everything()
         elif self._robot.moves is None:
             self._tell_blindness()
         elif self._robot.stands:
@@ -83,8 +91,9 @@ class UnaskedMotion:
 
     def _judge(self) -> None:
         """Tell of a robot that moves, and stop one that moves since the end of a goal."""
-        is_ours = self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
-        if is_ours:
+        if self._is_ours:
+            if not self._told:
+                self._report_motion()
             if AWAKE.now() - self._cancelled_at >= _CANCEL_SEC:
                 self._cancel_everything()
         elif not self._told:
@@ -92,15 +101,23 @@ class UnaskedMotion:
                 f"The robot moves ({self._robot.speed_in_words}), and no goal of this mission is active."
             )
 
+    @property
+    def _is_ours(self) -> bool:
+        """Whether the robot moves since the end of a goal of this mission, and nobody else has one."""
+        return self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
+
+    def _servers_there(self) -> dict[str, Client]:
+        return {name: client for name, client in self._cancellers.items() if client.service_is_ready()}
+
+    def _report_motion(self) -> None:
+        self._tell(
+            f"The robot moves ({self._robot.speed_in_words}) although its goal has ended and nobody else's is active: "
+            f"everything is cancelled ({', '.join(self._servers_there()) or 'no server is there'})."
+        )
+
     def _cancel_everything(self) -> None:
         self._cancelled_at = AWAKE.now()
-        there = {name: client for name, client in self._cancellers.items() if client.service_is_ready()}
-        if not self._told:
-            self._tell(
-                f"The robot moves ({self._robot.speed_in_words}) although its goal has ended and nobody else's is active: "
-                f"everything is cancelled ({', '.join(there) or 'no server is there'})."
-            )
-        for client in there.values():
+        for client in self._servers_there().values():
             # Neither id nor stamp: every goal.
             client.call_async(CancelGoal.Request())  # what comes of it, the odometry says
 
@@ -125,6 +142,8 @@ class UnaskedMotion:
         self._node.get_logger().warning(text)
 
     def _on_goal(self, news: GoalNews) -> None:
+        if news.action in self._actions:
+            self._was_aborted = news.status == ABORTED
         if news.action in self._actions and not news.is_over:
             self._has_sent, self._ended, self._since, self._told = True, None, None, False
 

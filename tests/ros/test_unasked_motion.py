@@ -74,6 +74,19 @@ def robot(ros: Ros) -> Robot:
     return Robot(ros)
 
 
+def test_what_may_drive_on_after_an_abort_is_cancelled_before_it_is_reported(
+    robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sar_compiler.ros.watch._BRAKES_SEC", 3600.0)
+    robot.speed = 0.25
+    goal = robot.drive()
+    robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
+    robot.end(goal)
+    robot.ros.spin_until(lambda: len(robot.cancelled) >= len(SERVERS), "the cancels")
+    assert {name for name, _ in robot.cancelled} == set(SERVERS)
+    assert not said.has("The robot moves")
+
+
 def test_a_robot_that_drives_on_after_an_abort_is_told_within_a_second_and_gets_everything_cancelled(
     robot: Robot, said: Said
 ) -> None:
