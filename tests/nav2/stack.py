@@ -28,7 +28,7 @@ LOCALISATION_MANAGER, NAVIGATION_MANAGER = "lifecycle_manager_localization", "li
 _MANAGERS = {LOCALISATION_MANAGER: LOCALISATION, NAVIGATION_MANAGER: NAVIGATION}
 
 # Of controller_server's warning that its loop was late: the rate that it had, Hz.
-_RATE = re.compile(r"Control loop missed its desired rate of [\d.]+ Hz. Current loop rate is ([\d.]+) Hz")
+_RATE = re.compile(r"Control loop missed its desired rate of [\d.]+ Hz. Current loop rate is ([\d.]+|inf) Hz")
 
 # A robot that is slower than this stands, m/s and rad/s.
 STANDS_V, STANDS_W = 0.02, 0.05
