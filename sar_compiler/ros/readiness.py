@@ -36,6 +36,8 @@ InitialPose = tuple[float, float, float]
 _INITIAL_POSE_PERIOD_SEC = 1.0
 # How long a localisation is listened to before it is told a pose: twice what half of the participants take to meet.
 _LISTEN_SEC = 1.0
+# How long the odometry may take to come after the transforms from `map`: without it these are no place.
+_PLACE_SEC = 5.0
 MOVED_M = 0.25
 """Less movement than this is none for AMCL either (its `update_min_d`), metres."""
 # A pose that is this near to the initial one is the same, metres and radians.
@@ -171,12 +173,13 @@ class Localised(Requirement):
         return self._sent_at > -math.inf
 
     def _has_not_moved(self) -> bool:
-        """Return whether the robot stands where its odometry has begun, or says `initial_pose`; True without odometry.
+        """Return whether a robot that is not localised stands where its odometry has begun, or says `initial_pose`; True without odometry.
 
         Raises:
             MisplacedRobotError: If it does not.
         """
-        if self._begins_anew or self._has_asked or not ros_graph(self._node).publishers(_ODOMETRY.name):
+        is_known = self._begins_anew or self._has_asked or self._robot.is_localised
+        if is_known or not ros_graph(self._node).publishers(_ODOMETRY.name):
             return True
         if self._robot.odometry is None:
             return False
@@ -187,11 +190,14 @@ class Localised(Requirement):
         return True
 
     def _is_heard_too_briefly(self, now: float) -> bool:
-        """Return whether transforms that have just come, of several publishers, may still turn out to be of two robots."""
-        if not self._robot.is_localised or len(ros_graph(self._node).publisher_ids("/tf")) < 2:  # noqa: PLR2004 - then they are of one
+        """Return whether a localisation that has just been heard may still say something else: of several publishers, or without odometry yet."""
+        if not self._robot.is_localised:
+            return False
+        is_placed = self._robot.place() is not None
+        if is_placed and len(ros_graph(self._node).publisher_ids("/tf")) < 2:  # noqa: PLR2004 - then they are of one
             return False
         self._localised_at = min(self._localised_at, now)
-        return now - self._localised_at < _LISTEN_SEC
+        return now - self._localised_at < (_LISTEN_SEC if is_placed else _PLACE_SEC)
 
     def _keeps_its_own(self) -> bool:
         """Return whether the localisation has a pose at the initial place, with another yaw.

@@ -206,6 +206,15 @@ def test_a_goal_that_was_sent_to_a_dead_server_is_over_when_another_server_does_
     assert "the robot may still be moving: " not in run.output
 
 
+def test_a_goal_without_an_error_code_costs_its_zone_no_attempt(fly, serve):
+    late = {"drive": 0.0, "end": "abort", "says": "Timed out while waiting for action server"}
+    serve("navigation", goals=[late, late, {}])
+    run = fly(RESILIENT)
+    run.wait_for("Nav2 has aborted 2 goals in a row without an error code (controller_server: ")
+    assert run.end() == 0, run.output
+    assert "failed:" not in run.output
+
+
 def test_a_server_that_hears_nothing_of_the_client_is_asked_with_another_one(fly, serve):
     navigation = serve("navigation", deaf=True)
     run = fly(RESILIENT)
@@ -214,8 +223,8 @@ def test_a_server_that_hears_nothing_of_the_client_is_asked_with_another_one(fly
     assert len(navigation.of("unanswered")) == 2
 
 
-def test_what_nav2_says_itself_of_an_abort_without_a_code_is_the_reason_everywhere(fly, serve, tmp_path):
-    serve("navigation", goals=[{"end": "abort", "says": "Failed to make progress"}, {}])
+def test_what_nav2_says_itself_of_an_abort_is_the_reason_everywhere(fly, serve, tmp_path):
+    serve("navigation", goals=[{"end": "abort", "code": 105, "says": "Failed to make progress"}, {}])
     journal, reports = tmp_path / "run.journal", [tmp_path / f"run.{form}" for form in ("json", "html")]
     asked = [word for report in reports for word in ("--report", report)]
     run = fly(RESILIENT, "--journal", journal, *asked)

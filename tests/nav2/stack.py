@@ -108,8 +108,11 @@ class Robot(Watcher):
         """Let a time pass in which something must not happen."""
         self.comes_within(sec, lambda: False)
 
-    def wait_until_moving(self):
-        self.wait_until(lambda: self.speeds and self.speeds[-1][1] > 0.1, "movement")
+    def wait_until_moving(self, run=None):
+        """Wait for movement; of a run that ends before, its output is shown."""
+        is_over = (lambda: run.is_over) if run is not None else (lambda: False)
+        self.wait_until(lambda: (self.speeds and self.speeds[-1][1] > 0.1) or is_over(), "movement")
+        assert not is_over(), run.output
 
     def wait_until_active(self):
         """Wait for a goal that is under way."""

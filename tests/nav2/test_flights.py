@@ -108,7 +108,7 @@ def test_a_zone_in_a_wall_is_given_up_and_the_robot_comes_home(nav2, fly, seen, 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGHUP, 129)])
 def test_a_signal_on_the_way_cancels_the_goal_and_the_robot_stands(nav2, fly, seen, number, status):
     began, run = time.time(), fly(RESILIENT)
-    nav2.robot.wait_until_moving()
+    nav2.robot.wait_until_moving(run)
     sent = time.time()
     run.send(number)
     came, ended = end(run, nav2), time.time()
@@ -124,7 +124,7 @@ def test_a_signal_on_the_way_cancels_the_goal_and_the_robot_stands(nav2, fly, se
 
 def test_a_second_ctrl_c_ends_it_at_once_and_the_robot_stands(nav2, fly, seen):
     began, run = time.time(), fly(RESILIENT)
-    nav2.robot.wait_until_moving()
+    nav2.robot.wait_until_moving(run)
     run.send(signal.SIGINT)
     nav2.robot.let_pass(0.05)
     sent = time.time()
@@ -145,7 +145,7 @@ def test_a_mission_that_is_killed_leaves_no_goal_and_is_resumed(nav2, fly, seen,
     run = fly(RESILIENT, "--journal", journal)
     until(run, nav2, "Reached zone_a.")
     until(run, nav2, "Navigating to zone_b...")
-    nav2.robot.wait_until_moving()
+    nav2.robot.wait_until_moving(run)
     killed = time.time()
     run.kill()
     nav2.robot.wait_until(lambda: nav2.robot.first([CANCELED], killed), "the goal's end")
@@ -166,7 +166,7 @@ def test_a_mission_that_is_killed_leaves_no_goal_and_is_resumed(nav2, fly, seen,
 
 def test_another_clients_goal_is_waited_for(nav2, fly, seen):
     began, run = time.time(), fly(RESILIENT)
-    nav2.robot.wait_until_moving()
+    nav2.robot.wait_until_moving(run)
     nav2.robot.send(0.8, 0.8)
     status = end(run, nav2)
     seen("waited for, the mission's goal sent again", f"status {status}, {nav2.robot.ends_since(began)}")
@@ -176,7 +176,7 @@ def test_another_clients_goal_is_waited_for(nav2, fly, seen):
 
 def test_a_second_mission_is_refused(nav2, fly, seen):
     first = fly(RESILIENT)
-    nav2.robot.wait_until_moving()
+    nav2.robot.wait_until_moving(first)
     asked = time.time()
     status = end(fly(RESILIENT, "--journal", "none"), nav2)
     seen("refused, status 2", f"status {status} after {time.time() - asked:.1f} s")
@@ -204,7 +204,7 @@ def test_a_pose_that_is_given_late_is_waited_for(running, fly, seen):
     running.robot.let_pass(15.0)
     told = time.time()
     running.robot.tell_pose(0.0, 0.0)
-    running.robot.wait_until_moving()
+    running.robot.wait_until_moving(run)
     drove = time.time() - told
     status = end(run, running)
     seen("waited for", f"drives {drove:.1f} s after the pose; status {status}")
@@ -213,7 +213,7 @@ def test_a_pose_that_is_given_late_is_waited_for(running, fly, seen):
 
 def test_a_clock_that_stops_is_told_and_the_mission_goes_on(nav2, fly, seen):
     run = fly(RESILIENT)
-    nav2.robot.wait_until_moving()
+    nav2.robot.wait_until_moving(run)
     stopped = time.time()
     nav2.simulator.send(signal.SIGSTOP)
     until(run, nav2, "clock")
@@ -264,7 +264,7 @@ def on_the_way(nav2, fly, tree=RESILIENT):
     run = fly(tree, "--journal", "none")
     until(run, nav2, "Reached zone_a.")
     until(run, nav2, "Navigating to zone_b...")
-    nav2.robot.wait_until_moving()
+    nav2.robot.wait_until_moving(run)
     return run
 
 

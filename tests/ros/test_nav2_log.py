@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
+RECORDED = Path(__file__).parent / "recorded" / "rosout_late_acknowledgements.txt"
 LATE = "Timed out while waiting for action server to acknowledge goal request for follow_path"
 CLIENT = "bt_navigator_navigate_to_pose_rclcpp_node"
 SLOW = "Control loop missed its desired rate of 20.0000 Hz. Current loop rate is 9.3712 Hz."
@@ -77,6 +79,32 @@ def test_the_line_that_explains_an_abort_is_quoted_before_others(
     ros: Ros, lines: list[tuple[int, str, str]], quoted: str
 ) -> None:
     assert heard(ros.node(), *lines).quote() == quoted
+
+
+def test_each_abort_of_a_real_run_is_explained_by_the_server_that_was_late(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sar_compiler.ros import nav2_log as module
+
+    now = [0.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    log = heard(ros.node("search_and_rescue"))
+    recorded = [
+        line for line in RECORDED.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
+    ]
+    aborts = [float(line.split()[0]) for line in recorded if line.endswith(" aborted")]
+    lines = [line.split(maxsplit=3) for line in recorded if not line.endswith(" aborted")]
+    assert len(aborts) == 8
+    for abort in aborts:
+        for at, level, name, text in lines:
+            if now[0] < float(at) <= abort + 0.3:
+                now[0] = float(at)
+                heard(ros.executor.get_nodes()[0], (int(level), name.removesuffix(":"), text))
+        said = log.quote(since=abort - 1.0)
+        assert said.startswith(
+            f'{CLIENT}: "Timed out while waiting for action server to acknowledge goal request'
+        ), said
+        assert said.count(": ") == 1, said
 
 
 def test_lines_of_before_the_end_of_the_goal_do_not_count(ros: Ros) -> None:

@@ -625,13 +625,19 @@ class TestNav2:
         assert "Go on with the mission that was interrupted (--resume), drive back first" in line
 
     @pytest.mark.parametrize(
-        ("odometry", "told"),
-        [((3.6, 0.0), False), ((0.0, -0.26), False), ((0.2, 0.1), True), ((5.1, 5.0), True)],
+        ("odometry", "place", "told"),
+        [
+            ((3.6, 0.0), None, False),
+            ((0.0, -0.26), None, False),
+            ((0.2, 0.1), None, True),
+            ((5.1, 5.0), None, True),
+            ((3.6, 0.0), (5.1, 5.0), True),
+        ],
     )
     def test_the_odometry_decides_whether_a_localisation_without_a_pose_is_told_one(
-        self, ros: Ros, odometry: tuple[float, float], told: bool
+        self, ros: Ros, odometry: tuple[float, float], place: tuple[float, float] | None, told: bool
     ) -> None:
-        """Told: a robot where its odometry has begun, or whose odometry agrees with `initial_pose`."""
+        """Told: a robot where its odometry has begun, or whose odometry or localisation agrees with `initial_pose`."""
         from nav_msgs.msg import Odometry
 
         nav2, other, node = FakeNav2(ros.node("nav2")), ros.node("robot"), ros.node()
@@ -641,6 +647,8 @@ class TestNav2:
         publisher = other.create_publisher(Odometry, "odometry/filtered", 10)
         other.create_timer(0.05, lambda: publisher.publish(message))
         ros.spin_until(lambda: node.count_publishers("odometry/filtered"), "the odometry")
+        if place is not None:
+            nav2.publisher.publish(located(*place))
         ready = readiness(node, Use.nav2(), initial_pose=(5.0, 5.0, 0.0))
         if told:
             wait(ros, ready)
@@ -693,6 +701,28 @@ class TestNav2:
         [line] = missing(ros, readiness(node, Use.nav2()), SILENCE_SEC)
         assert "has the robot at (1.00, 2.00), 2.24 m from initial_pose (0.00, 0.00)" in line
         assert nav2.poses == []
+
+    def test_odometry_that_comes_after_the_transforms_is_waited_for(self, ros: Ros) -> None:
+        """On a busy computer: until then the transforms are no place."""
+        from geometry_msgs.msg import TransformStamped
+        from nav_msgs.msg import Odometry
+        from tf2_msgs.msg import TFMessage
+
+        other, node = ros.node("nav2"), ros.node()
+        nav2 = FakeNav2(other)
+        offset, odometry = TransformStamped(), Odometry()
+        offset.header.frame_id, offset.child_frame_id, offset.transform.rotation.w = "map", "odom", 1.0
+        odometry.header.frame_id, odometry.child_frame_id = "odom", "base_link"
+        odometry.pose.pose.position.x, odometry.pose.pose.orientation.w = 0.4, 1.0
+        transforms = other.create_publisher(TFMessage, "/tf", 10)
+        odometries = other.create_publisher(Odometry, "odometry/filtered", 10)
+        other.create_timer(0.05, lambda: transforms.publish(TFMessage(transforms=[offset])))
+        ready = readiness(node, Use.nav2())
+        ros.spin_until(lambda: robot_of(node).is_localised, "the transforms")
+        assert not ready.poll()
+        other.create_timer(0.05, lambda: odometries.publish(odometry))
+        wait(ros, ready)
+        assert nav2.poses
 
     def test_a_robot_that_looks_elsewhere_keeps_the_yaw_of_its_localisation(
         self, ros: Ros, said: Said
