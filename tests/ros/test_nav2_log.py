@@ -84,10 +84,8 @@ def test_the_line_that_explains_an_abort_is_quoted_before_others(
 def test_each_abort_of_a_real_run_is_explained_by_the_server_that_was_late(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sar_compiler.ros import nav2_log as module
-
     now = [0.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr("sar_compiler.ros.nav2_log.time.monotonic", lambda: now[0])
     log = heard(ros.node("search_and_rescue"))
     recorded = [
         line for line in RECORDED.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
