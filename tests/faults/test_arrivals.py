@@ -10,7 +10,7 @@ def test_a_mission_whose_robot_stays_where_it_is_is_not_complete_whatever_the_se
     fly, serve, tree, tmp_path
 ):
     navigation = serve("navigation", pose=[0.0, 0.0], odometry=True, arrives=False, goals=[{"drive": 0.0}])
-    run = fly(tree, zones=("zone_a", "zone_b"), time_limit_sec=60.0)
+    run = fly(tree, zones=("zone_a", "zone_b"), time_limit_sec=12.0)
     assert run.end() == 1, run.output
     assert navigation.of("goal")
     assert "by the localisation the robot is 4.24 m away from its goal (0.75 m are allowed)" in run.output
