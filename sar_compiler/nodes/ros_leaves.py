@@ -38,7 +38,7 @@ def _field(of: str, example: str) -> Any:
 
 def _fields(keyword: str, of: str, example: str) -> Any:
     doc = f"Fields of the {of} with the keys to write: `{example}`."
-    return attribute(keyword, DESTINATIONS, doc, Destinations())
+    return attribute(keyword, DESTINATIONS, doc, None)
 
 
 def _check(kind: str, **parts: str) -> Callable[[BoundNode, Collector], None]:
@@ -108,7 +108,7 @@ _SPECS = (
         "Call a service: SUCCESS when it has answered, and has not said no.",
         input_port("service", str, "The service's name."),
         attribute("type_", str, "Its type, such as `std_srvs/srv/SetBool`."),
-        input_port("request", FIELDS, _SENDS.format("request", "data: true"), Fields({})),
+        input_port("request", FIELDS, _SENDS.format("request", "data: true"), None),
         attribute("success", FIELD_PATH, "A field of the answer that must be true; empty for none.", None),
         _field("answer", "location.x"),
         _VALUE,
@@ -132,7 +132,7 @@ _SPECS = (
         "Send a goal to an action: RUNNING until it has ended, SUCCESS if it has succeeded.",
         input_port("action", str, "The action's name."),
         attribute("type_", str, "Its type, such as `nav2_msgs/action/Wait`."),
-        input_port("goal", FIELDS, _SENDS.format("goal", "time: {sec: 5}"), Fields({})),
+        input_port("goal", FIELDS, _SENDS.format("goal", "time: {sec: 5}"), None),
         _field("result", "error_code"),
         _VALUE,
         _fields("fields", "result", "error_code: {code}, error_msg: {text}"),
@@ -195,7 +195,7 @@ _SPECS = (
         "Publish a message: SUCCESS when it is sent, RUNNING until there is a subscriber.",
         input_port("topic", str, "The topic's name."),
         attribute("type_", str, "Its type, such as `std_msgs/msg/String`."),
-        input_port("message", FIELDS, _SENDS.format("message", "data: hello"), Fields({})),
+        input_port("message", FIELDS, _SENDS.format("message", "data: hello"), None),
         attribute(
             "qos",
             Literal["reliable", "sensor_data", "transient_local"],

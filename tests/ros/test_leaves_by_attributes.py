@@ -15,6 +15,7 @@ from py_trees.common import Status
 from sar_compiler.nodes.ros_fields import read_destinations, read_fields, read_path
 from sar_compiler.nodes.ros_leaves import specs
 from sar_compiler.nodes.spec import Direction, Role
+from sar_compiler.nodes.values import without_none
 from sar_compiler.project import load
 from sar_compiler.ros.leaves import by_attributes
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
@@ -662,7 +663,7 @@ def test_the_constructor_takes_what_is_declared_of_the_leaf(spec: Any) -> None:
     found = {}
     for each in takes:
         default = ... if each.default is each.empty else each.default
-        is_input = typing.get_origin(hints[each.name]) is Input
+        is_input = typing.get_origin(without_none(hints[each.name])) is Input
         found[each.name] = is_input, default.get() if isinstance(default, Input) else default
     assert found == parameters(spec)
 

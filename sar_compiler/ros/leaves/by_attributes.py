@@ -36,8 +36,6 @@ from sar_compiler.ros.message_values import UnusableValueError, read_field
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.ports import Input, Output, PortError
 
-_NO_FIELDS = Fields({})
-_NOTHING = Destinations()
 _MAX_AGE_SEC = 5.0
 _FLUSH_SEC = 0.5
 """How long the end of a run waits for subscribers that have not acknowledged a message."""
@@ -49,11 +47,12 @@ class _Sent:
     Args:
         leaf: The leaf.
         attribute: The attribute that has them, for messages.
-        port: The fields; or the key of a message, of a mapping, or of such a text.
+        port: The fields; or the key of a message, of a mapping, or of such a text; None for none.
         scope: Where keys are looked up.
     """
 
-    def __init__(self, leaf: RosLeaf, attribute: str, port: Input[object], scope: Scope) -> None:
+    def __init__(self, leaf: RosLeaf, attribute: str, port: Input[object] | None, scope: Scope) -> None:
+        port = port or Input(Fields({}))
         self._leaf, self._attribute, self._port, self._scope = leaf, attribute, port, scope
         constant = None if port.entry is not None else port.get()
         self._fields = read_fields(constant) if isinstance(constant, str) else constant
@@ -104,7 +103,7 @@ class _Received:
 
     Args:
         scope: Where the keys of *fields* are looked up.
-        fields: Fields with their keys.
+        fields: Fields with their keys; None for none.
         field: One more field, for *value*; None for the whole message.
         value: Where that is written; None for nowhere.
     """
@@ -112,13 +111,13 @@ class _Received:
     def __init__(
         self,
         scope: Scope,
-        fields: Destinations,
+        fields: Destinations | None,
         field: FieldPath | None = None,
         value: Output[object] | None = None,
     ) -> None:
         self._field = field
         self._outputs: list[tuple[FieldPath | None, Output[object]]] = []
-        for path, key in fields.keys:
+        for path, key in fields.keys if fields is not None else ():
             entry = scope.resolve(key)
             entry.declare()
             self._outputs.append((path, Output(entry)))
@@ -256,11 +255,11 @@ class RosService(ServiceLeaf):
         service: Input[str],
         type_: str,
         *,
-        request: Input[object] = Input(_NO_FIELDS),
+        request: Input[object] | None = None,
         success: FieldPath | None = None,
         field: FieldPath | None = None,
         value: Output[object] | None = None,
-        fields: Destinations = _NOTHING,
+        fields: Destinations | None = None,
         server_timeout_sec: Seconds = 10.0,
         timeout_sec: Seconds = 5.0,
         scope: Scope | None = None,
@@ -368,11 +367,11 @@ class RosAction(ActionLeaf):
         action: Input[str],
         type_: str,
         *,
-        goal: Input[object] = Input(_NO_FIELDS),
+        goal: Input[object] | None = None,
         field: FieldPath | None = None,
         value: Output[object] | None = None,
-        fields: Destinations = _NOTHING,
-        feedback: Destinations = _NOTHING,
+        fields: Destinations | None = None,
+        feedback: Destinations | None = None,
         server_timeout_sec: Seconds = 10.0,
         acceptance_timeout_sec: Seconds = 5.0,
         scope: Scope | None = None,
@@ -491,7 +490,7 @@ class RosTopic(TopicLeaf):
         *,
         field: FieldPath | None = None,
         value: Output[object] | None = None,
-        fields: Destinations = _NOTHING,
+        fields: Destinations | None = None,
         max_age_sec: Seconds | None = None,
         qos: str = "sensor_data",
         waits: bool = False,
@@ -561,7 +560,7 @@ class RosPublish(RosLeaf):
         topic: Input[str],
         type_: str,
         *,
-        message: Input[object] = Input(_NO_FIELDS),
+        message: Input[object] | None = None,
         qos: str = "reliable",
         waits: bool = True,
         timeout_sec: Seconds = 5.0,
