@@ -1,6 +1,7 @@
 """`sar-run --serve`: runs that others start, each in a process of its own."""
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -42,6 +43,10 @@ OPTION, MANAGED = "--serve", "--managed"
 _LINES_SENT = 40
 # What a run that has just begun offers is found by others a little later, seconds.
 _FOUND_SEC, _LOOK_SEC = 5.0, 0.05
+# How long what an ended process has written may take to be read, seconds.
+_READ_SEC = 5.0
+# A line of ROS's log, of which rcl writes some before any command can say anything.
+_LOG_LINE = re.compile(r"(\x1b\[\d*m)?\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[|>>> \[|\[rcutils\|")
 # Exit statuses above are those of commands that a signal has ended.
 _SIGNALLED = 128
 
@@ -281,7 +286,10 @@ class ServedProcess:
             target=self._listen, args=(self._process.stderr,), name="run's log", daemon=True
         )
         self._listener.start()
-        Thread(target=self._follow, args=(self._process.stdout,), name="run", daemon=True).start()
+        self._last = ""
+        self._follower = Thread(target=self._follow, args=(self._process.stdout,), name="run", daemon=True)
+        self._follower.start()
+        Thread(target=self._await_end, name="run's end", daemon=True).start()
 
     def stop(self) -> None:
         """Have it end in order; called again, at once."""
@@ -304,16 +312,19 @@ class ServedProcess:
             self._complaints.append(line.rstrip("\n"))
 
     def _follow(self, lines: IO[str]) -> None:
-        last = ""
         for line in lines:
             self._has_spoken = True
-            last = line.strip()
-            if not last.startswith("{"):
+            self._last = line.strip()
+            if not self._last.startswith("{"):
                 self._begun = self._begun or time.monotonic()
-                self._tell(last)
-        self._listener.join()
+                self._tell(self._last)
+
+    def _await_end(self) -> None:
+        """Wait for the end of the process, and report it; what it has begun may hold its output open for ever."""
         status = self._process.wait()
-        self._end(status, ended_run(status, last, "\n".join(self._complaints)))
+        for reader in (self._follower, self._listener):
+            reader.join(_READ_SEC)
+        self._end(status, ended_run(status, self._last, "\n".join([*self._complaints])))
 
 
 def ended_run(status: int, last: str, complaints: str) -> EndedRun:
@@ -322,7 +333,7 @@ def ended_run(status: int, last: str, complaints: str) -> EndedRun:
     Args:
         status: Its exit status.
         last: The last line that it has shown: its summary, if it has begun.
-        complaints: The last lines of its log.
+        complaints: The last lines of its standard error.
     """
     if status == OK:
         return EndedRun("SUCCESS", last)
@@ -330,8 +341,15 @@ def ended_run(status: int, last: str, complaints: str) -> EndedRun:
         reason = str(json.loads(last)["reason"])
     except (ValueError, TypeError, KeyError):  # it has not begun, or was killed
         was_stopped = status < 0 or status > _SIGNALLED
-        return EndedRun("IDLE", "it was stopped before its end" if was_stopped else complaints)
+        return EndedRun("IDLE", "it was stopped before its end" if was_stopped else _reason_in(complaints))
     return EndedRun("FAILURE" if status == FINDINGS else "IDLE", reason or "it was stopped")
+
+
+def _reason_in(complaints: str) -> str:
+    """Return why a run has not begun: what it has said itself comes first, and ROS's log only where it has said nothing."""
+    lines = complaints.split("\n")
+    plain = [line for line in lines if not _LOG_LINE.match(line)] or lines
+    return "\n".join(sorted(plain, key=lambda line: not line.startswith("sar-run: ")))
 
 
 def _passed_on(argv: Sequence[str], options: Namespace) -> list[str]:

@@ -13,8 +13,9 @@ from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.left_goals import Cancel
 from sar_compiler.ros.signals import StopSignals
 
-# How long leaves may take to be stopped from another thread than the one that is blocked, and a ROS context of its own to be made; seconds.
-_LEAVES_SEC, _APART_SEC = 1.0, 10.0
+# How long leaves may take to be stopped from another thread than the one that is blocked, seconds; a ROS context of its own to be made; and its
+# node to find the servers.
+_LEAVES_SEC, _APART_SEC, _DISCOVERY_SEC = 1.0, 5.0, 5.0
 
 
 class ForcedEnd:
@@ -49,12 +50,13 @@ class ForcedEnd:
 
     def end_blocked(self, where: str) -> NoReturn:
         """End the process, since the thread that ticks does not hear of the request; *where* says what blocks it."""
+        settle_sec = self._settle_sec + _DISCOVERY_SEC
 
         def cancel() -> int | None:
             self._print(f"stopped although {where}")
             # Leaves may have more to stop than goals; one that blocks there as well keeps nobody.
             try_for(_LEAVES_SEC, lambda: send_cancels(self._root, self._node))
-            active = self._cancel(self._settle_sec) if self._cancel is not None else []
+            active = self._cancel(settle_sec) if self._cancel is not None else []
             if not active:
                 return self._signals.exit_status
             words = "a goal may still be active, and the robot may still be moving"
@@ -63,7 +65,7 @@ class ForcedEnd:
 
         may_be_adrift = self._cancel is not None and goals_under_way(self._node).active()
         status = ADRIFT if may_be_adrift else self._signals.exit_status
-        end_at_once(status, cancel, _LEAVES_SEC + self._settle_sec + _APART_SEC)
+        end_at_once(status, cancel, _LEAVES_SEC + _APART_SEC + settle_sec)
 
     def hurry(self) -> int | None:
         """Do what there is time for before the process ends at once, because it was asked twice; return its exit status, None for the signal's."""

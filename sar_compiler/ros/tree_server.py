@@ -30,7 +30,7 @@ from sar_compiler.ros.middleware import ros_up
 from sar_compiler.ros.served_runs import EndedRun, PayloadError, RunStarter, ServedRun, parameters_of
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.guessing import did_you_mean, nearest
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.showing import in_one_line, short_line
 
 NODE_NAME = "sar_tree_server"
 ACTION, TREES_SERVICE, BOND = "bt_execution", "get_loaded_trees", "bond"
@@ -265,13 +265,15 @@ class TreeExecutionServer(LifecycleNode):
             return str(error)
 
     def _take_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
+        self.get_logger().info("The run is asked to end by its client.")
         self.stop_run()
         return CancelResponse.ACCEPT
 
     async def _execute(self, goal: ServerGoalHandle) -> ExecuteTree.Result:
         """Start a run, and wait for its end."""
         ended: Future = Future(executor=self.executor)
-        request = goal.request
+        request, say = goal.request, self.get_logger().info
+        say(f"Run of '{request.target_tree}' begins.")
         try:
             self._run = self._starter.start(
                 str(request.target_tree),
@@ -283,6 +285,8 @@ class TreeExecutionServer(LifecycleNode):
             ended.set_result(EndedRun("IDLE", f"no process could be started: {error}"))
         end: EndedRun = await ended
         self._run, self._is_taken = None, False
+        said = "" if end.outcome == "SUCCESS" else f": {short_line(end.message)}"
+        say(f"Run of '{request.target_tree}' has ended with {end.outcome}{said}")
         if goal.is_cancel_requested:
             goal.canceled()
         elif end.outcome == "SUCCESS":

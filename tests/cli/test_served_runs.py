@@ -1,14 +1,18 @@
 """What a client of `sar-run --serve` is told of a run, and what its payload means."""
 
+import os
 import re
+import signal
 from pathlib import Path
+from queue import Queue
 from threading import Event
+from typing import Any
 
 import py_trees
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.cli.serve import ended_run, holder
+from sar_compiler.cli.serve import ServedProcess, ended_run, holder
 from sar_compiler.compiler import bind_main
 from sar_compiler.leaves import Kind, register
 from sar_compiler.missions.beginning import path_parameters
@@ -45,6 +49,28 @@ STOPPED = "it was stopped before its end"
 )
 def test_how_a_run_has_ended_is_told_by_its_status_and_its_summary(status, last, ended):
     assert ended_run(status, last, "line 3: unknown-node") == ended
+
+
+def test_the_reason_stands_before_what_ros_has_logged():
+    log = "[WARN] [1795868746.7] [rcl]: ROS_LOCALHOST_ONLY is deprecated"
+    finding, verdict = "tree.xml:3:5: error[unknown-node]: no node is called 'X'", "sar-run: it cannot be run"
+    assert ended_run(2, "", f"{log}\n{finding}\n{verdict}").message == f"{verdict}\n{finding}"
+    assert ended_run(3, "", log).message == log
+
+
+def test_a_run_has_ended_although_what_it_has_begun_holds_its_output_open(tmp_path, monkeypatch):
+    ended: Queue[Any] = Queue()
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "endless.py").write_text(
+        "import subprocess, sys\nprint(subprocess.Popen(['sleep', '600']).pid, flush=True)\nsys.exit('no leaves')\n"
+    )
+    told: Queue[str] = Queue()
+    ServedProcess(
+        ["--nodes", "endless"], told.put, lambda status, end: ended.put((status, end)), lambda *_: None
+    )
+    status, end = ended.get(timeout=60.0)
+    os.kill(int(told.get(timeout=5.0)), signal.SIGKILL)
+    assert (status, end.outcome) == (1, "IDLE")
 
 
 def test_a_payload_names_parameters_one_below_the_other():

@@ -122,6 +122,8 @@ def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve)
     server = serve(SHORT, FAILING)
     assert client.trees() == ["Failing", "Short"]
     assert client.run("Failing") == (ABORTED, FAILURE, "The root of the tree ended with FAILURE.")
+    server.wait_for("Run of 'Failing' begins.")
+    server.wait_for("Run of 'Failing' has ended with FAILURE: The root of the tree ended with FAILURE.")
     # Nobody hears what is published before he is known of, which he is by now, or what comes behind the end that he has asked for.
     client.told.clear()
     goal = client.ask("Short")
