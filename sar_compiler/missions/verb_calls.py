@@ -66,7 +66,9 @@ class VerbCalls:
         answer: Future[tuple[bool, str]] = Future()
         self._waiting.append(lambda: self._send(known, client, request, answer, by))
         # It has an executor: the services are there once the tree is set up.
-        self._node.executor.create_task(self._call)
+        from sar_compiler.ros.executors import call_soon
+
+        call_soon(self._node.executor, self._call)
         return answer
 
     def _call(self) -> None:

@@ -4,12 +4,34 @@ One with a wait set looks at all that its nodes have whenever anything happens. 
 a fraction of the time. In Jazzy it refuses guard conditions, and sends the coroutine of a service's callback in the place of an answer.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 from inspect import iscoroutinefunction
+from typing import Any
+from weakref import WeakMethod
 
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
+
+
+def call_soon(executor: Any, method: Callable[[], object]) -> None:
+    """Have a method called in the thread of an executor, unless its object is gone by then; may be called from any thread.
+
+    The executor of events keeps what it has not called yet when it is shut down, in C++, where Python's garbage collector does not
+    see it. A method of what a run is made of would keep the whole run for good.
+
+    Args:
+        executor: The executor.
+        method: A bound method, which is referred to weakly.
+    """
+    reference = WeakMethod(method)
+
+    def call() -> None:
+        if (found := reference()) is not None:
+            found()
+
+    executor.create_task(call)
 
 
 def make_executor(context: Context, kind: str) -> Executor:

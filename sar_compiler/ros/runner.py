@@ -34,6 +34,7 @@ from sar_compiler.ros.engine import (
     tell,
     tell_failure,
 )
+from sar_compiler.ros.executors import call_soon
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.left_goals import Cancel, cancel_apart
 from sar_compiler.ros.parameter_reader import SETTLE_SEC
@@ -127,7 +128,7 @@ class _TaskGuard:
         """Have the callback called."""
         executor: Any = self._node.executor  # of now
         if executor is not None:
-            executor.create_task(self._callback)
+            call_soon(executor, self._callback)
 
 
 class TreeRunner(py_trees.trees.BehaviourTree):

@@ -1,12 +1,13 @@
 """A program that is `sar-run` again and again, in one process: `python -m tests.faults.endurance COUNT ARGUMENTS`.
 
-After each run it prints what the process holds then, as `mission NUMBER: JSON`.
+After each run it prints what the process holds then, as `mission NUMBER: JSON`, with the types of which there are more than after the last.
 """
 
 import gc
 import json
 import os
 import sys
+from collections import Counter
 from pathlib import Path
 
 from sar_compiler.cli.run import main
@@ -24,10 +25,23 @@ def holdings(pid="self"):
     }
 
 
+def types():
+    """Count the objects that the garbage collector knows, by their types."""
+    return Counter(f"{type(each).__module__}.{type(each).__qualname__}" for each in gc.get_objects())
+
+
 if __name__ == "__main__":
+    before = types()
     for number in range(1, int(sys.argv[1]) + 1):
         status = main(sys.argv[2:])
         gc.collect()
-        told = {"status": status, "objects": len(gc.get_objects()), **holdings()}
+        now = types()
+        told = {
+            "status": status,
+            "objects": now.total(),
+            "came": dict((now - before).most_common(8)),
+            **holdings(),
+        }
+        before = now
         sys.stdout.write(f"mission {number}: {json.dumps(told)}\n")
         sys.stdout.flush()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import re
 import threading
 import time
+import weakref
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -137,6 +139,32 @@ class TestTicking:
         executor.remove_node(node)
         node.destroy_node()
         context.try_shutdown()
+
+    def test_a_wake_that_an_executor_of_events_does_not_hear_keeps_no_tree(self) -> None:
+        from rclpy.context import Context
+        from rclpy.node import Node
+
+        experimental = pytest.importorskip("rclpy.experimental", reason="an rclpy without EventsExecutor")
+
+        def run_once() -> weakref.ref[Probe]:
+            context = Context()
+            context.init(initialize_logging=False)
+            executor = experimental.EventsExecutor(context=context)
+            node = Node("events", context=context)
+            executor.add_node(node)
+            probe = Probe()
+            runner = runner_of(probe, node)
+            runner.tick_tock(SLOW_MS)
+            runner.wake()
+            runner.shutdown()
+            executor.shutdown()
+            node.destroy_node()
+            context.try_shutdown()
+            return weakref.ref(probe)
+
+        kept = run_once()
+        gc.collect()
+        assert kept() is None
 
     def test_many_wakes_before_a_tick_are_one(self, ros: Ros) -> None:
         probe = Probe()
