@@ -20,6 +20,7 @@ from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 from sar_compiler.runtime.kernel.searching import Judgement
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
+_RUNNING, _HALTED = "RUNNING", "HALTED"
 _MOST_TOLD = 12
 """How many events are told of a run that led to something."""
 
@@ -193,13 +194,18 @@ class _ReplayedFlight:
         return [event for event in lost.events if event.answer and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
-        """Return whether a tick can be one that was not finished, or not written to its end; nothing is known of one in which nothing was noted."""
-        noted = self._noted(lost)
+        """Return whether a tick can be one that was not finished, or not written to its end; nothing is known of one in which nothing was noted.
+
+        Even then only a node that ran can have been stopped.
+        """
+        noted, recorded = self._noted(lost), lost.events[-1].statuses
+        halted = {number for number, status in recorded if status == _HALTED}
+        ran = {number for number, status in recorded if status == _RUNNING}
         return (
             lost.is_last
             and len(lost.events) > 1
             and any(
-                way.common(noted, lost.told)[0] == len(noted)
+                way.common(noted, lost.told)[0] == len(noted) and halted <= ran | way.running
                 for state in lost.states
                 for way in self.runs.beginnings(state)
             )
@@ -249,8 +255,10 @@ class _ReplayedFlight:
 
     def _missing_answer(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
         """Return the same where the record lacks something."""
+        end, root = lost.events[-1], self.runs.names[0]
+        fitting = [each.way for each in best if each.is_whole and each.way.root == end.status]
         going_on = [each for each in best if not each.is_whole]
-        if going_on:
+        if going_on and not fitting:
             state, way, _, place = going_on[0]
             missing, told = way.answers[place], lost.told
             number, was = missing.number, told.statuses.get(missing.number, "")
@@ -260,15 +268,27 @@ class _ReplayedFlight:
             again = missing._replace(status=was, label=told.labels.get(number) or "")
             self.runs.put_before(state, way, place)
             return number, f"{missing.leaf} still {again.answer}", possible, _why(self._leaves[number], again)
-        end, root = lost.events[-1], self.runs.names[0]
-        if all(each.way.root != end.status for each in best):
+        if not fitting:
             return 0, f"{root} {end.status or 'did not end its tick'}", [each.next for each in best], ""
         stopped = {event.number for event in lost.events if event.what == HALTED} & self._leaves.keys()
-        fitting = [each.way.halted for each in best if each.way.root == end.status]
-        number = min(stopped.symmetric_difference(fitting[0])) if fitting else 0
+        differing = min((stopped ^ way.halted for way in fitting), key=len)
+        if not differing:
+            return self._wrong_status(lost, fitting)
+        number = min(differing)
         name = self.runs.names[number]
         said, other = (HALTED, "goes on") if number in stopped else ("goes on", HALTED)
         return number, f"{name} {said}", [f"{name} {other}"], ""
+
+    def _wrong_status(self, lost: LostTick, fitting: Sequence[Way]) -> tuple[int, str, list[str], str]:
+        """Return the same where the answers fit, and a node was recorded with a status that it cannot have."""
+        recorded = lost.events[-1].statuses
+        wrong = [(each, way) for way in fitting if (each := way.other_status(recorded)) is not None]
+        (number, status), _ = wrong[0]
+        name = self.runs.names[number]
+        possible = [
+            f"{name} {way.statuses[number] or 'at rest'}" for (node, _), way in wrong if node == number
+        ]
+        return number, f"{name} {status}", possible, ""
 
 
 class _Attempt(NamedTuple):

@@ -72,6 +72,7 @@ class _RecordedRun:
         self._before: JournalEntry | None = None
         self._ends = NodeEnds(self._nodes)
         self._messages: dict[int, str] = {}
+        self._statuses: list[tuple[int, str]] = []
 
     def take(self, entry: JournalEntry) -> Iterator[Event]:
         """Yield the events that an entry tells of."""
@@ -79,6 +80,7 @@ class _RecordedRun:
             yield from self._begin_tick(entry)
             self._ends.receive(entry.data, entry.time)
             self._messages[entry.data["node"]] = str(entry.data.get("message") or "")
+            self._statuses.append((entry.data["node"], entry.data["status"]))
             yield from self._events(
                 entry.data["node"], entry.data["status"], str(entry.data.get("label") or "")
             )
@@ -101,7 +103,9 @@ class _RecordedRun:
             facts = [fact for facts in self._facts.values() for fact in facts]
             self._facts.clear()
             yield from self._decisions()
-            yield self._event(0, TICKED, "" if facts else self._root, facts=facts)
+            end = self._event(0, TICKED, "" if facts else self._root, facts=facts)
+            yield end._replace(statuses=tuple(self._statuses))
+            self._statuses.clear()
 
     def _decisions(self) -> Iterator[Event]:
         """Yield what nodes with children have decided by themselves in the tick."""

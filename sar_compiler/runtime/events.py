@@ -36,6 +36,7 @@ class Event(NamedTuple):
         tick: The number of the tick in its run, from 1; 0 where there is no run.
         time_sec: When it was, seconds from the run's beginning; None where any time may have passed.
         ran_sec: How long a node had run that has decided by itself, seconds; 0 for any other event.
+        statuses: Of the end of a recorded tick, the statuses that nodes were recorded with in it, in their order, each with the node's number.
     """
 
     path: tuple[str, ...]
@@ -47,6 +48,7 @@ class Event(NamedTuple):
     tick: int = 0
     time_sec: float | None = None
     ran_sec: float = 0.0
+    statuses: tuple[tuple[int, str], ...] = ()
 
     @property
     def leaf(self) -> str:

@@ -1,6 +1,7 @@
 """`sar-compile conform`, as it is typed, by journals of runs of stub leaves."""
 
 import json
+import sqlite3
 from contextlib import closing
 
 import pytest
@@ -162,3 +163,37 @@ def test_a_file_that_is_no_journal_is_wrong_usage(conform, place):
     status, out, err = conform(place / "p.yaml")
     assert (status, out) == (2, "")
     assert "p.yaml" in err
+
+
+CONTROLLED = '<Fallback name="Either"><Sequence name="Both"><A name="Drive"/><Sleep msec="1000"/></Sequence><Y name="Tell"/></Fallback>'
+
+
+@pytest.mark.parametrize(
+    ("node", "status", "said"),
+    [
+        (0, "FAILURE", ""),
+        (1, "HALTED", "Both HALTED"),
+        (1, "FAILURE", "Both FAILURE"),
+        (3, "HALTED", "Sleep HALTED"),
+        (2, "HALTED", "Drive halted"),
+    ],
+)
+def test_a_status_of_a_control_or_a_halt_that_was_put_into_a_journal_does_not_fit(
+    conform, flight, place, node, status, said
+):
+    (place / "tree.xml").write_text(document(CONTROLLED), encoding="utf-8")
+    journal = flight(answers={"Drive": ["SUCCESS"]})
+    assert conform(journal, options=())[0] == 0
+    with sqlite3.connect(journal) as base:
+        number, data = base.execute(
+            "SELECT number, data FROM watched WHERE kind = 'status' AND json_extract(data, '$.tick') = 2 ORDER BY number DESC"
+        ).fetchone()
+        changed = {**json.loads(data), "node": node, "status": status, "tick": 2}
+        base.execute(
+            "INSERT INTO watched SELECT number + 100000, run, wall, time, kind, ?, NULL FROM watched WHERE number = ?",
+            (json.dumps(changed), number),
+        )
+    outcome, out, _ = conform(journal, options=())
+    assert outcome == 1
+    assert "does not conform from tick 2 on" in out
+    assert said in out

@@ -70,7 +70,7 @@ def in_ticks(events):
     """Return events by the numbers of their ticks, without times and facts."""
     found: dict[int, list[Event]] = {}
     for event in events:
-        found.setdefault(event.tick, []).append(event._replace(time_sec=None, facts=()))
+        found.setdefault(event.tick, []).append(event._replace(time_sec=None, facts=(), statuses=()))
     return found
 
 

@@ -12,9 +12,11 @@ from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
+from sar_compiler.runtime.kernel.cells import WORDS
 
 # Ticks that are tried, times the nodes of the tree: some seconds.
 _MOST_TICKED = 5_000_000
+_RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
 # The state after a tick that was broken off.
 _NOWHERE = b""
 
@@ -35,7 +37,8 @@ def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
         tick.append(event)
         if event.what == TICKED:
             if before is not None:
-                yield from ([before._replace(tick=number)] for number in range(before.tick + 1, event.tick))
+                between = range(before.tick + 1, event.tick)
+                yield from ([before._replace(tick=number, statuses=())] for number in between)
             yield tick
             tick, before = [], event
 
@@ -77,6 +80,8 @@ class Way(NamedTuple):
         state: The state after it.
         unusual: Which of the answers are other than usual.
         halted: The leaves that are stopped in it, and at rest at its end.
+        running: The numbers of the nodes that run before it.
+        statuses: The status of each node at its end, by its number; empty for a node at rest.
         broken: The rules that it breaks, each with the event that does it.
     """
 
@@ -85,6 +90,8 @@ class Way(NamedTuple):
     state: bytes
     unusual: tuple[bool, ...]
     halted: frozenset[int]
+    running: frozenset[int] = frozenset()
+    statuses: tuple[str, ...] = ()
     broken: tuple[tuple[int, Event], ...] = ()
 
     def common(self, noted: Sequence[Event], before: ToldSoFar) -> tuple[int, int]:
@@ -104,6 +111,21 @@ class Way(NamedTuple):
             elif not known.is_known(answer):
                 return count, place
         return count, len(self.answers)
+
+    def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
+        """Return the first node with a recorded status that it has not in this tick, with that status; None if all fit.
+
+        Args:
+            recorded: The statuses that were recorded in the tick, in their order, each with the node's number.
+        """
+        ran = {number for number, status in recorded if status == _RUNNING}.union(self.running)
+        for number, status in dict(recorded).items():
+            now = self.statuses[number]
+            is_stopped = status == _HALTED and not now and number in ran
+            is_reset = status == _IDLE and not now
+            if not (is_stopped or is_reset or status in (now, _SKIPPED)):
+                return number, status
+        return None
 
     def fits(self, noted: Sequence[Event], halted: Collection[int], before: ToldSoFar, root: str) -> bool:
         """Return whether this tick matches a recorded one.
@@ -215,9 +237,11 @@ class TreeRuns:
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
+        self.stepper.steps.restore(state)
+        running = frozenset(number for number, status in enumerate(self._statuses()) if status == _RUNNING)
         found: dict[Way, None] = {}
         for step in self.stepper.ticks(state):
-            found[self._way(step.state or _NOWHERE)] = None
+            found[self._way(step.state or _NOWHERE)._replace(running=running)] = None
             self._left -= 1
             if not self._left:
                 break
@@ -231,16 +255,24 @@ class TreeRuns:
 
     def _way(self, state: bytes) -> Way:
         """Return the last tick, after which there is a state."""
+        statuses = self._statuses()
         tick, broken = self.stepper.played(), self.stepper.broken()
         answers = tuple(event for event in tick.events if event.answer)
         last = {event.number: event.what for event in tick.events if event.what != TICKED}
         halted = frozenset(number for number, what in last.items() if what == HALTED)
-        return Way(answers, tick.root, state, self.stepper.unusual(), halted, broken)
+        return Way(
+            answers, tick.root, state, self.stepper.unusual(), halted, statuses=statuses, broken=broken
+        )
+
+    def _statuses(self) -> tuple[str, ...]:
+        """Return what the cells of nodes hold now, in words; empty for a node at rest."""
+        cells = self.stepper.ticker.cells
+        return tuple(WORDS[cells[node.at]] if cells[node.at] else "" for node in self.stepper.flat.nodes)
 
     def put_before(self, state: bytes, way: Way, place: int) -> None:
         """Have facts and keys hold what they held before an answer of a tick, by its place among the tick's answers."""
         for step in self.stepper.ticks(state):
-            if self._way(step.state or _NOWHERE) == way:
+            if self._way(step.state or _NOWHERE)._replace(running=way.running) == way:
                 self.stepper.before_answer(place)
                 return
 
@@ -268,7 +300,7 @@ class TreeRuns:
                 (state, way)
                 for state in sorted(now)
                 for way in self.ways(state)
-                if way.fits(noted, halted, told, end.status)
+                if way.fits(noted, halted, told, end.status) and way.other_status(end.statuses) is None
             ]
             if not ways and self.is_spent:
                 raise UndecidableError("the tree has too many runs to find this one again among them")
