@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from signal import Signals
 from typing import TYPE_CHECKING
 
 from nav_msgs.msg import OccupancyGrid
@@ -20,7 +21,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import LEAF_RAISED, Ending
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.missions.choosing import MissionError
-from sar_compiler.missions.ending import EndCondition, RunResult, Until
+from sar_compiler.missions.ending import EndCondition, RunResult, Until, default_summary
 from sar_compiler.missions.mission import MissionRun, SearchedArea
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.arguments import readable_ros_errors
@@ -53,6 +54,8 @@ if TYPE_CHECKING:
 # A signal is noticed between two turns of the executor; in one of a flight it does whatever there is to do.
 _TURN_SEC, _FLIGHT_TURN_SEC = 0.05, 0.1
 
+# The exit status of a run that a signal has stopped, less the signal's number.
+_SIGNAL_STATUS = 128
 # A tree can swing between two things to do for ever; seconds of simulated time.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
@@ -532,15 +535,24 @@ class TreeRun:
         """Add the summary to texts; returns the exit status."""
         mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
         as_json = self._options.format == "json"
-        if not as_json:
-            texts += filter(None, (mission.summary(elapsed_sec, ticks), supervision.in_words()))
+        own = "" if as_json else mission.summary(elapsed_sec, ticks)
         status = self._status()
+        if not as_json:
+            outcome = self._outcome(status)
+            summary = own or default_summary(mission, outcome, elapsed_sec, ticks)
+            texts += filter(None, (summary, supervision.in_words()))
         if as_json:
             said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": ticks}
             deaths = {"deaths": list(supervision.deaths)} if supervision.is_there else {}
             figures = {each.name: each.value for each in mission.display().figures}
             self._said = {**said, **deaths, "figures": figures}
         return status
+
+    def _outcome(self, status: int) -> str:
+        """Return what has become of the run, in words."""
+        if status > _SIGNAL_STATUS:
+            return f"was stopped by {Signals(status - _SIGNAL_STATUS).name}"
+        return "succeeded" if status == OK else "failed"
 
     def _status(self) -> int:
         status = self._status_of_run()

@@ -109,6 +109,25 @@ class EndCondition:
         return None
 
 
+def default_summary(mission: MissionRun, outcome: str, elapsed_sec: float, ticks: int) -> str:
+    """Return the summary of a run whose mission has none of its own: its outcome, figures, duration, and what is missing.
+
+    Args:
+        mission: The run's mission.
+        outcome: What has become of the run, in words: `succeeded`.
+        elapsed_sec: Its duration, in seconds of the node's clock.
+        ticks: The number of ticks.
+    """
+    return "\n".join(
+        (
+            f"Summary: the run {outcome}.",
+            *(f"  {figure.text}" for figure in mission.display().figures),
+            f"  duration: {clock_text(elapsed_sec)}, {ticks} tick{'' if ticks == 1 else 's'}",
+            *(f"  missing: {line}" for line in mission.shortfalls() or ()),
+        )
+    )
+
+
 def _ordinal(number: int) -> str:
     """Return `1st`, `2nd`, `3rd`, `4th`, …, `11th`."""
     teen = number // 10 % 10 == 1

@@ -3,7 +3,8 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.ending import EndCondition, Until
+from sar_compiler.journal.situation import Display, Figure
+from sar_compiler.missions.ending import EndCondition, Until, default_summary
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.search import Search
@@ -160,3 +161,19 @@ def test_without_an_end_of_its_own_nothing_lacks_and_nothing_is_ever_complete(mi
     ending = EndCondition(Until.FOREVER, mission)
     assert ending.shortfalls() == []
     assert not ending.complete
+
+
+def test_a_mission_without_a_summary_of_its_own_has_one_with_its_figures_and_what_is_missing():
+    class Patrol(MissionRun):
+        def display(self):
+            return Display(figures=[Figure("photos", 1, of=2)])
+
+        def shortfalls(self):
+            return ["The gate was not photographed."]
+
+    assert default_summary(Patrol(), "failed", 61.0, 1).splitlines() == [
+        "Summary: the run failed.",
+        "  photos 1 of 2",
+        "  duration: 1:01, 1 tick",
+        "  missing: The gate was not photographed.",
+    ]
