@@ -163,7 +163,7 @@ class PropertyWatch:
         self._told: set[str] = set()
         self._clock = clock
         self._leaves = {leaf.number: leaf for leaf in simulated.leaves}
-        self._alphabet = prepared.alphabet
+        self._alphabet, self._facts = prepared.alphabet, simulated.facts
         self._numbers = _numbers(prepared.alphabet)
         rules = self.properties.rules
         self._looks: dict[int, list[_HeldCondition]] = {}
@@ -214,6 +214,13 @@ class PropertyWatch:
             self.starts(event.number)
         elif event.what == HALTED:
             self.halts(event.number)
+
+    def raise_fact(self, name: str, by: int) -> None:
+        """Raise a fact that something else than a leaf has changed, such as a command; nothing happens where the tree has no such fact."""
+        entry = self._facts.resolve(name)
+        known = entry.read() if entry.exists else None
+        if isinstance(known, int | float):
+            entry.write(known + by)
 
     def looks(self, number: int) -> None:
         """Look at the conditions that decide whether the next event of a leaf counts; before it changes anything."""

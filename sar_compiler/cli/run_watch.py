@@ -43,11 +43,13 @@ class _DueOrder(NamedTuple):
 
     Attributes:
         about: The property.
+        event: What has broken it, in words.
         verb: What is ordered.
         since: When it was to be given, seconds of the steady clock.
     """
 
     about: str
+    event: str
     verb: Verb
     since: float
 
@@ -97,17 +99,18 @@ class _PropertyOrders:
                     "write if_broken: tell, or run a tree that does"
                 )
 
-    def order(self, about: str) -> None:
-        """Order what is done where a property is broken, if that is anything."""
+    def order(self, about: str, event: str) -> None:
+        """Order what is done where a property is broken by an event, if that is anything."""
         if about in self._verbs:
-            self._due.append(_DueOrder(about, self._verbs[about], time.monotonic()))
+            self._due.append(_DueOrder(about, event, self._verbs[about], time.monotonic()))
 
     def give_due(self) -> None:
         """Give the orders that are due; a service that is not found yet is waited for."""
         due, self._due = self._due, []
         for order in due:
             try:
-                answer = self._calls.give(order.verb.name, {}, f"the property '{order.about}'")
+                by = f"the property '{order.about}', violated by {order.event}"
+                answer = self._calls.give(order.verb.name, {}, by)
             except VerbError as error:  # noqa: PERF203 - one of a few
                 if time.monotonic() - order.since < _PATIENCE_SEC:
                     self._due.append(order)
@@ -142,6 +145,7 @@ class RunWatch(Companion):
         self._leaves: dict[int, Behaviour] = {}
         self._answers: dict[int, DeclaredAnswers] = {}
         self._remembered = 0
+        self._added: Mapping[str, int] = {}
         self._began = 0.0
         # Whether nothing is heard any more, and why, if that is a failure.
         self._is_over, self._failure = False, ""
@@ -165,6 +169,8 @@ class RunWatch(Companion):
             tree_id=options.tree_id,
             clock=self._now,
         )
+        # Of a mission that goes on, the facts at the start have them already.
+        self._added = self._run.mission.facts_added()
         self._orders = _PropertyOrders(self._run, self._if_broken)
         declared = tree.origins.declared_answers()
         for number, behaviour in enumerate(pre_order(tree.root)):
@@ -196,7 +202,16 @@ class RunWatch(Companion):
 
     def looks(self, number: int) -> None:
         """Be told that a leaf is about to do something."""
+        self._hear(self._take_commands)
         self._hear(self._watch.looks, number)
+
+    def _take_commands(self) -> None:
+        """Take what commands have added to the facts since the last event."""
+        added = self._run.mission.facts_added()
+        for name, count in added.items():
+            if count != self._added.get(name, 0):
+                self._watch.raise_fact(name, count - self._added.get(name, 0))
+        self._added = added
 
     def starts(self, number: int) -> None:
         """Be told that a leaf starts."""
@@ -268,7 +283,7 @@ class RunWatch(Companion):
             self._logger.error(in_one_line(alarm.text))
             self._note(alarm)
             if alarm.cause.is_broken:
-                self._orders.order(alarm.about)
+                self._orders.order(alarm.about, alarm.event or "the end of the run")
 
     def _note(self, alarm: WatchAlarm) -> None:
         run = [list(event) for event in alarm.run]

@@ -330,6 +330,11 @@ class Journal:
         finally:
             self._ordered_by = ""
 
+    @property
+    def author(self) -> str:
+        """Who has given the command that is being carried out; empty if none is, or it is not known."""
+        return self._ordered_by
+
     def _order(self, kind: str) -> Mapping[str, str]:
         if not self._ordered_by:
             return {}

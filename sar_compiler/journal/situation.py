@@ -236,8 +236,8 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
 
 
 def told_with_giver(text: str, by: str) -> str:
-    """Return what is told of an operator's order, with who gave it: in place of `the operator`, or before it."""
-    if not by:
+    """Return what is told of a command, with who gave it: in place of `the operator`, or before it, unless it is said already."""
+    if not by or by in text:
         return text
     return text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"
 

@@ -157,6 +157,13 @@ class MissionRun:
         """
         return {}
 
+    def facts_added(self) -> Mapping[str, int]:
+        """Return by how much commands have raised facts since the run began: `{"zones_left": 1}` once a zone was added.
+
+        No leaf's answer says so; a run that is watched for properties takes it from here.
+        """
+        return {}
+
     def limits(self) -> Mapping[str, int]:
         """Return what counts in a flight in place of facts that proofs need as limits, and that nobody knows before: `{"more_pieces": 10_000}`.
 

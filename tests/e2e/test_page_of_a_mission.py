@@ -118,7 +118,7 @@ def story(tmp_path_factory):
 
 
 def test_a_mission_under_way_is_seen_in_a_browser(story):
-    assert "NotHeld?, NotHeld, FAILURE, held by the operator" in story["live"]
+    assert "NotHeld?, NotHeld, FAILURE, paused by somebody (page, 127.0.0.1)" in story["live"]
 
 
 def test_a_reload_in_flight_loses_nothing(story):
@@ -126,7 +126,7 @@ def test_a_reload_in_flight_loses_nothing(story):
 
 
 def test_the_operator_skips_a_zone_on_the_page(story):
-    assert re.match("zone_a: abandoned, .*the operator has skipped it;", story["skipped"])
+    assert re.match(r"zone_a: abandoned, .*skipped by somebody \(page, 127\.0\.0\.1\);", story["skipped"])
 
 
 def test_the_page_of_a_run_that_was_stopped_goes_on_with_the_one_that_resumes(story):

@@ -69,9 +69,11 @@ def test_the_report_has_the_alarm(aborted):
 
 def test_what_is_done_then_is_ordered_of_the_mission_in_the_property_s_name(aborted):
     _, _, entries, _ = aborted
-    (order,) = [each.data for each in entries if each.kind == "operator_ordered"]
-    assert order["order"] == "abort"
-    assert {each.data["by"] for each in entries if "by" in each.data} == {"the property 'nobody is found'"}
+    (command,) = [each.data for each in entries if each.kind == "command_given"]
+    assert command["command"] == "abort"
+    assert {each.data["by"] for each in entries if "by" in each.data} == {
+        "the property 'nobody is found', violated by DetectSurvivor found"
+    }
 
 
 def test_a_tree_whose_leaves_heed_no_such_order_is_refused_before_anything_moves(start, tmp_path):

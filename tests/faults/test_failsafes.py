@@ -481,7 +481,7 @@ class TestOrders:
     ) -> None:
         assert self.call(ros, "skip_zone") == (True, "done")
         assert zones.current_zone()["id"] == "zone_b"
-        assert "zone_a was given up: the operator has skipped it." in record.shortfalls(zones)
+        assert "zone_a was given up: skipped by the operator." in record.shortfalls(zones)
         assert held.update() is Status.FAILURE
         assert held.answer_label == "zone skipped"
         assert held.update() is Status.SUCCESS
@@ -537,8 +537,8 @@ class TestOrders:
     @pytest.mark.parametrize(
         ("make", "verb", "said"),
         [
-            (NotAborted, "abort", "the operator has aborted the mission"),
-            (NotRecalled, "go_home", "the operator has called the robot home"),
+            (NotAborted, "abort", "the mission was aborted by the operator"),
+            (NotRecalled, "go_home", "the robot was called home by the operator"),
         ],
     )
     def test_an_order_that_cuts_the_mission_short_ends_a_hold(
@@ -693,17 +693,17 @@ def test_the_operator_holds_skips_and_calls_home_a_flight(start: Any, ros: Any) 
     order("go_home")
     assert run.end() == 1, run.output
     told = [
-        "Operator: pause.",
+        "Command pause by a service call.",
         "Canceling the goal of 'NavigateToZone'.",
-        "Operator: resume.",
-        "Operator: skip_zone.",
+        "Command resume by a service call.",
+        "Command skip_zone by a service call.",
         "Navigating to zone_c...",
-        "Failsafe: the operator has called the robot home.",
-        "zone_d is given up: the operator has called the robot home.",
+        "Failsafe: the robot was called home by a service call.",
+        "zone_d is given up: the robot was called home by a service call.",
         "Reached base station.",
     ]
     assert in_order(told, run.log) is None, run.output
-    assert "missing:         zone_b was given up: the operator has skipped it." in run.output
+    assert "missing:         zone_b was given up: skipped by a service call." in run.output
     assert "  back at base:    yes" in run.output
 
 

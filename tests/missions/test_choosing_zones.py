@@ -418,7 +418,7 @@ class TestChooseZone:
         search = searching()
         assert self.hint(stage, search, **values) == (True, f"it counts for {zone}")
         assert search.zones.hints == {zone: 3.0}
-        assert stage.lines == [f"Operator: add_hint: {zone}, times 3."]
+        assert stage.lines == [f"Command add_hint by the operator: {zone}, times 3."]
 
     def test_a_hint_on_a_place_in_an_outline_counts_for_that_zone(self, stage: "Stage") -> None:
         search = searching()
@@ -454,7 +454,7 @@ class TestChooseZone:
         from std_srvs.srv import Trigger
 
         search = searching()
-        search.orders.offer(stage.node, "pause", Trigger, lambda _request, response: response)
+        search.orders.offer(stage.node, "pause", lambda _request, response: response)
         self.take(stage, search, order="nearest", orders=search.orders)
         client = stage.host().node.create_client(Trigger, f"{stage.node.get_fully_qualified_name()}/pause")
         stage.until(client.service_is_ready, "the other leaf's order")

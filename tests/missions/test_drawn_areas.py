@@ -212,7 +212,7 @@ def test_an_area_that_is_drawn_is_answered_and_told(stage: "Stage") -> None:
 
     assert answered("c") == (True, "'c' is searched as well")
     assert answered("") == (False, "the area has no name")
-    assert stage.lines == ["Operator: add_area: 'c' is searched as well."]
-    assert stage.warnings == ["Operator: add_area: refused, the area has no name."]
+    assert stage.lines == ["Command add_area by the operator: 'c' is searched as well."]
+    assert stage.warnings == ["Command add_area by the operator: refused, the area has no name."]
     leaf.shutdown()
     stage.until(lambda: not client.service_is_ready(), "the end of the service")

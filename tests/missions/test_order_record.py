@@ -37,7 +37,7 @@ class Robot:
         self.notes, self.refusal = True, ""
         self.node = ros.node("mission", allow_undeclared_parameters=True)
         self.record = OrderRecord(self.node, VERBS, journal)
-        for name, order in (("pause", "hold"), ("resume", "release"), ("abort", "abort")):
+        for name, order in (("pause", "pause"), ("resume", "resume"), ("abort", "abort")):
             self.node.create_service(Trigger, f"~/{name}", self.answer(order))
         self.record.begin()
         self.calls = VerbCalls(ros.node("tester"), VERBS[:2], of="/mission")
@@ -155,7 +155,7 @@ def test_the_state_says_by_whom_the_robot_is_held_and_forgets_it_when_that_is_ov
 
 def test_what_the_mission_notes_after_an_order_was_not_ordered(robot):
     robot.call("resume")
-    robot.search.orders.give("hold")
+    robot.search.orders.give("pause")
     assert robot.reason == "by the operator"
 
 

@@ -155,7 +155,7 @@ class Dying(RuleBasedStateMachine):
         name = f"zone_{self.life.zones.total_zones()}"
         self.life.zones.add(Zone(id=name, x=x, y=0.0, yaw=1.0))
 
-    @rule(verb=st.sampled_from(["hold", "release", "recall", "abort"]))
+    @rule(verb=st.sampled_from(["pause", "resume", "go_home", "abort"]))
     def order(self, verb: str) -> None:
         self.life.orders.give(verb)
 
@@ -253,7 +253,7 @@ def test_names_of_somebody_elses_do_not_disturb_the_numbering(live: Callable[...
         ("zone_searched", {"zone": "zone_a", "survivor": [1.0]}),
         ("report_kept", {"survivor": "survivor_7"}),
         ("survivor_named", {"survivor": 7, "x": 1.0, "y": 2.0}),
-        ("operator_ordered", {"order": "dance"}),
+        ("command_given", {"command": "dance", "by": "Ann"}),
         ("survivor_judged", {"survivor": "survivor_1", "standing": "tired", "same_as": None}),
     ],
 )
@@ -290,7 +290,7 @@ KINDS = st.sampled_from(
             "survivor_named",
         ),
         *("report_sent", "report_acknowledged", "report_kept", "base_reached", "goal_sent", "nonsense"),
-        *("zone_added", "area_drawn", "operator_ordered", "survivor_judged", "alarmed"),
+        *("zone_added", "area_drawn", "command_given", "survivor_judged", "alarmed"),
     )
 )
 

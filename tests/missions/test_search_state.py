@@ -34,7 +34,7 @@ def test_every_fact_of_a_search_reads_as_a_sentence() -> None:
         if name.startswith("_take_")
     }
     # These are told by who keeps the journal.
-    assert taken - {"run_began", "run_ended", "facts_lost"} == set(_SENTENCES) - {"operator_ordered"}
+    assert taken - {"run_began", "run_ended", "facts_lost"} == set(_SENTENCES) - {"command_given"}
 
 
 def test_zones_have_their_states(search: Search) -> None:
@@ -124,9 +124,9 @@ def test_it_says_how_far_it_is(search: Search) -> None:
 
 def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
     search.record.zone_started("a")
-    search.orders.give("hold")
+    search.orders.give("pause")
     assert search.display().phase == ("held", "by the operator", "a")
-    search.orders.give("release")
+    search.orders.give("resume")
     assert search.display().phase == ("", "", "a")
 
 
@@ -143,7 +143,7 @@ def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
             {"survivor": "survivor_1", "x": 1.0, "y": 2.0},
             "named survivor_1 at (1.00, 2.00)",
         ),
-        ("operator_ordered", {"order": "hold"}, "the operator: pause"),
+        ("command_given", {"command": "pause", "by": "Ann"}, "Ann: pause"),
         ("base_reached", {}, "reached the base station"),
     ],
 )

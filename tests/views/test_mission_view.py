@@ -259,7 +259,7 @@ def test_of_a_mission_that_says_itself_what_has_happened_that_is_the_line():
 
 
 def test_what_was_ordered_is_told_with_who_ordered_it_and_once():
-    fact, told = ("operator_ordered", {"order": "hold"}), [changed(kinds=[])]
+    fact, told = ("command_given", {"command": "pause", "by": "Ann"}), [changed(kinds=[])]
     ordered = {"said": "the operator: pause", "by": "Ada"}
     assert change("changed", ordered, more=[*told, fact]) == "     0:02  Ada: pause"
     order = {"verb": "pause", "label": "Pause", "by": "Ada", "is_told": True}

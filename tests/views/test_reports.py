@@ -656,7 +656,7 @@ class TestThePage:
             ("log", {"node": "bt_navigator", "level": 40, "text": "Goal aborted"}),
             ("alarmed", {"reason": "the battery is at 12 %"}),
             ("ordered", {"verb": "go_home", "label": "Go home", "by": "Ada"}),
-            ("operator_ordered", {"order": "recall"}),
+            ("command_given", {"command": "go_home", "by": "the operator"}),
         ]
         read = texts(html_report(mission(*told)))
         for words in ("Goal aborted", "the battery is at 12 %", "Ada: Go home", "go home"):

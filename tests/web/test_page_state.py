@@ -169,7 +169,7 @@ def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
 def test_a_fact_that_somebody_has_ordered_is_told_with_who_has():
     said = ("changed", {"said": "the operator: pause", "by": "Ada"})
     told = {"verb": "pause", "label": "Pause", "by": "Ada", "is_told": True}
-    shown = run_of(("operator_ordered", {"order": "hold"}), said, ("ordered", told)).whole()
+    shown = run_of(("command_given", {"command": "pause", "by": "Ada"}), said, ("ordered", told)).whole()
     assert [line[-1] for line in shown["log"]["values"][1:]] == ["Ada: pause"]
 
 

@@ -50,23 +50,21 @@ class _Failsafe(RosLeaf):
 
 @dataclass(eq=False, repr=False)
 class _OrderCondition(_Failsafe):
-    """The common base of conditions on an order of the operator that cuts the mission short.
+    """The common base of conditions on a command that cuts the mission short.
 
     Args:
-        orders: What the operator has ordered.
+        orders: The commands that were given.
         record: Where the reason is noted.
     """
 
     orders: OperatorOrders
 
-    verb = order = reason = ""
+    command = subject = ""
 
     def setup(self, **kwargs: Any) -> None:
         """Offer the service."""
-        from std_srvs.srv import Trigger
-
         super().setup(**kwargs)
-        self.orders.offer(self.node, self.verb, Trigger, self._on_order)
+        self.orders.offer(self.node, self.command, self._on_command)
 
     def shutdown(self) -> None:
         """Withdraw the service."""
@@ -75,27 +73,28 @@ class _OrderCondition(_Failsafe):
 
     def update(self) -> Status:
         """Look at the orders."""
-        return self._judge(self.reason if self.order in self.orders.given else "")
+        return self._judge(self._reason() if self.command in self.orders.given else "")
 
-    def _on_order(self, _: Any, response: Any) -> Any:
-        self.orders.give(self.order)
+    def _reason(self) -> str:
+        return f"{self.subject} was {self.orders.said(self.command)}"
+
+    def _on_command(self, _: Any, response: Any) -> Any:
+        self.orders.give(self.command)
         self._wake()
-        response.success, response.message = True, self.reason
+        response.success, response.message = True, self._reason()
         return response
 
 
 class NotAborted(_OrderCondition):
     """Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
 
-    verb = order = "abort"
-    reason = "the operator has aborted the mission"
+    command, subject = "abort", "the mission"
 
 
 class NotRecalled(_OrderCondition):
     """Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called."""
 
-    verb, order = "go_home", "recall"
-    reason = "the operator has called the robot home"
+    command, subject = "go_home", "the robot"
 
 
 class NavigationAvailable(_Failsafe):

@@ -689,6 +689,7 @@ SPECS = [
             Answer("SUCCESS", "free"),
             Answer("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),
             Answer("FAILURE", "zone skipped", "orders_left > 0 && zones_left > 0", _SKIPPED),
+            Answer("FAILURE", "plan changed", "orders_left > 0", "orders_left -= 1"),
         ),
         facts={"orders_left": 1, "zones_left": 3, "zones_abandoned": 0},
     ),

@@ -41,28 +41,27 @@ class NotHeld(RosLeaf):
 
     def setup(self, **kwargs: Any) -> None:
         """Offer the services."""
-        from sar_interfaces.srv import AddZone, JudgeSurvivor
-        from std_srvs.srv import Trigger
-
         super().setup(**kwargs)
-        for verb, service_type, carry_out in (
-            ("pause", Trigger, lambda _: self.orders.give("hold")),
-            ("resume", Trigger, lambda _: self.orders.give("release")),
-            ("skip_zone", Trigger, self._skip_zone),
-            ("add_zone", AddZone, self._add_zone),
-            ("judge_survivor", JudgeSurvivor, self._judge),
-        ):
-            self.orders.offer(self.node, verb, service_type, partial(self._answer, verb, carry_out))
+        carry_out: dict[str, Callable[[Any], str | None]] = {
+            "pause": lambda _: self.orders.give("pause"),
+            "resume": lambda _: self.orders.give("resume"),
+            "skip_zone": self._skip_zone,
+            "add_zone": self._add_zone,
+            "judge_survivor": self._judge,
+        }
+        for command, action in carry_out.items():
+            self.orders.offer(self.node, command, partial(self._answer, command, action))
 
     def update(self) -> Status:
         """Look at the orders."""
-        if self.orders.replanned:
-            label = "zone skipped" if self.orders.has_skipped else ""
-            self.orders.replanned = self.orders.has_skipped = False
+        orders = self.orders
+        if orders.plan_change:
+            label = "zone skipped" if orders.has_skipped else "plan changed"
+            self.feedback_message = f"the plan has changed: {orders.plan_change}"
+            orders.plan_change, orders.has_skipped = "", False
             self._wake()
-            self.feedback_message = "the plan has changed"
             return self.answer(Status.FAILURE, label)
-        self.feedback_message = "held by the operator" if self.orders.held else ""
+        self.feedback_message = orders.said("pause") if orders.held else ""
         return self.answer(Status.FAILURE, "held") if self.orders.held else Status.SUCCESS
 
     def shutdown(self) -> None:
@@ -70,22 +69,25 @@ class NotHeld(RosLeaf):
         self.orders.withdraw()
         super().shutdown()
 
-    def _answer(self, verb: str, carry_out: Callable[[Any], str | None], request: Any, response: Any) -> Any:
-        """Answer an order: it is refused if carrying it out returns what is wrong with it."""
+    def _answer(
+        self, command: str, carry_out: Callable[[Any], str | None], request: Any, response: Any
+    ) -> Any:
+        """Answer a command: it is refused if carrying it out returns what is wrong with it."""
         refusal = carry_out(request)
         response.success, response.message = not refusal, refusal or "done"
         if refusal:
-            self.complain(f"Operator: {verb}: refused, {refusal}.")
+            self.complain(self.orders.line(command, f"refused, {refusal}"))
         else:
-            self.say(f"Operator: {verb}.")
+            self.say(self.orders.line(command))
             self._wake()
         return response
 
     def _skip_zone(self, _: Any) -> str:
         if not self.zone_manager.has_remaining():
             return "no zone is left"
-        self.zone_manager.abandon("the operator has skipped it")
-        self.orders.replanned = self.orders.has_skipped = True
+        zone_id, by = self.zone_manager.current_zone()["id"], self.orders.author
+        self.zone_manager.abandon(f"skipped by {by}")
+        self.orders.change_plan(f"{zone_id} was skipped by {by}", skips=True)
         return ""
 
     def _add_zone(self, request: Any) -> str:
@@ -99,7 +101,8 @@ class NotHeld(RosLeaf):
         if not self.fence.contains(pose.x, pose.y):
             return f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
         # On the way home already: the mission begins anew, with this zone.
-        self.orders.replanned = self.orders.replanned or not self.zone_manager.has_remaining()
+        if not self.zone_manager.has_remaining():
+            self.orders.change_plan(f"{zone_id} was added by {self.orders.author}")
         self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=pose.yaw))
         return ""
 

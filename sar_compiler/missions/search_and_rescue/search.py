@@ -21,7 +21,7 @@ from sar_compiler.missions import (
     clock_text,
 )
 from sar_compiler.missions.search_and_rescue.homing import Homing
-from sar_compiler.missions.search_and_rescue.orders import VERBS, OperatorOrders
+from sar_compiler.missions.search_and_rescue.orders import SENTENCES, VERBS, OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import (
     UNSEARCHED,
     DoneBefore,
@@ -104,6 +104,7 @@ class Search(MissionRun):
         if self.sweeps.grounds:
             self._identity["grounds"] = {name: list(ground) for name, ground in self.sweeps.grounds.items()}
         self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
+        self._zones_at_start = zones.total_zones()
         self._share(Journal(apply=self.apply))
 
     def greeting(self) -> list[str]:
@@ -197,7 +198,11 @@ class Search(MissionRun):
         orders, at_base = self.orders, BASE if self.record.home else ""
         place = self.record.zone or self.record.charging_at or at_base
         name = "aborted" if "abort" in orders.given else "held" if orders.held else ""
-        why = "by the operator" if name else "called home by the operator" if "recall" in orders.given else ""
+        why = ""
+        if name:
+            why = f"by {orders.given['abort' if name == 'aborted' else 'pause']}"
+        elif "go_home" in orders.given:
+            why = orders.said("go_home")
         if self.record.homing_for and place in (BASE, *self.zones.charging) and not name:
             name, why = "waiting", "for another battery"
         return MissionPhase(name, why, place)
@@ -292,9 +297,13 @@ class Search(MissionRun):
         """Return the number of zones."""
         return {"zones_left": self.zones.total_zones()}
 
+    def facts_added(self) -> dict[str, int]:
+        """Return how many zones commands have added since `facts` was asked first."""
+        return {"zones_left": self.zones.total_zones() - self._zones_at_start}
+
     def limits(self) -> dict[str, int]:
-        """Return that a sweep may have any number of pieces."""
-        return {"more_pieces": _ANY_NUMBER}
+        """Return that a sweep may have any number of pieces, and that any number of commands may be given."""
+        return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
     def verbs(self) -> Sequence[Verb]:
         """Return the orders that guarded trees heed."""
@@ -418,29 +427,19 @@ def _named(survivor: str, x: float, y: float, possibly: str | None = None) -> st
     return f"named {survivor} at {_at(x, y)}{f', possibly {possibly}' if possibly else ''}"
 
 
-def _judged(survivor: str, standing: str, same_as: str | None) -> str:
-    return f"the operator: {survivor} is {standing}{f' with {same_as}' if same_as else ''}"
-
-
 def _home_first(reason: str, to: str) -> str:
     return f"{reason}: {to or 'home'} first"
 
 
-# As people read them on the buttons.
-_ORDERS = {"hold": "pause", "release": "resume", "recall": "go home"}
-# More pieces than any sweep has.
+# More pieces than any sweep has, and more commands than anybody gives.
 _ANY_NUMBER = 1_000_000_000
 
 _SENTENCES: Mapping[str, Callable[..., str]] = {
-    "zone_added": lambda id, x, y, yaw: f"the operator: {id} was added at {_at(x, y)}",  # noqa: A006, ARG005
-    "area_drawn": lambda zone, polygon, **_more: (
-        f"the operator: the area {zone} was drawn, with {len(polygon)} corners"
-    ),
+    **SENTENCES,
     "zone_chosen": lambda zone: f"chose {zone}",
     "sweep_planned": _planned,
     "piece_swept": _piece_swept,
     "piece_skipped": lambda zone, piece, reason: f"skipped piece {piece + 1} of {zone}: {reason}",
-    "hint_given": lambda zone, ratio: f"the operator: a hint on {zone}, times {ratio:g}",
     "zone_started": lambda zone: f"set out for {zone}",
     "zone_searched": _searched,
     "survivor_unplaced": lambda zone, reason: f"somebody in {zone} at no usable position: {reason}",
@@ -448,11 +447,9 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     "zone_postponed": lambda zone: f"{zone} was postponed",
     "zone_abandoned": _abandoned,
     "survivor_named": _named,
-    "survivor_judged": _judged,
     "report_sent": lambda survivor: f"reported {survivor}",
     "report_kept": lambda survivor, **_place: f"the report of {survivor} is kept",
     "report_acknowledged": lambda survivor: f"base has acknowledged {survivor}",
-    "operator_ordered": lambda order: f"the operator: {_ORDERS.get(order, order)}",
     "home_first": lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005
     "charging_reached": lambda place: f"reached charging place {place}",
     "charged": lambda share: f"the battery is at {share:.0%}, and suffices",

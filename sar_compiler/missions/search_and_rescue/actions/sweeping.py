@@ -179,12 +179,10 @@ class PlanSweep(_PlanLeaf):
 
     def setup(self, **kwargs: Any) -> None:
         """Listen to the map, and to the operator."""
-        from sar_interfaces.srv import AddArea
-
         super().setup(**kwargs)
         extent = map_extent_of(self.node)
         drawn = DrawnAreas(self.zone_manager, self.sweeps, self.fence, extent.objection)
-        self.orders.offer(self.node, "add_area", AddArea, partial(self._on_area, drawn))
+        self.orders.offer(self.node, "add_area", partial(self._on_area, drawn))
 
     def shutdown(self) -> None:
         """Withdraw the service, and release the node."""
@@ -197,9 +195,9 @@ class PlanSweep(_PlanLeaf):
             response.success, response.message = True, drawn.take(request)
         except DrawingError as error:
             response.success, response.message = False, str(error)
-            self.complain(f"Operator: add_area: refused, {error}.")
+            self.complain(self.orders.line("add_area", f"refused, {error}"))
         else:
-            self.say(f"Operator: add_area: {response.message}.")
+            self.say(self.orders.line("add_area", response.message))
         return response
 
     def _begin(self, zone: str) -> Status:

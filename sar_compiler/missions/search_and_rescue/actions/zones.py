@@ -82,9 +82,7 @@ class ChooseZone(RosLeaf):
         self._release()
         super().setup(**kwargs)
         if self._zones.areas:
-            from sar_interfaces.srv import AddHint
-
-            self._orders.offer(self.node, "add_hint", AddHint, self._on_hint)
+            self._orders.offer(self.node, "add_hint", self._on_hint)
         if self._order != "listed":
             self._ways = PlannedWays(
                 self.node, self._zones, self._ways_timeout_sec, self._planner_id, self._wake
@@ -141,10 +139,10 @@ class ChooseZone(RosLeaf):
             refusal = f"there is no zone '{zone}' with a probability"
         response.success, response.message = not refusal, refusal or f"it counts for {zone}"
         if refusal:
-            self.complain(f"Operator: add_hint: refused, {refusal}.")
+            self.complain(self._orders.line("add_hint", f"refused, {refusal}"))
         else:
             self._zones.hint(zone, ratio)
-            self.say(f"Operator: add_hint: {zone}, times {ratio:g}.")
+            self.say(self._orders.line("add_hint", f"{zone}, times {ratio:g}"))
         return response
 
     def _choose(self, zone_id: str) -> Status:
