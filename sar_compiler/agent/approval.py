@@ -28,6 +28,7 @@ from sar_compiler.opener import (
 from sar_compiler.project import LoadedTree
 from sar_compiler.resources import state_folder
 from sar_compiler.tree.content import bytes_of, real_path
+from sar_compiler.tree.diagnostic import Source
 
 # The parameters of every ROS node, which say nothing of the mission.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
@@ -173,18 +174,17 @@ def revoke(file: Path) -> list[Approval]:
 
 
 class ApprovalCheck:
-    """Checks that a run is approved: first its tree, then the parameters that ROS has given to its node.
+    """Checks that a run is approved: first its tree, then the parameters that ROS has given to its node, and what it is watched for.
 
     Args:
         tree: The tree, as it was read.
         tree_id: The tree in the file; by default the one that the file executes.
         params: The parameter file that the command line names, for the messages.
-        properties: The file of properties that the run is watched for, if one is named.
+        properties: The file of properties that the command line names, likewise.
 
     Raises:
         ApprovalError: If the tree is not approved as it is; the message says what has changed, and how to approve it.
         TreeError: If it is malformed.
-        UnreadableFileError: If the file of properties cannot be read.
     """
 
     def __init__(
@@ -207,11 +207,18 @@ class ApprovalCheck:
             )
         self._approval = _read(record)
         self._refuse(_changed_files(_files_of(tree), self._approval.files))
-        if (
-            properties is not None
-            and _sum(read_file(properties, PROPERTIES).whole()) != self._approval.properties
-        ):
-            self._refuse([f"{properties} is not the file of properties that was approved"])
+
+    def require_properties(self, source: Source) -> None:
+        """Require that a run is watched for the properties that were approved.
+
+        Args:
+            source: The file of properties, as it was read.
+
+        Raises:
+            ApprovalError: If it is another one.
+        """
+        if _sum(bytes_of(source, source.text)) != self._approval.properties:
+            self._refuse([f"{source.path} is not the file of properties that was approved"])
 
     def require_parameters(self, parameters: Mapping[str, object], files: Mapping[str, FileContent]) -> None:
         """Require that a run has the parameters that were approved.

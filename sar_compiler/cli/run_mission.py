@@ -66,7 +66,7 @@ def run_mission(
     asked_for = list(companions_asked_for(options))  # what they lack is said before anything starts
     loaded = Workspace(additions(options), note=tell_note).load(options.tree)
     binding = loaded.binding(options.tree_id)
-    approval = _approval(options, loaded) if options.approved else None
+    options.approval = _approval(options, loaded) if options.approved else None
     require_classes(binding)
     mission = loaded.mission(binding)
     faults = parse_faults(options.fault, mission)
@@ -80,8 +80,8 @@ def run_mission(
         files = parameter_files(options.ros, options.params)
         reader = ParameterReader.of_files(flat_parameters(node), files, node.get_fully_qualified_name())
         run, parameters, notes = begin_run(mission, reader, binding)
-        if approval is not None:
-            approval.require_parameters(reader.parameters, reader.files)
+        if options.approval is not None:
+            options.approval.require_parameters(reader.parameters, reader.files)
         run_journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
         options.supervision.tell_journal(journal.place)

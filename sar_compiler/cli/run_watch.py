@@ -171,6 +171,8 @@ class RunWatch(Companion):
         )
         # Of a mission that goes on, the facts at the start have them already.
         self._added = self._run.mission.facts_added()
+        if options.approval is not None and given is not True and self._watch.file is not None:
+            options.approval.require_properties(self._watch.file.document.source)
         self._orders = _PropertyOrders(self._run, self._if_broken)
         declared = tree.origins.declared_answers()
         for number, behaviour in enumerate(pre_order(tree.root)):

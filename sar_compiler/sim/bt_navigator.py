@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from action_msgs.srv import CancelGoal
@@ -22,6 +21,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
+from sar_compiler.opener import is_file
 from sar_compiler.ros.faults import LOCALISATION, Fault, FaultPlan
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 from sar_compiler.sim.messages import from_pose, tell_state, to_duration, to_path, to_pose, to_stamp
@@ -528,7 +528,7 @@ class BtNavigator(NavigationServer):
         if goal.handle.is_cancel_requested:
             return DriveOutcome(DriveEnd.CANCELED)
         targets, here = [from_pose(each.pose) for each in goal.poses], self._localise()
-        if goal.tree and not Path(goal.tree).is_file():
+        if goal.tree and not is_file(goal.tree):
             return DriveOutcome(DriveEnd.ABORTED, text=f"there is no behaviour tree '{goal.tree}'")
         strange = next((each.header.frame_id for each in goal.poses if each.header.frame_id != _MAP), None)
         known = [each for each in targets if each is not None]

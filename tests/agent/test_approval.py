@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.agent.approval import ApprovalCheck, ApprovalError, approval_folder
+from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.project import load
 from tests.cli.running import run
 from tests.trees import write
@@ -40,6 +41,8 @@ def refusal(name, tree_id=None, params=None, properties=None, **changed):
     tree = load(name)
     try:
         check = ApprovalCheck(tree, tree_id, params, properties)
+        if properties is not None:
+            check.require_properties(read_property_file(properties).document.source)
         reader = tree.read_parameters(params, tree_id)
         check.require_parameters({**reader.parameters, **changed}, reader.files)
     except ApprovalError as error:

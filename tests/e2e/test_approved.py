@@ -40,6 +40,9 @@ def test_a_tree_runs_only_as_it_was_approved(start, tree, state, tmp_path):
     assert start("sar-compile", "approve", tree, *params, env=state).end() == 0
     assert fly(*params) == (0, "")
     assert fly("--ros-args", "-p", "tick_rate_hz:=9.0", "-p", "words:=[a, b]") == (0, "")
+    (tmp_path / "p.yaml").write_text("properties: {nobody sleeps: {never: Sleep}}\n", encoding="utf-8")
+    status, said = fly(*params, "--properties", tmp_path / "p.yaml")
+    assert (status, "p.yaml is not the file of properties that was approved" in said) == (2, True)
     tree.write_text(document("<AlwaysFailure/>"), encoding="utf-8")
     status, said = fly()
     assert (status, "tree.xml has changed; look at it, then: sar-compile approve" in said) == (2, True)

@@ -252,7 +252,6 @@ SURFACES = {
     "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
 }  # fmt: skip
 ELSEWHERE = {
-    "agent/approval.py:ApprovalCheck.__init__": "tests/agent/test_approval.py: only sar-run asks it",
     "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",
 }
 """Readers that no command line reaches, and who tries them."""
