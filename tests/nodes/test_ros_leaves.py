@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from sar_compiler.compiler.simulated_tree import compile_simulated
+from sar_compiler.errors import SarError
 from sar_compiler.nodes import ros_leaves
 from sar_compiler.project import load
 from tests.trees import document
@@ -126,3 +128,16 @@ def test_a_key_in_braces_is_the_whole_request_and_braces_around_fields_are_yaml(
     assert findings(key, tmp_path) == []
     (found,) = findings(f'<RosService service="a" {BOOL} request="{{data: [}}"/>', tmp_path)
     assert "is no YAML" in found[2]
+
+
+def test_a_simulated_run_says_which_leaf_writes_a_key_that_it_reads(tmp_path: Path) -> None:
+    path = tmp_path / "tree.xml"
+    leaf = f'<RosAction name="Go" action="a" {POSES} fields="error_code: {{code}}"/>'
+    path.write_text(
+        document(f'<Sequence>{leaf}<ScriptCondition code="code == 0"/></Sequence>'), encoding="utf-8"
+    )
+    tree = compile_simulated(load(path, models=["ros:jazzy"]).binding(), {})
+    with pytest.raises(SarError) as raised:
+        tree.root.tick_once()
+    said = "'Go' writes 'code' when it runs, and nothing says what it writes here: answers: {Go: [{status: SUCCESS, then: \"code := ...\"}]}"
+    assert tree.explain(raised.value).endswith(said)
