@@ -70,7 +70,7 @@ def test_a_run_has_ended_although_what_it_has_begun_holds_its_output_open(tmp_pa
     )
     status, end = ended.get(timeout=60.0)
     os.kill(int(told.get(timeout=5.0)), signal.SIGKILL)
-    assert (status, end.outcome) == (1, "IDLE")
+    assert (status, end.outcome) == (2, "IDLE")
 
 
 def test_a_payload_names_parameters_one_below_the_other():
