@@ -312,8 +312,7 @@ class TreeRun:
         told = self._parameters.set_initial_pose and (not unmoved or self.simulation is not None)
         if is_resumed and not told and Use.nav2() in self.tree.uses():
             self._node.get_logger().info(
-                "The localisation is not told where the robot is, which has driven since the start. If it was started anew, "
-                "give it the pose (in RViz: 2D Pose Estimate)."
+                "The localisation is not told where the robot is, which has driven since the start."
             )
         readiness = self._readiness(with_pose=told)
         limit_sec = self._parameters.startup_timeout_sec

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -52,10 +53,10 @@ class Endpoint:
     """A name that a program uses, and how.
 
     Attributes:
-        kind: `action`, `service`, `topic` or `node` (a lifecycle node).
+        kind: `action`, `service`, `topic` (which others publish), `listeners` (to a topic) or `node` (a lifecycle node).
         name: The name as it is written, mostly relative.
         type_name: Its type, `package/srv/Name`; empty for any.
-        qos: The quality of service of each subscription to a topic.
+        qos: The quality of service of each subscription to a topic; for listeners, of what is published.
         attribute: The attribute of a tree file in which the name can be written; empty if there is none.
     """
 
@@ -101,7 +102,8 @@ class GraphAnswer:
     @property
     def title(self) -> str:
         """Its kind and name."""
-        return f"{self.endpoint.kind} {with_full_name(self.endpoint.name, self.full_name)}"
+        kind = "topic" if self.endpoint.kind == "listeners" else self.endpoint.kind
+        return f"{kind} {with_full_name(self.endpoint.name, self.full_name)}"
 
     @property
     def hint(self) -> str:
@@ -198,8 +200,7 @@ class RosGraph:
 
     def contested_topics(self) -> list[str]:
         """Describe each topic in sight of which one source is meant, and that several nodes publish."""
-        publishing = self._cached("publishing", self._find_publishing)
-        several = {topic: nodes for topic, nodes in publishing.items() if len(nodes) > 1}
+        several = {topic: nodes for topic, nodes in self._publishing().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
             f"topic {topic}: published by {names_in_words(sorted(nodes))}; stop all but one"
@@ -287,7 +288,7 @@ class RosGraph:
         return space != own and is_there
 
     def _ask(self, endpoint: Endpoint) -> GraphAnswer:
-        if endpoint.kind == "topic":
+        if endpoint.kind in ("topic", "listeners"):
             return self._ask_topic(endpoint)
         suffix = {"action": _GOAL_SERVICE, "node": _STATE_SERVICE}.get(endpoint.kind, "")
         service = self._node.resolve_service_name(f"{endpoint.name}{suffix}")
@@ -309,21 +310,25 @@ class RosGraph:
 
     def _ask_topic(self, endpoint: Endpoint) -> GraphAnswer:
         full = self._node.resolve_topic_name(endpoint.name)
-        infos = self._infos(full)
+        hears = endpoint.kind == "listeners"
+        infos = self._infos(full, hears=hears)
         if not infos:
-            return self._absent(endpoint, full, "no publisher")
-        problem = _wrong_type("published", {each.topic_type for each in infos}, endpoint.type_name)
-        return GraphAnswer(
-            endpoint, full, self.publishers(full), problem or _unheard(infos, endpoint.qos), is_there=True
-        )
+            return self._absent(endpoint, full, "no subscriber" if hears else "no publisher")
+        how = "it is there" if hears else "published"
+        problem = _wrong_type(how, {each.topic_type for each in infos}, endpoint.type_name)
+        unheard = _unheard(infos, endpoint.qos, hears=hears)
+        nodes = tuple(sorted({_node_of(each) for each in infos}))
+        return GraphAnswer(endpoint, full, nodes, problem or unheard, is_there=True)
 
     def _absent(self, endpoint: Endpoint, full: str, problem: str) -> GraphAnswer:
-        there = {
+        find: dict[str, Callable[[], dict[str, set[str]]]] = {
             "action": self._actions,
             "service": self._services,
             "topic": self._topics,
+            "listeners": partial(self._topics, hears=True),
             "node": self._lifecycle_nodes,
-        }[endpoint.kind]()
+        }
+        there = find[endpoint.kind]()
         same = _same_elsewhere(endpoint, full, there)
         near = same or _nearest_names(endpoint, full, self._node.get_namespace(), there)
         return GraphAnswer(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
@@ -360,7 +365,7 @@ class RosGraph:
     def _find_transforms(self) -> str:
         here, space = self._node.resolve_topic_name("/tf"), self._node.get_namespace().rstrip("/")
         heard, localisers = set(self.publishers("/tf")), set(self.publishers("amcl_pose"))
-        for topic, nodes in sorted(self._cached("publishing", self._find_publishing).items()):
+        for topic, nodes in sorted(self._publishing().items()):
             if not topic.endswith("/tf") or topic == here:
                 continue
             # With other robots on the topic, it counts where the nodes of this one publish.
@@ -378,32 +383,49 @@ class RosGraph:
             )
         return ""
 
-    def _infos(self, topic: str) -> list[Any]:
-        """Return the publishers of other nodes on a topic that this node uses, by its full name."""
-        return self._cached((topic, "infos"), lambda: self._find_infos(topic))
+    def _infos(self, topic: str, *, hears: bool = False) -> list[Any]:
+        """Return the publishers (or subscriptions) of other nodes on a topic that this node uses, by its full name."""
+        return self._cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
 
-    def _find_infos(self, topic: str) -> list[Any]:
+    def _find_infos(self, topic: str, *, hears: bool) -> list[Any]:
+        from rclpy.duration import Duration, Infinite
+
+        node = self._node
         # rclpy remaps the name here (contrary to what it says, and to `count_publishers`): a foreign name could become another one.
-        infos = self._node.get_publishers_info_by_topic(topic)
+        infos = (node.get_subscriptions_info_by_topic if hears else node.get_publishers_info_by_topic)(topic)
+        for qos in (each.qos_profile for each in infos):
+            # The graph says infinite for no limit, which `qos_check_compatible` takes for one.
+            if qos.deadline == Infinite:
+                qos.deadline = Duration()
+            if qos.liveliness_lease_duration == Infinite:
+                qos.liveliness_lease_duration = Duration()
         return [each for each in infos if _node_of(each) != self._own]
 
-    def _find_publishing(self) -> dict[str, dict[str, set[str]]]:
-        """Return the topics on which other nodes publish, with these nodes, and the types of each."""
+    def _publishing(self, *, hears: bool = False) -> dict[str, dict[str, set[str]]]:
+        """Return the topics on which other nodes publish (or to which they subscribe), with these nodes, and the types of each."""
+        return self._cached(("nodes", hears), lambda: self._find_publishing(hears=hears))
+
+    def _find_publishing(self, *, hears: bool) -> dict[str, dict[str, set[str]]]:
         from rclpy.node import NodeNameNonExistentError
 
+        find = (
+            self._node.get_subscriber_names_and_types_by_node
+            if hears
+            else self._node.get_publisher_names_and_types_by_node
+        )
         found: dict[str, dict[str, set[str]]] = {}
         for name, space in self._node.get_node_names_and_namespaces():
             node = f"{space.rstrip('/')}/{name}"
             if node == self._own or name == UNKNOWN_NODE:
                 continue
             with suppress(NodeNameNonExistentError):  # it has gone meanwhile
-                for topic, types in self._node.get_publisher_names_and_types_by_node(name, space):
+                for topic, types in find(name, space):
                     found.setdefault(topic, {}).setdefault(node, set()).update(types)
         return found
 
-    def _topics(self) -> dict[str, set[str]]:
-        """Return the topics on which other nodes publish, with their types."""
-        publishing = self._cached("publishing", self._find_publishing)
+    def _topics(self, *, hears: bool = False) -> dict[str, set[str]]:
+        """Return the topics on which other nodes publish (or to which they subscribe), with their types."""
+        publishing = self._publishing(hears=hears)
         return {
             topic: set().union(*nodes.values()) for topic, nodes in publishing.items() if "/_" not in topic
         }
@@ -482,38 +504,19 @@ def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
 
     It is empty for a topic that is there, and whose messages reach the leaf.
     """
-    use = Use(kind, name)
-    answer = ros_graph(node).ask(declared_endpoints(leaf).get(use, Endpoint(kind, name)))
+    endpoint = declared_endpoints(leaf).get(Use(kind, name), Endpoint(kind, name))
+    return explain_endpoint(node, endpoint)
+
+
+def explain_endpoint(node: "Node", endpoint: Endpoint) -> str:
+    """Return the end of a sentence about an endpoint that is not reached, as `explain_absence` does."""
+    answer = ros_graph(node).ask(endpoint)
     if answer.is_there:
-        connected = "" if kind == "topic" else "it is there, and not connected yet"
+        connected = "" if endpoint.kind == "topic" else "it is there, and not connected yet"
         problem = answer.problem or connected
         return problem and f"; {problem}"
-    return answer.explanation or f"; no node {'publishes it' if kind == 'topic' else 'serves it'}"
-
-
-def explain_unmatched(node: "Node", topic: str, type_name: str, offered: "QoSProfile") -> str:
-    """Return why no subscription of a topic matches a publisher, as the end of a sentence; empty if there is none.
-
-    Args:
-        node: The node of the publisher.
-        topic: The topic's name.
-        type_name: The full name of the publisher's type.
-        offered: The publisher's quality of service.
-    """
-    from rclpy.qos import QoSProfile
-
-    infos = node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
-    wrong = _wrong_type("it is there", {each.topic_type for each in infos}, type_name)
-    if wrong:
-        return f"; {wrong}"
-    for each in infos:
-        # Without the limits of time, which the graph says to be infinite, and rclpy then takes for limits.
-        asked = each.qos_profile
-        wanted = QoSProfile(depth=1, reliability=asked.reliability, durability=asked.durability)
-        if reason := _incompatibility(offered, wanted):
-            fitting = next(name for name in NAMED_QOS if not _incompatibility(qos_profile("", name), wanted))
-            return f'; no message reaches {_node_of(each)} ({reason}): write qos="{fitting}"'
-    return ""
+    nobody = {"topic": "; no node publishes it", "listeners": ""}.get(endpoint.kind, "; no node serves it")
+    return answer.explanation or nobody
 
 
 def with_full_name(name: str, resolved: str) -> str:
@@ -552,18 +555,29 @@ def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
     )
 
 
-def _unheard(infos: Sequence[Any], subscriptions: Iterable["QoSProfile"]) -> str:
-    """Describe that no message of any publisher reaches a subscription, with the quality of service to write; empty if some do."""
-    for wanted in subscriptions:
-        reasons = [(each, _incompatibility(each.qos_profile, wanted)) for each in infos]
-        if reasons and all(reason for _, reason in reasons):
-            info, reason = reasons[0]
-            fitting = next(
-                name
-                for name in reversed(NAMED_QOS)
-                if not any(_incompatibility(each.qos_profile, qos_profile("", name)) for each in infos)
-            )
-            return f'no message of {_node_of(info)} arrives ({reason}): write qos="{fitting}"'
+def _unheard(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) -> str:
+    """Describe that no message passes between this node and any other, with the quality of service to write; empty if some do.
+
+    Args:
+        infos: The publishers of others, or their subscriptions.
+        own: The qualities of service of this node.
+        hears: Whether the others hear, and this node publishes.
+    """
+
+    def obstacle(other: Any, mine: "QoSProfile") -> str:
+        there = other.qos_profile
+        return _incompatibility(mine, there) if hears else _incompatibility(there, mine)
+
+    for mine in own:
+        reasons = [(each, obstacle(each, mine)) for each in infos]
+        if not reasons or not all(reason for _, reason in reasons):
+            continue
+        # The most demanding that all publishers offer; the least demanding that suffices for all subscribers.
+        names = list(NAMED_QOS) if hears else list(reversed(NAMED_QOS))
+        fits = [name for name in names if not any(obstacle(each, qos_profile("", name)) for each in infos)]
+        info, reason = reasons[0]
+        what = f"no message reaches {_node_of(info)}" if hears else f"no message of {_node_of(info)} arrives"
+        return f'{what} ({reason}): write qos="{fits[0]}"' if fits else f"{what} ({reason})"
     return ""
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import pytest
 
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.graph_queries import Endpoint, RosGraph, names_in_words, ros_graph
+from sar_compiler.ros.graph_queries import Endpoint, RosGraph, explain_endpoint, names_in_words, ros_graph
 from sar_compiler.runtime.ports import Input
 from tests.ros.conftest import Ros
 
@@ -883,6 +883,28 @@ class TestLeaves:
         robots.publish(driver, "/battery_state", BATTERY)
         says("")
         leaf.shutdown()
+
+    @pytest.mark.parametrize(
+        ("topic", "qos", "said"),
+        [
+            ("/tb1/battery_state", {},
+             ('; there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
+             "`--ros-args -r /battery_state:=/tb1/battery_state`")),
+            ("/battery_state", {"durability": "transient_local"},
+             ("; no message reaches /display (volatile publisher and transient local subscription): "
+             'write qos="transient_local"')),
+        ],
+    )  # fmt: skip
+    def test_a_leaf_that_publishes_says_why_nothing_hears_it(
+        self, robots: Robots, topic: str, qos: dict[str, Any], said: str
+    ) -> None:
+        from sensor_msgs.msg import BatteryState
+
+        display = robots.node("/display")
+        display.create_subscription(BatteryState, topic, lambda _: None, qos_of(**qos))
+        mission = robots.node("/mission")
+        asked = Endpoint("listeners", "/battery_state", BATTERY, (qos_of(),), "topic")
+        robots.until(lambda: explain_endpoint(mission, asked) == said, said)
 
     def test_a_leaf_without_a_server_says_where_one_is(self, robots: Robots) -> None:
         from sar_compiler.ros.leaves.by_attributes import RosService

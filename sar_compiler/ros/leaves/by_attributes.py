@@ -26,7 +26,7 @@ from sar_compiler.nodes.ros_interfaces import (
 from sar_compiler.nodes.values import ConversionError, Seconds
 from sar_compiler.ros.clock import Deadline, deadline_clock
 from sar_compiler.ros.frames import FrameTree, Transform, frame_tree
-from sar_compiler.ros.graph_queries import explain_unmatched
+from sar_compiler.ros.graph_queries import Endpoint, explain_endpoint
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.client_leaf import ServiceLeaf
 from sar_compiler.ros.leaves.goals import ABORTED, CANCELED, SUCCEEDED, ActionPort, describe_status
@@ -603,7 +603,8 @@ class RosPublish(RosLeaf):
             self.feedback_message = f"waiting for a subscriber of '{topic}'"
             if not self._deadline.passed:
                 return Status.RUNNING
-            why = explain_unmatched(self.node, topic, self._type, qos_profile(self.name, self._qos))
+            qos = qos_profile(self.name, self._qos)
+            why = explain_endpoint(self.node, Endpoint("listeners", topic, self._type, (qos,), "topic"))
             self.complain(f"'{self.name}': no subscriber of '{topic}' within {self.timeout_sec:g} s{why}")
             return Status.FAILURE
         self._publisher.publish(self._sent.message(self._publisher.msg_type))
