@@ -402,11 +402,15 @@ class Readiness:
             partial(self._missing_endpoint, each) for each in self._endpoints if each.kind != "node"
         ]
 
+    @property
+    def _is_robot_elsewhere(self) -> bool:
+        """Whether the localisation is there under another name, which explains all the rest."""
+        return bool(self._graph.ask(Endpoint("node", NAV2_NODES[0])).elsewhere)
+
     def _localisation_conflict(self) -> str | None:
-        # A localisation that is elsewhere is named as such.
-        localiser = self._graph.ask(Endpoint("node", NAV2_NODES[0]))
-        is_elsewhere = not localiser.is_there and bool(localiser.elsewhere)
-        return None if is_elsewhere else robot_estimate(self.node).localisation_conflict() or None
+        if self._is_robot_elsewhere:
+            return None
+        return robot_estimate(self.node).localisation_conflict() or None
 
     def _missing_endpoint(self, endpoint: Endpoint) -> str | None:
         return self._graph.ask(endpoint).line
@@ -460,7 +464,7 @@ class Readiness:
         """Log what does not keep the mission from starting, and may be wrong: several sources, or a clock that is not used."""
         topics = [each.name for each in self._endpoints if each.kind == "topic"]
         lines = [self._graph.unused_clock()]
-        if self.uses_nav2:
+        if self.uses_nav2 and not self._is_robot_elsewhere:
             topics += ["map", "amcl_pose", _ODOMETRY.name]
             odometry = self._graph.ask(_ODOMETRY)
             lines.append(
