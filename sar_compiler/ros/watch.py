@@ -164,7 +164,6 @@ _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
 _ANOTHER = "another process has to go on (--resume; by itself with --supervise)"
 # So long after a node of Nav2 has died its lifecycle manager brings it back, seconds (bond_respawn_max_duration): later, somebody else must.
 _RESPAWN_SEC = 12.0
-_STARTS_UP = 'nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"'
 # Less turning than this is none for AMCL either (its update_min_a), radians.
 _TURNED = 0.2
 
@@ -338,20 +337,10 @@ class _Localisation:
             since = self._unconfigured_since.setdefault(each.name, now)
             if now - since >= _RESPAWN_SEC:
                 self._unconfigured_since[each.name] = math.inf  # once
-                yield f"{each.name} was started again and is not configured: {self._start_up(each.name)}"
-
-    def _start_up(self, name: str) -> str:
-        """Return the command by which the lifecycle manager of a node starts its nodes up."""
-        part = "localization" if name == NAV2_NODES[0] else "navigation"
-        own = self._node.get_namespace()
-        managers = [
-            f"{namespace.rstrip('/')}/{each}"
-            for each, namespace in self._node.get_node_names_and_namespaces()
-            if each.startswith("lifecycle_manager") and namespace == own
-        ]
-        managers.sort(key=lambda each: part not in each)
-        manager = managers[0] if managers else f"{own.rstrip('/')}/lifecycle_manager_{part}"
-        return f"ros2 service call {manager}/manage_nodes {_STARTS_UP}"
+                name = self._node.resolve_service_name(f"{each.name}/get_state").removesuffix("/get_state")
+                # Not the lifecycle manager: of 1.3.13 it waits for ever for an answer of the process that has died.
+                steps = " && ".join(f"ros2 lifecycle set {name} {step}" for step in ("configure", "activate"))
+                yield f"{each.name} was started again and is not configured: {steps}"
 
     def _look_for_new_localizer(self) -> Iterable[str]:
         """Find out whether another process localises, and has no pose yet: neither one nor a transform has come of it."""

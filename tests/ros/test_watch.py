@@ -141,13 +141,10 @@ def test_a_node_that_stays_unconfigured_is_named_once_with_the_command_that_star
 
     monkeypatch.setattr(watch, "_RESPAWN_SEC", 0.3)
     scene.begin()
-    managers = [scene.ros.node(f"lifecycle_manager_{part}") for part in ("localization", "navigation")]
-    names = managers[0].get_node_names
-    scene.ros.spin_until(lambda: {each.get_name() for each in managers} <= {*names()}, "the managers")
     scene.nav2.navigator = "unconfigured"
     line = (
-        "bt_navigator was started again and is not configured: ros2 service call "
-        '/lifecycle_manager_navigation/manage_nodes nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"'
+        "bt_navigator was started again and is not configured: ros2 lifecycle set /bt_navigator configure && "
+        "ros2 lifecycle set /bt_navigator activate"
     )
     scene.until(lambda: scene.said.has(line), "the remedy")
     scene.nav2.navigator = "active"
