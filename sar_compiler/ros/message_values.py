@@ -33,6 +33,8 @@ FARTHEST_M = 100_000.0
 _ROTATION_TOLERANCE, TRANSFORM_TOLERANCE = 0.1, 0.01
 # Rounding of a number in single precision, as a share of it.
 _ROUNDING = 1e-6
+# Of x, y and yaw in the covariance of a pose; localisations in the plane say nothing of the others.
+_PLANAR_VARIANCES = (0, 7, 35)
 # AMCL stamps its transforms a second ahead, and clocks of two machines differ a little. A simulated clock and messages come late: at 50
 # times the machine's speed, half a second of the machine is 25 s.
 _APART_SEC, _SIMULATED_APART_SEC = 2.0, 30.0
@@ -194,11 +196,15 @@ def check_field(message: Any, name: str, path: str = "") -> Any:
 
 def _check_covariance(values: Sequence[float], path: str) -> None:
     side = math.isqrt(len(values))
-    variances = [float(values[index * (side + 1)]) for index in range(side)]
-    if variances and variances[0] == -1.0:
+    if side and values[0] == -1.0:
         raise UnusableValueError(f"{path} begins with -1: the sensor does not measure it")
-    for variance in variances:
-        _POSITIVE.check(f"a variance of {path}", variance)
+    for index in range(side):
+        _check_variance(float(values[index * (side + 1)]), path)
+
+
+def _check_variance(variance: float, path: str) -> None:
+    # Filters leave less than nothing by rounding.
+    _POSITIVE.check(f"a variance of {path}", 0.0 if -_ROUNDING <= variance < 0.0 else variance)
 
 
 def read_field(message: Any, path: str) -> Any:
@@ -293,7 +299,8 @@ def localised_pose(message: Any, node: "Node") -> PlanarPose:
             "the pose", message, MAP_FRAME, "another robot's? Or set the localisation's global_frame_id"
         )
     stamp_age(message.header.stamp, node)
-    _check_covariance(message.pose.covariance, "the covariance")
+    for index in _PLANAR_VARIANCES:
+        _check_variance(float(message.pose.covariance[index]), "the covariance")
     return planar_pose(message.pose.pose)
 
 

@@ -135,6 +135,14 @@ def test_a_pose_that_is_none_is_reported_and_the_last_one_stays(
     assert robot.estimate.pose_problem == ""
 
 
+def test_a_variance_that_is_rounded_below_zero_or_not_of_the_plane_harms_nothing(robot: Robot) -> None:
+    def change(message: Any) -> None:
+        message.pose.covariance[0], message.pose.covariance[14] = -1e-12, math.nan
+
+    robot.until(lambda: robot.pose(change), lambda: robot.estimate.pose, "the pose")
+    assert robot.warnings == []
+
+
 def test_a_robot_that_stands_has_said_so_long_ago(robot: Robot) -> None:
     robot.until(lambda: robot.pose(stamped(-DAY_SEC)), lambda: robot.estimate.pose, "an old pose")
     assert robot.warnings == []
