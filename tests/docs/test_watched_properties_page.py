@@ -9,5 +9,5 @@ PAGE = Path("docs/watched_properties.md").resolve()
 
 def test_the_page_about_watched_flights_does_what_it_says(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
-    assert typed == 2
+    assert typed == 3
     assert otherwise == [], "\n".join(otherwise)
