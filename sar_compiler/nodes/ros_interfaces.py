@@ -230,6 +230,7 @@ def field_type(text: str) -> FieldType:
     return FieldType(text, found["base"], is_list, length, size, most)
 
 
+@functools.cache
 def fields_of(cls: Any) -> dict[str, FieldType]:
     """Return the types of a message's fields by their names; without the one that stands for none."""
     kinds: Mapping[str, str] = cls.get_fields_and_field_types()
@@ -253,6 +254,7 @@ def constants_of(cls: Any) -> dict[str, object]:
     return {name: getattr(cls, name) for name in named if not name.endswith("__DEFAULT")}
 
 
+@functools.cache
 def _package_constants(cls: Any) -> dict[str, object]:
     """Return the constants of all messages of a message's package; without those of one name and two values."""
     found: dict[str, object] = {}
@@ -301,7 +303,8 @@ class Filler:
         Raises:
             InterfaceError: If a field is not there, or its value does not fit.
         """
-        kinds = fields_of(type(message))
+        cls: Any = type(message)
+        kinds = fields_of(cls)
         # From Jazzy on messages look at the types of their fields only where they are told to.
         if hasattr(message, "_check_fields"):
             message._check_fields = True  # noqa: SLF001 - rosidl's own switch
@@ -327,7 +330,8 @@ class Filler:
 
     def _value(self, message: Any, name: str, value: FieldValue, where: str) -> Any:
         """Return what a field of a message is set to."""
-        kind = fields_of(type(message))[name]
+        cls: Any = type(message)
+        kind = fields_of(cls)[name]
         if not kind.is_list:
             return self._single(message, kind, value, where)
         if isinstance(value, Scalar) and isinstance(value.value, bytes) and kind.base in ("uint8", _BYTE):
@@ -354,7 +358,8 @@ class Filler:
             return found
         hint = suggestion = None
         if isinstance(value, Scalar) and isinstance(value.value, str) and kind.base not in _TEXTS:
-            suggestion = nearest(value.text, {**constants_of(type(owner)), **_package_constants(type(owner))})
+            cls: Any = type(owner)
+            suggestion = nearest(value.text, {**constants_of(cls), **_package_constants(cls)})
         if isinstance(value, Scalar) and value.value is None:
             hint = "write '' for an empty text" if kind.base in _TEXTS else "leave it out for its default"
         raise _misfit(where, value, kind.value_label, suggestion=suggestion, hint=hint)
