@@ -116,12 +116,12 @@ class Budget:
         thread = threading.Thread(target=outcome.work_out, args=(work,), name="analysis", daemon=True)
         while True:
             try:
+                if self.is_spent() and self._is_left_behind():
+                    return cast("T", self._last_published())
                 if thread.ident is None:
                     thread.start()
                 if outcome.is_there.wait(_POLL_SEC):
                     break
-                if self.is_spent() and self._is_left_behind():
-                    return cast("T", self._last_published())
             except KeyboardInterrupt:
                 if self.is_interrupted:
                     raise

@@ -14,6 +14,7 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 from rclpy.task import Future
 
+from sar_compiler.budget import Budget
 from sar_compiler.cli.companions import Companions, RunSetup
 from sar_compiler.commands import ADRIFT, FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree
@@ -84,6 +85,8 @@ def end_condition(setup: RunSetup) -> EndCondition:
 _MAP = "map"
 # How long a map that somebody publishes may take to come, once everything else is there.
 _MAP_DEADLINE_SEC = 5.0
+# A thousand places on a large map take minutes.
+_MOST_PLANNING_SEC = 30.0
 # The least of an area that is told of where it lies beyond the map, square metres.
 _LEAST_TOLD_M2 = 0.1
 
@@ -108,13 +111,14 @@ class RouteReport:
         self._radius, self._speed = parameters.robot_radius_m, parameters.cruise_speed_mps
         stops = mission.route()
         planner = Planner(occupancy, self._radius) if stops else None
-        legs = plan_route(planner, (x, y), stops, mission.allows) if planner is not None else []
+        budget = Budget(_MOST_PLANNING_SEC)
+        legs = plan_route(planner, (x, y), stops, mission.allows, budget) if planner is not None else []
         self.lines = self._table(legs) if legs else []
         besides = [
             leg
             for place in mission.may_visit()
             if planner is not None
-            for leg in plan_route(planner, (x, y), [place], mission.allows)
+            for leg in plan_route(planner, (x, y), [place], mission.allows, budget)
         ]
         self.lines += [f"  {leg.name}, from the start: {self._way(leg.distance).strip()}" for leg in besides]
         self.problems = [
@@ -122,6 +126,9 @@ class RouteReport:
             for leg in (*legs, *besides)
             if leg.trouble
         ]
+        if unplanned := len(stops) - len(legs):
+            reason = f"planning takes more than {_MOST_PLANNING_SEC:g} s of a processor"
+            self.problems.append(f"{unplanned} of {len(stops)} places were not looked at: {reason}.")
         if legs and not mission.allows(x, y):
             self.problems.insert(0, f"The start ({x:.2f}, {y:.2f}) is outside the geofence.")
         limit, seconds = parameters.time_limit_sec, _distance(legs) / self._speed

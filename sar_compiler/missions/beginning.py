@@ -1,6 +1,6 @@
 """Beginning a run: what the parameters of its node say of the mission, of the run and of the tree."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from sar_compiler.ros.parameter_reader import (
     read_run,
     unread_files,
 )
+from sar_compiler.runtime.expressions import name_uses
 
 # The node of a tree that belongs to no mission.
 _PLAIN_NODE_NAME = "sar_run"
@@ -58,7 +59,7 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
             f"the mission '{mission.name}' reads the file of {min(unlisted)}: list it in path_parameters"
         )
     own = mission.parameter_names if mission is not None else ()
-    keys = (key.removeprefix("@") for key in _keys(binding))
+    keys = (key.removeprefix("@") for key in (*_keys(binding), *_script_keys(binding)))
     names = (*RUN_PARAMETER_NAMES, *own, *keys)
     slips = lookalikes(reader.parameters, names, reader.place_of)
     return Beginning(run, parameters, (*slips, *unread_files(reader, names), *reader.notes))
@@ -94,3 +95,9 @@ def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 def _keys(binding: Binding) -> list[str]:
     return [key for bound in binding.nodes() for key in bound.keys.values()]
+
+
+def _script_keys(binding: Binding) -> Iterator[str]:
+    for bound in binding.nodes():
+        for _, script in bound.scripts():
+            yield from (use.name for use in name_uses(script) if use.name.startswith("@"))

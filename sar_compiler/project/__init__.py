@@ -568,8 +568,8 @@ class LoadedTree:
 
         if params is None or isinstance(params, StartValues):
             return params or StartValues()
-        values, reader, begun = self._begun(Path(params), binding)
-        for text in filter(None, (reader.elsewhere, *begun.notes)):
+        values, _, begun = self._begun(Path(params), binding)
+        for text in begun.notes:
             self._note(text if text.startswith(f"{params}:") else f"{params}: {text}")
         return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)
 

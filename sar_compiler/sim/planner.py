@@ -12,6 +12,7 @@ from scipy.ndimage import distance_transform_edt, label, uniform_filter1d
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from sar_compiler.budget import Budget
 from sar_compiler.errors import SarError
 from sar_compiler.sim.follower import Path2D
 from sar_compiler.sim.geometry import Pose2D
@@ -313,17 +314,21 @@ def plan_route(
     start: tuple[float, float],
     stops: Sequence[tuple[str, float, float]],
     allowed: Callable[[float, float], bool] = lambda _x, _y: True,
+    budget: Budget | None = None,
 ) -> list[Leg]:
-    """Plan the way from place to place; one that cannot be reached is passed over.
+    """Plan the way from place to place, as far as a budget goes; one that cannot be reached is passed over.
 
     Args:
         planner: The planner, with the map and the robot's size.
         start: Where the robot begins: x and y in metres, frame `map`.
         stops: The names and positions of the places, in the order of their visit.
         allowed: Whether the robot may be at a position.
+        budget: What all of it may take.
     """
-    here, legs = Pose2D(*start), []
+    here, legs, budget = Pose2D(*start), [], budget or Budget()
     for name, x, y in stops:
+        if budget.is_spent():
+            break
         there = Pose2D(x, y)
         try:
             path = planner.plan(here, there)

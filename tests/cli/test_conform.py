@@ -123,6 +123,12 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
     assert "not judged: the tree has nodes other than those that ran; it is of 'Main' of " in out
 
 
+def test_a_flight_for_which_the_budget_does_not_suffice_is_not_judged(conform, flight):
+    status, out, _ = conform(flight(), options=("--max-memory", "1"))
+    assert status == 1
+    assert "not judged: nothing is known yet: stopped at 1 MB of memory; --max-memory allows more" in out
+
+
 def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):
     status, out, _ = conform(flight(tree_id="Elsewhere"))
     assert status == 1

@@ -43,6 +43,12 @@ def test_it_tells_people_what_would_have_succeeded(why):
     )
 
 
+def test_where_the_budget_does_not_suffice_the_reasons_are_told_without_it(why):
+    told = why("--max-memory", "1")
+    assert told.startswith(why().partition("\nIt would have succeeded")[0])
+    assert "is not known: nothing is known yet: stopped at 1 MB of memory; --max-memory allows more" in told
+
+
 def test_it_tells_scripts_what_would_have_succeeded(why):
     change = json.loads(why("--format", "json"))["counterfactual"]
     assert (change["tick"], change["unusual"], change["then"]) == (1, 0, [])

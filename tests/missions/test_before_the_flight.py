@@ -53,6 +53,13 @@ class TestTheReport:
         occupancy = read_map(Path("maps/disaster_zone.yaml"))
         return RouteReport(mission, RunParameters(**parameters), occupancy)
 
+    def test_places_for_which_no_time_is_left_are_counted(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("sar_compiler.cli.run_mission_tree._MOST_PLANNING_SEC", 0.0)
+        report = self.report(begun())
+        assert report.lines == []
+        [problem] = report.problems
+        assert problem.startswith("3 of 3 places were not looked at: planning takes more than 0 s")
+
     def test_each_leg_has_its_distance_and_its_time_at_the_cruise_speed(self) -> None:
         lines = self.report(begun(), cruise_speed_mps=0.5).lines
         assert lines[0] == "The way on the map (estimated; robot radius 0.22 m, 0.5 m/s):"
