@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import signal
 import subprocess
@@ -179,6 +180,10 @@ class TestReporting:
             "Report received: survivor_1 at (-2.50, 3.20). Acknowledged.",
         ]
         assert said.has("survivor_1", "'map'")
+
+    @pytest.mark.parametrize(("x", "y"), [(math.nan, 0.0), (0.0, math.inf), (-math.inf, math.nan)])
+    def test_does_not_acknowledge_a_report_at_no_position(self, ros: Ros, x: float, y: float) -> None:
+        assert not self.serve(ros).report("survivor_1", x, y)
 
     @pytest.mark.parametrize("frame", ["odom", "", "/map"])
     def test_does_not_acknowledge_a_report_in_another_frame(self, ros: Ros, said: Said, frame: str) -> None:

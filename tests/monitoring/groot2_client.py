@@ -15,7 +15,7 @@ class Client:
     """Asks a publisher, and hears what it tells by itself."""
 
     def __init__(self, port):
-        self._context = zmq.Context()
+        self._context, self._port = zmq.Context(), port
         self._asking = self._socket(zmq.REQ, port)
         self._hearing = self._socket(zmq.SUB, port + 1)
         self._hearing.setsockopt(zmq.SUBSCRIBE, b"")
@@ -52,6 +52,16 @@ class Client:
         word, text = self.send(*frames)
         assert word == b"error"
         return text.decode()
+
+    def is_disconnected_by(self, *frames):
+        """Send frames as they are, by a connection of their own, and wait until the publisher ends it."""
+        socket = self._context.socket(zmq.REQ)
+        happens = socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+        happens.setsockopt(zmq.RCVTIMEO, PATIENCE_MSEC)
+        socket.connect(f"tcp://127.0.0.1:{self._port}")
+        socket.send_multipart(list(frames))
+        recv_monitor_message(happens)
+        socket.close(linger=0)
 
     def statuses(self):
         """Return the bytes of all statuses, by number."""

@@ -269,6 +269,12 @@ def test_a_malformed_request_is_refused_and_the_next_one_answered(frames, words,
     assert client.statuses() == {1: RUNNING}
 
 
+def test_a_request_of_more_than_a_mebibyte_ends_its_connection_and_no_other(stage):
+    _, client = stage(*main("<AlwaysSuccess/>"))
+    client.is_disconnected_by(request("T"), bytes(2**20 + 1))
+    assert client.ask("T")
+
+
 def test_there_are_no_breakpoints_to_list_or_remove(stage):
     _, client = stage(*main('<Queue answers="R"/>'))
     assert (client.ask("D"), client.ask("A"), client.ask("X")) == ([b"[]"], [], [])
