@@ -117,7 +117,7 @@ class TestActionLeaf:
     def test_a_goal_that_does_not_succeed_is_a_failure_that_is_logged(self, stage: "Stage") -> None:
         stage.nav_server().script = ["abort"]
         assert stage.run(driver(stage)) is Status.FAILURE
-        assert stage.warnings == ["'Drive' failed: aborted (status 6)"]
+        assert stage.warnings == ["'Drive' failed: aborted (status 6): error_code 105"]
 
     @pytest.mark.parametrize("status", [Status.SUCCESS, Status.FAILURE])
     def test_a_status_in_place_of_a_goal_ends_the_leaf_and_sends_nothing(
@@ -277,7 +277,7 @@ class TestRejection:
         server.script = ["abort"]
         stage.run(leaf)
         stage.run(leaf)
-        assert stage.warnings[1:] == ["'Drive' failed: aborted (status 6)"] * 2
+        assert stage.warnings[1:] == ["'Drive' failed: aborted (status 6): error_code 105"] * 2
         server.accept = False
         stage.run(leaf)
         assert len(stage.warnings) == 4
