@@ -101,7 +101,9 @@ def test_a_leaf_that_blocks_is_named_and_the_goals_are_canceled_after_the_limit(
     assert "guardian" not in run.output
 
 
-@pytest.mark.parametrize(("cancel", "status"), [("grant", 130), ("ignore", 4)])
+@pytest.mark.parametrize(
+    ("cancel", "status"), [("grant", 130), pytest.param("ignore", 4, marks=pytest.mark.slow)]
+)
 def test_the_first_ctrl_c_ends_a_run_whose_leaf_blocks(block, place, cancel, status):
     server, run, go = block("sleep", cancel=cancel, settle_timeout_sec=2.0)
     go.touch()
