@@ -79,13 +79,14 @@ def test_chances_that_are_too_many_are_shown_at_their_place(predict):
     assert "an interval goes from the lower to the higher number" in err
 
 
-def test_a_time_of_too_many_ticks_is_refused_with_the_period_that_would_do(predict):
-    status, out, err = predict("--period", "0.001", sec=3000)
+def test_a_time_of_too_many_ticks_is_refused_with_the_period_that_would_do(predict, monkeypatch):
+    monkeypatch.setattr("sar_compiler.checks.predict._MOST_TICKS", 20)
+    status, out, err = predict("--period", "1", sec=30)
     assert (status, out) == (1, "")
     assert err == (
-        "sar-compile: nothing can be predicted: 'DetectSurvivor' takes 3000 s, which is 3e+06 ticks; the most are "
-        "2,000,000. Let ticks be further apart: --period 0.0015\n"
+        "sar-compile: nothing can be predicted: 'DetectSurvivor' takes 30 s, which is 30 ticks; the most are 20. "
+        "Let ticks be further apart: --period 1.5\n"
     )
-    assert predict("--period", "0.0015", sec=3000)[0] == 0
+    assert predict("--period", "1.5", sec=30)[0] == 0
     with pytest.raises(SystemExit):
         predict("--period", "1e-300")

@@ -201,9 +201,10 @@ def test_bounds_are_the_same_however_the_best_chances_are_looked_for(seed, monke
 
 @pytest.mark.random
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("seed", range(rounds(5)))
+@pytest.mark.parametrize("seed", range(rounds(10)))
 def test_what_is_computed_is_what_is_played(seed):
-    body, runs = random_timed_tree(seed), rounds(10_000)
+    # More trees find more than more runs of each: a wrong weight is rarely wrong by less than some percent.
+    body, runs = random_timed_tree(seed), rounds(2_000)
     found = predicted(body)
     succeeded, ended, times = played(body, runs)
     assert found.complete
