@@ -15,6 +15,7 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
     GOAL_ENDED,
+    LEAF_RAISED,
     ORDERED,
     PROPERTY_BROKEN,
     RUN_BEGAN,
@@ -498,6 +499,10 @@ class MissionState:
     def _take_assumption_failed(self, **data: Any) -> None:
         self.doubted = self.doubted or self.now
         self._know(ASSUMPTION_FAILED, data)
+
+    def _take_leaf_raised(self, text: str, node: int | None = None) -> None:
+        data = {"node": node, "text": text}
+        self.facts.append(KnownFact(self.now, LEAF_RAISED, data, f"an exception has ended the run: {text}"))
 
     def _take_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:

@@ -299,3 +299,10 @@ def test_an_entry_of_the_same_name_from_somebody_else_is_a_fact(entry):
     state = after(WATCHED, entry)
     assert words(state) == {"a": "watched", "b": "watched"}
     assert [each.kind for each in state.facts] == [entry[0]]
+
+
+def test_an_exception_of_a_leaf_is_told_in_its_own_words():
+    state = after(("leaf_raised", {"node": 0, "text": "'Look' (Look) failed: no lens"}))
+    assert [fact.text for fact in state.facts] == [
+        "an exception has ended the run: 'Look' (Look) failed: no lens"
+    ]
