@@ -324,6 +324,21 @@ class TestNamespaces:
             "run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`",
         )
 
+    def test_the_only_name_that_is_wanted_is_remapped_and_nothing_else_is_moved(self, robots: Robots) -> None:
+        robots.serve(robots.node("/other"), "/tb1/detect_survivor")
+        graph = robots.graph()
+        said = "run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`"
+        robots.until(lambda: graph.advice([DETECTOR]) == said, said)
+
+    def test_transforms_of_another_robot_alone_are_not_offered_to_one_that_hears_its_own(
+        self, robots: Robots
+    ) -> None:
+        robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"))
+        robots.send_transforms(robots.node("/tb2/ekf"), ("odom", "base_link"), topic="/tb2/tf")
+        graph = robots.graph()
+        robots.until(lambda: graph.publishers("/tf") and graph.publishers("/tb2/tf"), "both robots")
+        assert (graph.transforms(), graph.missing_transforms()) == ("", "")
+
     def test_of_two_robots_both_namespaces_are_named(self, robots: Robots) -> None:
         for space in ("/tb1", "/tb2"):
             self.stack(robots, space, topic="/tf")
@@ -766,6 +781,39 @@ class TestFrames:
         look = self.where(robots, "odom", "base_link")
         said = "frame 'base_link' is static (/tf_static, from /urdf) and moves (/tf, from /ekf): stop one of the two"
         robots.until(lambda: look() == said, said)
+
+    def test_a_static_frame_that_moves_no_more_is_found(self, robots: Robots, context: Ros) -> None:
+        robots.send_transforms(robots.node("/urdf"), ("odom", "base_link"), topic="/tf_static", static=True)
+        robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
+        robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"), x=5.0)
+        look = self.where(robots, "odom", "base_link")
+        said = "frame 'base_link' is static"
+        robots.until(lambda: str(look()).startswith(said), said)
+        context.remove(robots.nodes.pop(2))
+        robots.until(lambda: not isinstance(look(), str), "the frame")
+
+    def test_a_static_source_that_was_started_anew_with_another_value_is_one_source(
+        self, robots: Robots, context: Ros
+    ) -> None:
+        from sar_compiler.ros.frame_sources import frame_sources
+
+        look = self.where(robots, "map", "dock")
+        sources = frame_sources(robots.nodes[0])
+
+        def is_heard(x: float) -> bool:
+            return (
+                sources.conflict() == ""
+                and "dock" in sources._static
+                and sources._static["dock"].transform.offset[0] == x
+            )
+
+        for name, x in (("/before", 1.0), ("/after", 2.0)):
+            robots.send_transforms(robots.node(name), ("map", "dock"), topic="/tf_static", static=True, x=x)
+            robots.until(lambda x=x: is_heard(x), name)
+            robots.until(lambda x=x: not isinstance(look(), str) and look().transform.x == x, name)
+            if name == "/before":
+                context.remove(robots.nodes.pop())
+                robots.until(lambda: not ros_graph(robots.nodes[0]).publishers("/tf_static"), "its end")
 
     def test_two_static_sources_that_differ_are_named_until_one_is_gone(
         self, robots: Robots, context: Ros
