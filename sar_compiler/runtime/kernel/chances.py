@@ -5,9 +5,6 @@ meet as they do in flight, which chances for each tick could not tell. A tick in
 them until the next time is up; these are one step, so a minute takes no more states than a second.
 
 What a leaf answers, and how long that takes, is chosen when it begins, as `checks.simulate` does.
-
-A real run can be followed through the same nodes: then leaves answer what they have answered there, and of one that is running it is known
-since when, not what was chosen. From what it may have chosen then, its time up to now is left out.
 """
 
 import math
@@ -18,8 +15,7 @@ from mypy_extensions import i32, i64
 
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.runtime.answers import Answer, chances
-from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
-from sar_compiler.runtime.kernel.choices import Choices
+from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.forking import ForkingTicker
 from sar_compiler.runtime.kernel.searching import NOTHING
 from sar_compiler.runtime.kernel.stub_nodes import LeafNodes, Reply, StubNode
@@ -41,24 +37,6 @@ class TicksLeft:
 
     def __init__(self, ticks: int) -> None:
         self.ticks = ticks
-
-
-class StrayError(SarError):
-    """A tick that is followed is none that the tree can have."""
-
-
-class Due(NamedTuple):
-    """When a timer of a run that is followed is up.
-
-    Attributes:
-        sec: The time, seconds since the run began.
-    """
-
-    sec: float
-
-
-_JITTER_SEC: Final = 0.1
-"""By how much less or more than what was measured a timer may have been up in a real run: a tick takes time itself."""
 
 
 class Spending:
@@ -110,99 +88,16 @@ class Spending:
             limit.write(value)
 
 
-class FollowedTick:
-    """A tick of a real run.
-
-    Args:
-        now: When it was, seconds since the run began.
-        answers: What leaves have answered, in order: the index of each, its status, and which answer that was, empty where it is not known.
-        root: What the root came to; empty for nothing.
-        choices: Decide whether timers were up of which that is not quite certain.
-        spending: What the run takes from limits.
-
-    Attributes:
-        now: As above.
-        spending: As above.
-    """
-
-    def __init__(
-        self,
-        now: float,
-        answers: list[tuple[int, str, str]],
-        root: str,
-        choices: Choices,
-        spending: Spending,
-    ) -> None:
-        self.now = now
-        self.spending = spending
-        self._answers, self._root, self._choices = answers, root, choices
-        self._at = 0
-        self._looked: list[tuple[Begun, bool]] = []
-
-    def begin(self) -> None:
-        """Begin with the first answer."""
-        self._at = 0
-        self._looked.clear()
-        self.spending.begin_tick()
-
-    def look(self, begun: "Begun", *, is_astray: bool) -> None:
-        """Take that a leaf was ticked, and whether it may have chosen again."""
-        self._looked.append((begun, is_astray))
-
-    def end(self) -> None:
-        """Note of the leaves what was taken: it was so."""
-        for begun, is_astray in self._looked:
-            begun.looked = self.now
-            begun.is_astray = begun.is_astray or is_astray
-        self.spending.end_tick()
-
-    def is_told(self, outcome: int) -> bool:
-        """Return whether all was answered, and the root came to an outcome."""
-        return self._at == len(self._answers) and WORDS[outcome] == self._root
-
-    @property
-    def told(self) -> tuple[int, str, str]:
-        """The next answer."""
-        return self._answers[self._at] if self._at < len(self._answers) else (-1, "", "")
-
-    def reply(self, index: int, replies: "list[Reply]") -> "Reply":
-        """Return which of some answers that a leaf can give now it has given.
-
-        Raises:
-            StrayError: If it has given none of them, or it is not said which.
-        """
-        number, status, label = self.told
-        self._at += 1
-        found = [
-            each for each in replies if each.answer.status == status and label in ("", each.answer.label)
-        ]
-        if number != index or len({each.answer.then for each in found}) != 1:
-            message = f"node {index} did not answer one of the things that it can answer, but node {number} {label or status}"
-            raise StrayError(message)
-        return found[0]
-
-    def is_up(self, due: Due) -> bool:
-        """Return whether a timer was up; where it may have been or not, both are tried."""
-        left = due.sec - self.now
-        if abs(left) > _JITTER_SEC:
-            return left < 0.0
-        return (self._choices.pick(2) == 0) == (left <= TOLERANCE_SEC)
-
-
 class CountedTimes(Times):
-    """Timers that are up after a number of ticks, whose tokens are `TicksLeft`; while a run is followed they are `Due`.
+    """Timers that are up after a number of ticks, whose tokens are `TicksLeft`.
 
     Args:
         period_sec: The time between two ticks, seconds.
-
-    Attributes:
-        followed: The tick of a real run that is played; None for a possible one.
     """
 
     def __init__(self, period_sec: float) -> None:
         self._period_sec = period_sec
         self._known: list[TicksLeft] = [TicksLeft(0)]
-        self.followed: FollowedTick | None = None
 
     def ticks(self, seconds: float) -> int:
         """Return after how many ticks a time is up."""
@@ -220,20 +115,12 @@ class CountedTimes(Times):
 
     def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - as the protocol has it
         """Start a timer, in seconds."""
-        if self.followed is not None:
-            return Due(self.followed.now + seconds)
         return self.left(self.ticks(seconds))
 
     def is_up(self, index: int, token: Any) -> bool:  # noqa: ARG002
         """Return whether a timer's time is over."""
-        if self.followed is not None:
-            return self.followed.is_up(token)
         ticks: int = token.ticks
         return ticks == 0
-
-    def after(self, due: Due, now: float) -> TicksLeft:
-        """Return what is left of a timer of a real run after a tick at that time; the next one is a tick later."""
-        return self.left(max(self.ticks(due.sec - now) - 1, 0))
 
 
 class Choice(NamedTuple):
@@ -293,25 +180,6 @@ class Chances:
             if bounds[place + 1] > bounds[place]
         ]
 
-    def left_after(self, sec: tuple[float, float], looked: float, passed: float) -> list[tuple[int, float]]:
-        """Return how many ticks may be left of a time, as `spread` has it, that was not up when somebody looked.
-
-        Each has its share of the whole time, so that they add up to how likely that was. None is left of one that must have been up.
-
-        Args:
-            sec: The time.
-            looked: How much of it had passed then, seconds.
-            passed: How much has now.
-        """
-        least, most = sec
-        if looked >= most - TOLERANCE_SEC:
-            return []
-        first = max(least, looked)
-        before = 1.0 if least == most else (most - first) / (most - least)
-        gone = 1 + int((passed - looked + TOLERANCE_SEC) / self.times.seconds(1))
-        rest = first - looked, most - looked
-        return [(max(ticks - gone, 0), share * before) for ticks, share in self.spread(rest) if ticks]
-
 
 class Option:
     """A way for a leaf to go on: what it will answer, and after how many ticks.
@@ -326,52 +194,6 @@ class Option:
         self.reply = reply
         self.ticks = ticks
         self.weight = weight
-
-
-class Begun:
-    """What is known of a leaf that is running in a run that is followed.
-
-    Args:
-        since: When it has begun, seconds since the run began.
-        replies: What it may have chosen to answer then.
-
-    Attributes:
-        since: As above.
-        replies: As above.
-        looked: When it was ticked last, and its time was not up.
-        is_astray: Whether it may have chosen again, because what it had chosen was not possible when its time had come.
-    """
-
-    def __init__(self, since: float, replies: list[Reply]) -> None:
-        self.since = self.looked = since
-        self.replies = replies
-        self.is_astray = False
-
-
-class HiddenAnswer(NamedTuple):
-    """What a leaf that is running may have chosen to answer.
-
-    Attributes:
-        reply: The answer.
-        bounds: How likely that was when it began, at least and at most.
-        lefts: The ticks that may be left until then, each with how likely it was.
-    """
-
-    reply: Reply
-    bounds: tuple[float, float]
-    lefts: list[tuple[int, float]]
-
-
-class HiddenLeaf(NamedTuple):
-    """A leaf that is running, of which nobody knows what it has chosen.
-
-    Attributes:
-        node: The leaf.
-        answers: What that may be; none where its chances do not tell.
-    """
-
-    node: "ChanceNode"
-    answers: list[HiddenAnswer]
 
 
 class ChanceNode(StubNode):
@@ -393,8 +215,6 @@ class ChanceNode(StubNode):
 
     def ways(self, ticker: Ticker) -> int:
         """Return in how many ways it may go on; if that cannot be said, its tick will say why."""
-        if self._chances.times.followed is not None:
-            return 1
         try:
             replies = self._possible()
         except SarError:
@@ -407,14 +227,7 @@ class ChanceNode(StubNode):
         self._ran.add(self.index)
         if cells[self.at] != RUNNING:
             trail.take(self._started)
-        followed = self._chances.times.followed
-        if followed is None:
-            reply = self._taken(self._chosen_reply(ticker, self._possible()))
-        else:
-            _, status, label = followed.told
-            left = followed.spending.before(self.index, label or status)
-            reply = self._taken(self._told(ticker, self._possible(), followed))
-            followed.spending.after(left)
+        reply = self._taken(self._chosen_reply(ticker, self._possible()))
         outcome = reply.outcome
         if outcome != RUNNING:
             values[self._chosen] = values[self._left] = None
@@ -432,41 +245,6 @@ class ChanceNode(StubNode):
             return running[0]
         chosen: Reply = values[self._chosen]
         return chosen
-
-    def _told(self, ticker: Ticker, replies: list[Reply], followed: FollowedTick) -> Reply:
-        """Return what it has answered in a real run, and note since when it runs.
-
-        Raises:
-            StrayError: If it cannot have answered that.
-        """
-        values = ticker.values
-        begun: Begun | None = values[self._chosen]
-        if begun is None:
-            begun = values[self._chosen] = Begun(followed.now, self._ending(replies))
-        passed = followed.now - begun.since + TOLERANCE_SEC
-        impossible = [each for each in begun.replies if each not in replies]
-        followed.look(begun, is_astray=any(passed >= each.answer.sec[0] for each in impossible))
-        return followed.reply(self.index, replies)
-
-    def hidden(self, ticker: Ticker, now: float) -> HiddenLeaf | None:
-        """Return what it may have chosen, if it is running in a run that is followed."""
-        begun = ticker.values[self._chosen]
-        if not isinstance(begun, Begun):
-            return None
-        found: list[HiddenAnswer] = []
-        for reply, bounds in zip(
-            begun.replies, chances([each.answer for each in begun.replies]), strict=True
-        ):
-            # One that only ever runs has no time.
-            lefts = self._chances.left_after(reply.answer.sec, begun.looked - begun.since, now - begun.since)
-            found.append(HiddenAnswer(reply, bounds, [(0, 1.0)] if reply.outcome == RUNNING else lefts))
-        known = any(each.lefts and each.bounds[1] > 0.0 for each in found)
-        return HiddenLeaf(self, found if known and not begun.is_astray else [])
-
-    def put(self, ticker: Ticker, reply: Reply, ticks: int) -> None:
-        """Have it chosen an answer, after so many ticks."""
-        ticker.values[self._chosen] = reply
-        ticker.values[self._left] = self._chances.times.left(ticks)
 
     def stop(self, ticker: Ticker) -> None:
         """Halt the leaf if it runs."""
@@ -492,7 +270,8 @@ class ChanceNode(StubNode):
                 )
                 raise UndecidableError(message)
             self._trail.going_on = option.weight
-        self.put(ticker, option.reply, option.ticks)
+        ticker.values[self._chosen] = option.reply
+        ticker.values[self._left] = self._chances.times.left(option.ticks)
 
     def _options(self, replies: list[Reply]) -> list[Option]:
         """Return the ways to go on that there are with some answers."""
@@ -542,7 +321,6 @@ class WeighedSteps(TickSteps):
         self._cells = vec[i32]()
         self._values: list[Any] = []
         self._watched = 0
-        self._head = 0, 0
 
     def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
         """Go to a state, to play its ticks; see `TickSteps.enter`."""
@@ -567,44 +345,6 @@ class WeighedSteps(TickSteps):
         super().take_state(outcome)
         if passed:
             self.waits = -1 - passed, 0, 0
-
-    def follow(self, state: bytes, tick: FollowedTick) -> bytes | None:
-        """Play a tick of a real run, and return the state after it; None if the tree cannot have it.
-
-        Raises:
-            UndecidableError: If the steps of the tree cannot be known.
-        """
-        self._times.followed = tick
-        try:
-            self.enter(state, alone=True)
-            if self._is_over:
-                return state
-            while True:
-                tick.begin()
-                if super().step() == NOTHING:
-                    return None
-                if self.error is None and tick.is_told(self.outcome):
-                    tick.end()
-                    return self.state
-        finally:
-            self._times.followed = None
-
-    def hidden(self, state: bytes, now: float) -> list[HiddenLeaf]:
-        """Go to a state of a run that is followed, after a tick at that time; return the leaves that are running."""
-        self._head = self.restore(state)
-        ticker = self._ticker
-        values = ticker.values
-        for place, value in enumerate(values):
-            if isinstance(value, Due):
-                values[place] = self._times.after(value, now)
-        nodes = [node for node in self._flat.nodes if isinstance(node, ChanceNode)]
-        return [found for node in nodes if (found := node.hidden(ticker, now)) is not None]
-
-    def choosing(self, chosen: list[tuple[ChanceNode, Reply, int]]) -> bytes:
-        """Return the state that `hidden` has gone to as it is if its leaves have chosen that, each with its ticks."""
-        for node, reply, ticks in chosen:
-            node.put(self._ticker, reply, ticks)
-        return self._write_state(*self._head)
 
     def _pass_by(self, ticks: int) -> None:
         """Let time pass."""
