@@ -336,6 +336,7 @@ def test_what_a_leaf_answers_is_there_for_scripts(capsys):
         "label": "advanced",
         "when": "zones_left > 0",
         "then": "zones_left -= 1",
+        "writes": None,
     }
     assert leaf["facts"] == {"zones_left": 3}
     assert {"reads", "writes"} <= leaf.keys()

@@ -97,7 +97,7 @@ class CountedTimes(Times):
 
     def __init__(self, period_sec: float) -> None:
         self._period_sec = period_sec
-        self._known: list[TicksLeft] = [TicksLeft(0)]
+        self._known: dict[int, TicksLeft] = {}
 
     def ticks(self, seconds: float) -> int:
         """Return after how many ticks a time is up."""
@@ -109,9 +109,10 @@ class CountedTimes(Times):
 
     def left(self, ticks: int) -> TicksLeft:
         """Return what stands for a number of ticks."""
-        while len(self._known) <= ticks:
-            self._known.append(TicksLeft(len(self._known)))
-        return self._known[ticks]
+        known = self._known.get(ticks)
+        if known is None:
+            known = self._known[ticks] = TicksLeft(ticks)
+        return known
 
     def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - as the protocol has it
         """Start a timer, in seconds."""
