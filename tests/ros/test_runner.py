@@ -522,7 +522,7 @@ class TestFailing:
         runner.wake()
         ros.spin_until(lambda: runner.failure is not None, "the failure")
         assert isinstance(runner.failure, StopIteration)
-        line = "tests/ros/test_runner.py:47, in update"
+        line = f"tests/ros/test_runner.py:{Probe.update.__code__.co_firstlineno + 2}, in update"
         assert said.has(f"'Reader' (Probe) failed: StopIteration ({line}). The tree is stopped.")
 
     def test_a_handler_that_fails_is_not_blamed_on_a_leaf(self, ros: Ros, said: Said) -> None:
