@@ -366,7 +366,31 @@ def _place_of(handle: int) -> Path | None:
 def _place_by_name(path: Path, handle: int) -> Path | None:
     """Return where an open file lies, where no `/proc` says it; None if something else lies there by now."""
     real = Path(os.path.realpath(path))
-    return real if os.path.samestat(real.stat(), os.fstat(handle)) else None
+    try:
+        about = _stat_without_links(real)
+    except OSError:  # a part of it is a link by now, or gone
+        return None
+    return real if os.path.samestat(about, os.fstat(handle)) else None
+
+
+def _stat_without_links(real: Path) -> os.stat_result:
+    """Look at a file by a path of which no part may be a link: one that is exchanged meanwhile could lead anywhere.
+
+    Raises:
+        OSError: If a part is a link, or not there.
+    """
+    if os.open not in os.supports_dir_fd:
+        return real.lstat()
+    search = os.O_DIRECTORY | os.O_NOFOLLOW | getattr(os, "O_SEARCH", os.O_RDONLY)
+    folder = os.open(real.anchor, search)
+    try:
+        for part in real.parts[1:-1]:
+            inner = os.open(part, search, dir_fd=folder)
+            os.close(folder)
+            folder = inner
+        return os.stat(real.name, dir_fd=folder, follow_symlinks=False)
+    finally:
+        os.close(folder)
 
 
 def _require_beneath(path: Path, place: Path | None, limit: _Confinement) -> None:

@@ -145,6 +145,21 @@ class TestBeneathAFolder:
                 read_file(named, DOCUMENT)
 
 
+@pytest.mark.parametrize("exchanged", ["inside/file", "inside"])
+def test_a_link_that_appears_after_its_path_was_resolved_is_not_followed(folder, monkeypatch, exchanged):
+    monkeypatch.setattr(opener, "_HANDLE_ONLY", None)
+    monkeypatch.setattr(opener, "_DESCRIPTORS", folder / "no_proc")
+    outside = folder / "outside"
+    outside.mkdir()
+    (outside / "file").write_text("secret", encoding="utf-8")
+    resolved = str(folder / "inside" / "file")
+    Path(exchanged).rename("before")
+    Path(exchanged).symlink_to(outside / "file" if exchanged.endswith("file") else outside)
+    monkeypatch.setattr(os.path, "realpath", lambda _: resolved)
+    with pytest.raises(UnreadableFileError, match="exchanged again and again"):
+        read_file(NamedPath.within(Path("inside/file"), [folder / "inside"]), DOCUMENT)
+
+
 @pytest.mark.parametrize("has_handles", [True, False])
 def test_what_is_exchanged_between_the_check_and_the_opening_is_never_read_outside(
     folder, monkeypatch, has_handles
