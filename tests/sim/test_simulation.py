@@ -336,7 +336,9 @@ def test_a_goal_that_is_pre_empted_while_it_is_cancelled_ends_canceled(
     navigation = Navigation(client)
     first = navigation.send(-3.0, 3.0)
     client.wait(lambda: simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) > 0.3, "movement")
-    first.cancel_goal_async()
+    # The two requests go to different services: which of them the server hears first is not known otherwise.
+    canceling = first.cancel_goal_async()
+    client.wait(canceling.done, "the answer to the cancel")
     second = navigation.send(0.5, 0.0)
     assert navigation.result(first).status == CANCELED
     assert navigation.result(second).status == SUCCEEDED
