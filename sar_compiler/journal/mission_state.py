@@ -477,7 +477,7 @@ class MissionState:
     ) -> None:
         if not is_told:
             data = {"verb": verb, "label": label, "by": by, "refusal": refusal}
-            words = f"{by or 'somebody'}: {label or verb}{f': refused, {refusal}' if refusal else ''}"
+            words = f"{by or 'an operator'}: {label or verb}{f': refused, {refusal}' if refusal else ''}"
             self.facts.append(KnownFact(self.now, ORDERED, data, words))
 
     def _take_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:

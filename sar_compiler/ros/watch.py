@@ -161,7 +161,7 @@ _PERIOD_SEC = 0.5
 _LOST_SEC = 2.0
 # Two questions without an answer are no accident; a process that has died has left the graph long before the second.
 _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
-_ANOTHER = "another process has to go on (--resume; by itself with --supervise)"
+_ANOTHER = "start a new process (--resume continues from the journal; --supervise does both by itself)"
 # So long after a node of Nav2 has died its lifecycle manager brings it back, seconds (bond_respawn_max_duration): later, somebody else must.
 _RESPAWN_SEC = 12.0
 # Less turning than this is none for AMCL either (its update_min_a), radians.

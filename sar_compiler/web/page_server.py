@@ -68,7 +68,7 @@ class OrderGiver(NamedTuple):
 
     def words(self, page: str) -> str:
         """Return who gives it on a page, in words."""
-        return f"{self.name or 'somebody'} ({page})"
+        return f"{self.name or 'an operator'} ({page})"
 
 
 class Orders(Protocol):

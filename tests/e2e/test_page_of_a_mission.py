@@ -73,7 +73,9 @@ def story(tmp_path_factory):
         run = fly("--web-port", free_port())
         url, port = address(run)
         page.open(url).order("pause", "Pause: done")
-        page.wait_for("#condition strong", "paused").wait_for("#condition", "by somebody (page, 127.0.0.1)")
+        page.wait_for("#condition strong", "paused").wait_for(
+            "#condition", "by an operator (page, 127.0.0.1)"
+        )
         page.wait_for_rest()
         page.wait(
             lambda: page.js("return document.querySelectorAll('#map image, #map .robot').length") == 2,
@@ -89,7 +91,9 @@ def story(tmp_path_factory):
         page.order("resume", "Resume: done")
         page.wait_for("#now", "navigating to zone_b")
         page.order("pause", "Pause: done")
-        page.wait_for("#condition strong", "paused").wait_for("#condition", "by somebody (page, 127.0.0.1)")
+        page.wait_for("#condition strong", "paused").wait_for(
+            "#condition", "by an operator (page, 127.0.0.1)"
+        )
         run.send(signal.SIGINT)
         seen["stopped"] = run.end()
         page.wait_for("#condition strong", "stopped")
@@ -118,7 +122,7 @@ def story(tmp_path_factory):
 
 
 def test_a_mission_under_way_is_seen_in_a_browser(story):
-    assert "NotHeld?, NotHeld, FAILURE, paused by somebody (page, 127.0.0.1)" in story["live"]
+    assert "NotHeld?, NotHeld, FAILURE, paused by an operator (page, 127.0.0.1)" in story["live"]
 
 
 def test_a_reload_in_flight_loses_nothing(story):
@@ -126,7 +130,7 @@ def test_a_reload_in_flight_loses_nothing(story):
 
 
 def test_the_operator_skips_a_zone_on_the_page(story):
-    assert re.match(r"zone_a: abandoned, .*skipped by somebody \(page, 127\.0\.0\.1\);", story["skipped"])
+    assert re.match(r"zone_a: abandoned, .*skipped by an operator \(page, 127\.0\.0\.1\);", story["skipped"])
 
 
 def test_the_page_of_a_run_that_was_stopped_goes_on_with_the_one_that_resumes(story):

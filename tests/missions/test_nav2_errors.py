@@ -21,7 +21,7 @@ from sar_compiler.missions.search_and_rescue.actions.navigation import describe_
         (6, 9101, "error code 9101: Nav2 could not load its behavior tree; it is not sent again"),
         (6, 60000, "error code 60000: a code that is not known here"),
         (6, 0, "error code 0: no code"),
-        (5, 0, "canceled by somebody else (status 5), error code 0: none"),
+        (5, 0, "canceled by another client (status 5), error code 0: none"),
         (0, 0, "unknown to the server (was it restarted?) (status 0)"),
         (2, 0, "not finished (status 2)"),
     ],

@@ -337,7 +337,7 @@ class TestFailure:
         stage.until(other.service_is_ready, "the cancel service")
         other.call_async(CancelGoal.Request())
         assert stage.run(leaf) is Status.FAILURE
-        assert "canceled by somebody else (status 5)" in stage.warnings[0]
+        assert "canceled by another client (status 5)" in stage.warnings[0]
 
     def test_no_server_within_the_deadline(self, stage: "Stage") -> None:
         leaf = drive(stage, server_timeout_sec=0.05, hold_timeout_sec=0.0)

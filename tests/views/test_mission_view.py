@@ -267,7 +267,7 @@ def test_what_was_ordered_is_told_with_who_ordered_it_and_once():
 
 
 @pytest.mark.parametrize(
-    ("by", "said"), [("Ada (page, 127.0.0.1)", "Ada (page, 127.0.0.1)"), ("", "somebody")]
+    ("by", "said"), [("Ada (page, 127.0.0.1)", "Ada (page, 127.0.0.1)"), ("", "an operator")]
 )
 @pytest.mark.parametrize("told", [(), [changed(kinds=[])]])
 def test_an_order_is_a_line_with_who_gave_it(by, said, told):

@@ -610,14 +610,14 @@ SPECS = [
     _condition(
         f"{_HERE}.failsafes:NotAborted",
         "Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called.",
-        handed_over("orders", _ORDERS, "What the operator has ordered."),
+        handed_over("orders", _ORDERS, "The commands that were given."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         answers=(Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")),
     ),
     _condition(
         f"{_HERE}.failsafes:NotRecalled",
         "Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called.",
-        handed_over("orders", _ORDERS, "What the operator has ordered."),
+        handed_over("orders", _ORDERS, "The commands that were given."),
         handed_over("record", _RECORD, "Where the reason is noted.", required=False),
         answers=(Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")),
     ),
@@ -681,7 +681,7 @@ SPECS = [
     _condition(
         f"{_HERE}.operating:NotHeld",
         "Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.",
-        handed_over("orders", _ORDERS, "What the operator has ordered."),
+        handed_over("orders", _ORDERS, "The commands that were given."),
         handed_over("zone_manager", _ZONES, "The mission's zones."),
         handed_over("fence", _FENCE, "The geofence, for zones that are added.", required=False),
         handed_over("record", _RECORD, "Where orders are noted.", required=False),

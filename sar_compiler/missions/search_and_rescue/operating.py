@@ -23,7 +23,7 @@ class NotHeld(RosLeaf):
     (`sar_interfaces/srv/JudgeSurvivor`).
 
     Args:
-        orders: What the operator has ordered.
+        orders: The commands that were given.
         zone_manager: The mission's zones.
         fence: The geofence, for zones that are added.
         record: Where orders are noted.

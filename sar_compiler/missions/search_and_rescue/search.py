@@ -67,7 +67,7 @@ class Search(MissionRun):
     Args:
         zones: The plan.
         record: What has happened.
-        orders: What the operator has ordered.
+        orders: The commands that were given.
         fence: The geofence.
         homing: What it takes to come home; with the default rates if None.
         sweeps: The ground of zones that can be swept, and what has become of it.

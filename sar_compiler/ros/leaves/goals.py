@@ -266,7 +266,7 @@ def goals_under_way(node: "Node") -> GoalsUnderWay:
 
 _FAILURES = {
     UNKNOWN: "unknown to the server (was it restarted?)",
-    CANCELED: "canceled by somebody else",
+    CANCELED: "canceled by another client",
     ABORTED: "aborted",
 }
 # How long the result may take once the status topic has said that the goal is over, seconds.
@@ -681,7 +681,7 @@ class ActionGoal(Exchange):
         if self._granted or self.has_ended:
             return
         if response.return_code == response.ERROR_GOAL_TERMINATED:
-            # Over, or cancelled by somebody else: that is no end yet.
+            # Over, or canceled by another client: that is no end yet.
             self._granted = True
             self._ask_after()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
