@@ -299,7 +299,7 @@ class RosGraph:
         problem, is_contested = "", count > 1 and endpoint.kind != "node"
         if is_contested:
             number, which = ("two", "one") if count == 2 else (count, "all but one")  # noqa: PLR2004
-            of_nodes = f", {names_in_words(nodes)}" if len(nodes) == count else ""
+            of_nodes = f", {names_in_words(nodes)}" if len(set(nodes)) == count else ""
             problem = f"{number} servers answer to {full}{of_nodes}: stop {which}"
         elif endpoint.type_name:
             types = {kind for _, served in self._servers() for kind in served.get(service, ())}

@@ -37,7 +37,8 @@ def test_a_clock_that_stops_is_told_alone_although_the_transforms_stop_with_it(f
     clock = serve("clock")
     navigation = serve("navigation", goals=[{"drive": 18.0}, {}], states={"amcl": None}, pose=[0.0, 0.0])
     localiser = serve("localiser")
-    run = fly(RESILIENT, use_sim_time="true")
+    # Its localiser does not follow the robot.
+    run = fly(RESILIENT, use_sim_time="true", arrival_tolerance_m=100.0)
     navigation.wait_for("feedback")
     clock.order(stop=True)
     localiser.order(transforms=False)
@@ -72,7 +73,7 @@ def test_a_second_server_is_told_and_one_of_the_navigation_ends_the_run(fly, ser
     navigation.wait_for("accepted")
     serve("survivors")
     run.wait_for("service detect_survivor: two servers answer to /detect_survivor: stop one.")
-    serve("navigation")
+    serve("navigation", goals=ENDLESS)
     run.wait_for("action navigate_to_pose: two servers answer to /navigate_to_pose: stop one.")
     assert run.end() == 1, run.output
     assert "sar-run: action navigate_to_pose: two servers answer to /navigate_to_pose: stop one" in run.output
@@ -221,7 +222,9 @@ def test_a_run_that_was_stopped_names_that_and_blames_no_server(fly, serve):
     serve("clock")
     navigation = serve("navigation", goals=[{"drive": 16.0}, {}], states={"amcl": None}, pose=[0.0, 0.0])
     serve("localiser")
-    run = fly(RESILIENT, use_sim_time="true")
+    # Its localiser does not follow the robot, and its guardian is patient.
+    patient = {"arrival_tolerance_m": 100.0, "blocked_tick_timeout_sec": 60.0}
+    run = fly(RESILIENT, use_sim_time="true", **patient)
     navigation.wait_for("feedback")
     run.send(signal.SIGSTOP)
     # Ten a second: longer than anybody's patience for feedback, answers, transforms and the clock.
@@ -256,11 +259,12 @@ def test_a_supervisor_that_stood_still_itself_blames_no_run_for_its_silence(fly,
     run = fly(RESILIENT, "--supervise", "--journal", tmp_path / "run.journal")
     navigation.wait_for("feedback")
     (child,) = children_of(run.pid)
-    for process in (child, run.pid):
+    (guardian,) = children_of(child)
+    for process in (guardian, child, run.pid):
         os.kill(process, signal.SIGSTOP)
     # As on a machine that sleeps; ten a second, and 10 s are silence.
     navigation.wait_for("feedback", times=len(navigation.of("feedback")) + 120)
-    for process in (run.pid, child):
+    for process in (run.pid, child, guardian):
         os.kill(process, signal.SIGCONT)
     assert run.end() == 0, run.output
     assert "has died" not in run.output
