@@ -161,8 +161,13 @@ class Command:
     def kill(self):
         """See that nothing is left of it, whatever the test did."""
         if self._process.poll() is None:
+            # One that a test has stopped would keep Fast DDS' locks in shared memory, and others would wait for them.
+            stopped = [each for each in _descendants(self.pid) if _state_and_parent(each)[0] == "T"]
             self._process.kill()
             self._process.wait()
+            for each in stopped:
+                with suppress(ProcessLookupError):
+                    os.kill(each, signal.SIGKILL)
 
 
 # Below those that Linux gives to anybody, and for each test process of this machine others: none has another one's domain.
@@ -188,6 +193,13 @@ def children_of(pid, word=""):
     numbers = (int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit())
     found = sorted(number for number in numbers if _state_and_parent(number)[1] == str(pid))
     return [each for each in found if word in _read(f"/proc/{each}/cmdline")]
+
+
+def _descendants(pid):
+    """Yield the children of a process, and theirs."""
+    for child in children_of(pid):
+        yield child
+        yield from _descendants(child)
 
 
 def wait_for_end_of(pid):
