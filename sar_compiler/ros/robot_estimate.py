@@ -324,7 +324,9 @@ class Standstill:
             self._due = Deadline(self._robot.settle_timeout_sec, self._robot.clock)
             self._robot.call_when_it_stands(self._wake)
             self._leaf.feedback_message = "waiting for the robot to stand"
-        if self._due.passed and not self._told:
+        # The clock is read once: a limit that passed between two readings would end the wait without its warning.
+        has_passed = self._due.passed
+        if has_passed and not self._told:
             # Once: each line would have another speed.
             self._told = True
             what = (
@@ -334,7 +336,7 @@ class Standstill:
                 f"'{self._leaf.name}': {what} {self._robot.settle_timeout_sec:g} s after {self._since}."
             )
             self.give_up()
-        return not self._due.passed
+        return not has_passed
 
     def give_up(self) -> None:
         """Wait no longer: no tick is requested any more when the robot stands."""
