@@ -12,6 +12,8 @@ from tests.processes import Command, in_order
 
 pytestmark = pytest.mark.ros
 
+LATE = "Timed out while waiting for action server to acknowledge goal request for follow_path"
+
 
 def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameters=()):
     """Fly the resilient tree with faults to zones, watched for its properties; return the run, ended, and its exit status."""
@@ -41,7 +43,8 @@ def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameter
 @pytest.fixture(scope="module")
 def overcome():
     """A flight with more than one attempt can mend, and yet all is mended."""
-    return fly("report_survivor:refuse=3", "navigate_to_pose:die@zone_c,back=5")
+    late = "navigate_to_pose:late=50ms@zone_b"
+    return fly("report_survivor:refuse=3", late, "navigate_to_pose:die@zone_c,back=5")
 
 
 def zones_driven_to(run):
@@ -146,3 +149,22 @@ def test_a_server_that_comes_back_is_driven_with_again(overcome):
     run, status = overcome
     assert status == 0, run.output
     assert "Fault: bt_navigator disappears." in run.log
+
+
+def test_a_goal_that_nav2_aborts_because_a_server_is_late_is_sent_again_and_costs_no_attempt(overcome):
+    run, status = overcome
+    assert status == 0, run.output
+    assert any(f'"{LATE}"); it is sent again in 1 s.' in line for line in run.log), run.output
+    assert run.log.count("Navigating to zone_b...") == 2
+    assert not any("after attempt" in line or "given up" in line for line in run.log), run.output
+
+
+def test_each_zone_is_reported_as_not_searched_because_nav2_did_not_answer_where_every_goal_is_aborted_late():
+    run, status = fly("navigate_to_pose:late=50ms", zones="[zone_a, zone_b]", options=["--speed", 50])
+    assert status == 1, run.output
+    missing = [line for line in run.output.splitlines() if line.startswith("  missing:")]
+    assert len(missing) == 2, run.output
+    assert "zone_a and zone_b were given up: navigation is unavailable (Nav2 has aborted" in missing[0]
+    assert f'"{LATE}"' in missing[0]
+    assert "The robot did not return to the base station." in missing[1]
+    assert not any("after attempt" in line for line in run.log), run.output
