@@ -32,6 +32,8 @@ from sar_compiler.ros.sole_mission import SoleMission
 
 # How long a robot may brake, and how long after the end of a goal a movement is taken for that goal's, seconds.
 _BRAKES_SEC, _LATEST_SEC = 0.7, 2.0
+# The same of a goal that was aborted: a starved controller of Nav2 begins with a goal that the navigator gave up seconds before (3 s were seen).
+_LATEST_ABORTED_SEC = 10.0
 # How soon everything is cancelled of a goal that was aborted: Nav2's controller may not know of the end, and drive on.
 _ABORTED_SEC = 0.3
 # How often everything is cancelled while it moves on, steady seconds.
@@ -64,7 +66,7 @@ class UnaskedMotion:
         self._has_sent = False
         self._ended: tuple[float, float] | None = None
         self._since: tuple[float, float] | None = None
-        self._told = self._blindness_told = self._was_aborted = False
+        self._told = self._blindness_told = self._was_aborted = self._cancels_early = False
         self._cancelled_at = -math.inf
         self._goals.listen(self._on_goal)
         self._robot.listen_to_odometry(self.look)
@@ -81,8 +83,8 @@ class UnaskedMotion:
             seconds = self._seconds_since(self._since)
             if seconds >= _BRAKES_SEC:
                 self._judge()
-            elif seconds >= _ABORTED_SEC and self._was_aborted and self._is_ours:
-                self._was_aborted = False  # once: what still moves then is reported
+            elif seconds >= _ABORTED_SEC and self._cancels_early and self._is_ours:
+                self._cancels_early = False  # once: what still moves then is reported
                 self._cancel_everything()
         elif self._robot.moves is None:
             self._tell_blindness()
@@ -127,7 +129,8 @@ class UnaskedMotion:
         if self._told:
             self._told = False
             self._node.get_logger().info("The robot stands.")
-        if self._ended is not None and self._seconds_since(self._ended) >= _LATEST_SEC:
+        latest = _LATEST_ABORTED_SEC if self._was_aborted else _LATEST_SEC
+        if self._ended is not None and self._seconds_since(self._ended) >= latest:
             self._has_sent, self._ended = False, None
 
     def _tell_blindness(self) -> None:
@@ -143,7 +146,7 @@ class UnaskedMotion:
 
     def _on_goal(self, news: GoalNews) -> None:
         if news.action in self._actions:
-            self._was_aborted = news.status == ABORTED
+            self._was_aborted = self._cancels_early = news.status == ABORTED
         if news.action in self._actions and not news.is_over:
             self._has_sent, self._ended, self._since, self._told = True, None, None, False
 

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.ros
 
 SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
 ACTION = "/navigate_to_pose"
+SUCCEEDED, ABORTED = 4, 6
 
 
 class Robot:
@@ -65,8 +66,8 @@ class Robot:
         self._goals.sending(goal, ACTION)
         return goal
 
-    def end(self, goal: str) -> None:
-        self._goals.ended(goal, 6)
+    def end(self, goal: str, status: int = ABORTED) -> None:
+        self._goals.ended(goal, status)
 
 
 @pytest.fixture
@@ -102,6 +103,30 @@ def test_a_robot_that_drives_on_after_an_abort_is_told_within_a_second_and_gets_
         assert (info.stamp.sec, info.stamp.nanosec) == (0, 0)
     robot.speed = 0.0
     robot.ros.spin_until(lambda: said.has("The robot stands."), "its stop")
+
+
+def test_what_begins_to_drive_seconds_after_an_abort_gets_everything_cancelled(
+    robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A starved controller of Nav2 was seen to begin with a goal 3 s after its navigator had given it up."""
+    monkeypatch.setattr("sar_compiler.ros.watch._LATEST_SEC", 0.1)
+    robot.end(robot.drive())
+    robot.ros.spin_for(1.0)
+    robot.speed = 0.25
+    robot.ros.spin_until(lambda: said.has("The robot moves (0.25 m/s, 0.00 rad/s) although"), "the warning")
+    robot.ros.spin_until(lambda: len(robot.cancelled) >= len(SERVERS), "the cancels")
+
+
+@pytest.mark.parametrize(("status", "latest"), [(SUCCEEDED, "_LATEST_SEC"), (ABORTED, "_LATEST_ABORTED_SEC")])
+def test_what_begins_to_drive_later_than_that_is_only_reported(
+    robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch, status: int, latest: str
+) -> None:
+    monkeypatch.setattr(f"sar_compiler.ros.watch.{latest}", 0.1)
+    robot.end(robot.drive(), status)
+    robot.ros.spin_until(lambda: not robot.motion._has_sent, "the end of the time")
+    robot.speed = 0.25
+    robot.ros.spin_until(lambda: said.has("no goal of this mission is active"), "the warning")
+    assert robot.cancelled == []
 
 
 def test_a_robot_that_does_not_stop_is_cancelled_again(robot: Robot) -> None:
