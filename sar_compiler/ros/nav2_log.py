@@ -34,12 +34,19 @@ _SECONDARY = re.compile(
     r"missed its desired rate|tick rate .* exceeded|No (goal|progress) checker was specified|No (planner|controller)s? (was )?specified"
     r"|Received a preemption|will use only plugin"
 )
-# Lines that say no more than that something has failed.
+# Lines that say no more than that something has failed, and one of each start.
 _EMPTY = re.compile(
-    r"Goal failed|Aborting handle|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
+    r"Goal failed|Aborting handle|Error_code parameters were not set|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
 )
 _NAV2_NODES = {*DRIVING_NODES, *BEFORE_NAVIGATOR, MANAGER, "local_costmap", "global_costmap", "tf_help"}
 _FAILED_CHANGE = re.compile(r"Failed to change state for node: ([\w/]+)")
+# Logged by the lifecycle manager before it waits for a node, between codes of colours, and at its end.
+_AWAITED = re.compile(
+    r"(?:Configuring|Activating|Failed to change state for node:) ([\w/]+)|Waiting for service ([\w/]+)/get_state"
+)
+_ALL_ACTIVE = "Managed nodes are active"
+# So long after the manager's line its node has been discovered if it is there, steady seconds.
+_DISCOVERED_SEC = 2.0
 
 
 class _LoggedLine(NamedTuple):
@@ -84,6 +91,7 @@ class Nav2Log:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         self._lines: deque[_LoggedLine] = deque(maxlen=_LINES)
+        self._awaited = ("", math.inf)
         self._node, self._prefix = node, node.get_namespace().strip("/").replace("/", ".")
         self._own = f"{self._prefix}.{node.get_name()}".lstrip(".")
         self._warning, self._error = Log.WARN, Log.ERROR
@@ -110,6 +118,14 @@ class Nav2Log:
         ]
         return found[-1][1].rpartition("/")[2] if found else ""
 
+    def awaited_node(self) -> str:
+        """Return the node for which the lifecycle manager waits, or waited last during its start-up; empty if there is none.
+
+        If the process of this node dies, the manager waits for its answer forever and logs nothing more.
+        """
+        name, since = self._awaited
+        return name if time.monotonic() - since >= _DISCOVERED_SEC else ""
+
     def _since(self, name: str, since: float) -> Iterator[_LoggedLine]:
         foreign = self._foreign_namespaces()
         for each in self._lines:
@@ -135,7 +151,7 @@ class Nav2Log:
 
     def _on_line(self, message: Any) -> None:
         name = message.name
-        if message.level < self._warning or f"{name}.".startswith(f"{self._own}."):
+        if f"{name}.".startswith(f"{self._own}."):
             return
         if self._prefix and "." in name:
             if not name.startswith(f"{self._prefix}."):
@@ -143,7 +159,16 @@ class Nav2Log:
             name = name.removeprefix(f"{self._prefix}.")
         elif self._prefix and name != "tf_help":
             return
-        self._lines.append(_LoggedLine(time.monotonic(), name, message.msg, message.level >= self._error))
+        if name == MANAGER:
+            self._on_manager(message.msg)
+        if message.level >= self._warning:
+            self._lines.append(_LoggedLine(time.monotonic(), name, message.msg, message.level >= self._error))
+
+    def _on_manager(self, text: str) -> None:
+        if (found := _AWAITED.search(text)) is not None:
+            self._awaited = ((found[1] or found[2]).rpartition("/")[2], time.monotonic())
+        elif _ALL_ACTIVE in text:
+            self._awaited = ("", math.inf)
 
 
 def _shortened(text: str) -> str:

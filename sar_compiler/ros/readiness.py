@@ -247,15 +247,16 @@ class NavigatorActive(Requirement):
         """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
         # What it waits for may just have come.
         line, state = self._lifecycle.missing(self._robot.pose_at), self._lifecycle.state
-        if (
-            line is not None
-            and not self._lifecycle.is_there
-            and self._log.failed_change() == self._lifecycle.name
-        ):
-            return f"{line}: {MANAGER} has lost it during its start-up, so its process has died; start Nav2 again"
-        if line is None or state is None:
-            return line
-        return line + self._reason(state) + self._pose()
+        if line is None:
+            return None
+        awaited = self._log.awaited_node()
+        if awaited and not ros_graph(self._node).ask(Endpoint("node", awaited)).is_there:
+            said = self._log.quote(awaited)
+            return (
+                f"{line}: {MANAGER} waits for {awaited}, whose process was not started or has died"
+                f"{f' ({said})' if said else ''}; start Nav2 again"
+            )
+        return line if state is None else line + self._reason(state) + self._pose()
 
     def close(self) -> None:
         """Destroy the client."""

@@ -13,10 +13,12 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-RECORDED = Path(__file__).parent / "recorded" / "rosout_late_acknowledgements.txt"
+RECORDED = Path(__file__).parent / "recorded"
 LATE = "Timed out while waiting for action server to acknowledge goal request for follow_path"
 CLIENT = "bt_navigator_navigate_to_pose_rclcpp_node"
 SLOW = "Control loop missed its desired rate of 20.0000 Hz. Current loop rate is 9.3712 Hz."
+LATE_PLAN = LATE.replace("follow_path", "compute_path_to_pose")
+LOST = "Unable to transform robot pose into global plan's frame"
 OLD = "Transform data too old when converting from map to odom"
 WARN, ERROR, INFO = 30, 40, 20
 
@@ -81,28 +83,86 @@ def test_the_line_that_explains_an_abort_is_quoted_before_others(
     assert heard(ros.node(), *lines).quote() == quoted
 
 
+class Recording:
+    """What a real Nav2 has logged, heard by a node with the times of the run."""
+
+    def __init__(self, ros: Ros, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+        self._now = 0.0
+        monkeypatch.setattr("sar_compiler.ros.nav2_log.time.monotonic", lambda: self._now)
+        self._node = ros.node("search_and_rescue")
+        self.log = heard(self._node)
+        text = (RECORDED / f"rosout_{name}.txt").read_text(encoding="utf-8")
+        recorded = [line for line in text.splitlines() if not line.startswith("#")]
+        self.aborts = [float(line.split()[0]) for line in recorded if line.endswith(" aborted")]
+        self._lines = [line.split(maxsplit=3) for line in recorded if not line.endswith(" aborted")]
+
+    def hear_until(self, end: float) -> None:
+        """Hear what was logged until a time."""
+        while self._lines and float(self._lines[0][0]) <= end:
+            at, level, name, text = self._lines.pop(0)
+            self._now = float(at)
+            heard(self._node, (int(level), name.removesuffix(":"), text))
+
+    def hear_all(self) -> None:
+        """Hear everything, and let it be long ago."""
+        self.hear_until(float("inf"))
+        self._now += 60.0
+
+
+@pytest.mark.parametrize(
+    ("name", "quoted"),
+    [
+        (
+            "late_acknowledgements",
+            [*[[LATE]] * 2, *[[LATE_PLAN]] * 2, [LATE], *[[LATE_PLAN]] * 2, [LATE]],
+        ),
+        ("starved_controller", [[LATE], [LATE, LOST], [LATE]]),
+    ],
+)
 def test_each_abort_of_a_real_run_is_explained_by_the_server_that_was_late(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, name: str, quoted: list[list[str]]
+) -> None:
+    recording = Recording(ros, monkeypatch, name)
+    said = []
+    for abort in recording.aborts:
+        recording.hear_until(abort + 0.3)
+        said.append(recording.log.quote(since=abort - 1.0))
+    speakers = {LATE: CLIENT, LATE_PLAN: CLIENT, LOST: "controller_server"}
+    assert said == ["; ".join(f'{speakers[each]}: "{each}"' for each in lines) for lines in quoted]
+
+
+@pytest.mark.parametrize(
+    ("name", "awaited", "failed", "quoted"),
+    [
+        ("start_navigator_died", "bt_navigator", "", ""),
+        ("start_planner_died", "planner_server", "", "Failed to create global planner. Exception:"),
+        ("start_planner_not_started", "planner_server", "", ""),
+        (
+            "start_no_tree_file",
+            "bt_navigator",
+            "bt_navigator",
+            "Couldn't open input XML file: /opt/trees/none.xml",
+        ),
+        ("starved_controller", "", "", ""),
+    ],
+)
+def test_the_node_for_which_the_lifecycle_manager_waits_is_known_from_its_lines(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, name: str, awaited: str, failed: str, quoted: str
+) -> None:
+    recording = Recording(ros, monkeypatch, name)
+    recording.hear_all()
+    assert (recording.log.awaited_node(), recording.log.failed_change()) == (awaited, failed)
+    if awaited:
+        said = recording.log.quote(awaited)
+        assert said.startswith(f'{awaited}: "{quoted}') if quoted else said == ""
+
+
+def test_a_node_that_the_lifecycle_manager_has_named_just_now_may_still_be_discovered(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    now = [0.0]
-    monkeypatch.setattr("sar_compiler.ros.nav2_log.time.monotonic", lambda: now[0])
-    log = heard(ros.node("search_and_rescue"))
-    recorded = [
-        line for line in RECORDED.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
-    ]
-    aborts = [float(line.split()[0]) for line in recorded if line.endswith(" aborted")]
-    lines = [line.split(maxsplit=3) for line in recorded if not line.endswith(" aborted")]
-    assert len(aborts) == 8
-    for abort in aborts:
-        for at, level, name, text in lines:
-            if now[0] < float(at) <= abort + 0.3:
-                now[0] = float(at)
-                heard(ros.executor.get_nodes()[0], (int(level), name.removesuffix(":"), text))
-        said = log.quote(since=abort - 1.0)
-        assert said.startswith(
-            f'{CLIENT}: "Timed out while waiting for action server to acknowledge goal request'
-        ), said
-        assert said.count(": ") == 1, said
+    recording = Recording(ros, monkeypatch, "start_planner_died")
+    recording.hear_until(6.977)
+    assert recording.log.awaited_node() == ""
 
 
 def test_lines_of_before_the_end_of_the_goal_do_not_count(ros: Ros) -> None:

@@ -55,14 +55,14 @@ class FakeNav2:
         return answer
 
 
-def logs(ros: Ros, name: str, text: str) -> None:
-    """Log an error as a node of Nav2."""
+def logs(ros: Ros, name: str, text: str, level: str = "ERROR") -> None:
+    """Log a line as a node of Nav2."""
     from rcl_interfaces.msg import Log
     from rclpy.qos import DurabilityPolicy, QoSProfile
 
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     rosout = ros.node("other_log").create_publisher(Log, "/rosout", latched)
-    rosout.publish(Log(level=Log.ERROR, name=name, msg=text))
+    rosout.publish(Log(level=getattr(Log, level), name=name, msg=text))
 
 
 def located(x: float, y: float) -> Any:
@@ -419,15 +419,39 @@ class TestTheBringUpOfNav2:
             f"Nav2 up, {failed}: start Nav2 again",
         )
 
-    def test_says_that_a_navigator_has_died_while_it_was_started(self, ros: Ros) -> None:
+    @pytest.mark.parametrize(
+        ("level", "text"),
+        [
+            ("ERROR", "Failed to change state for node: bt_navigator. Exception: timed out."),
+            ("INFO", "\x1b[34m\x1b[1mActivating bt_navigator\x1b[0m\x1b[0m"),
+        ],
+    )
+    def test_says_that_a_navigator_has_died_while_it_was_started(
+        self, ros: Ros, level: str, text: str
+    ) -> None:
         self.stack(ros, up=False, controller_server="inactive", planner_server="inactive")
-        line = "Failed to change state for node: bt_navigator. Exception: timed out."
-        logs(ros, "lifecycle_manager_navigation", line)
+        logs(ros, "lifecycle_manager_navigation", text, level)
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: not there (no service /bt_navigator/get_state): lifecycle_manager_navigation has lost it "
-            "during its start-up, so its process has died; start Nav2 again",
+            "node bt_navigator: not there (no service /bt_navigator/get_state): lifecycle_manager_navigation waits for "
+            "bt_navigator, whose process was not started or has died; start Nav2 again",
+        )
+
+    @pytest.mark.parametrize(
+        "text", ["Configuring planner_server", "Waiting for service planner_server/get_state..."]
+    )
+    def test_says_that_another_node_has_died_while_it_was_started_or_was_never_started(
+        self, ros: Ros, text: str
+    ) -> None:
+        self.stack(ros, up=None, controller_server="unconfigured", bt_navigator="unconfigured")
+        logs(ros, "planner_server", "Failed to create global planner.")
+        logs(ros, "lifecycle_manager_navigation", text, "INFO")
+        comes_to_miss(
+            ros,
+            readiness(ros.node(), Use.nav2(), initial_pose=None),
+            "node bt_navigator: state 'unconfigured', must be 'active': lifecycle_manager_navigation waits for planner_server, "
+            'whose process was not started or has died (planner_server: "Failed to create global planner."); start Nav2 again',
         )
 
     def test_quotes_the_node_that_has_failed_even_if_it_was_the_first(self, ros: Ros) -> None:
