@@ -11,16 +11,14 @@ the author expects both. A constant has a single result.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from functools import partial, reduce
 from operator import and_, or_
 from typing import TYPE_CHECKING, TypeAlias
 
 from sar_compiler.runtime.answers import Outcome
-from sar_compiler.runtime.evaluation import EvaluationError, Program
-from sar_compiler.runtime.expressions import Script, name_uses
+from sar_compiler.runtime.constant_conditions import constant_truth
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.operators import equal_texts
-from sar_compiler.runtime.variables import PlainVariables
 
 if TYPE_CHECKING:
     from py_trees.common import Status
@@ -269,7 +267,7 @@ def run_once(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
 def guard(condition: str, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that returns another result while a condition, an attribute, is false."""
     otherwise = _otherwise(bound, "else", F, sure)
-    holds = _constant(bound.values.get(condition))
+    holds = constant_condition(bound.values.get(condition))
     if holds is None:
         return children[0] | otherwise
     return children[0] if holds else otherwise
@@ -343,6 +341,12 @@ def number(bound: "BoundNode", name: str) -> float | None:
     return value if isinstance(value, (int, float)) else None
 
 
+def milliseconds(bound: "BoundNode", name: str) -> float | None:
+    """Return the seconds of an attribute that is a constant number of milliseconds; None for any other."""
+    value = number(bound, name)
+    return None if value is None else value / 1000
+
+
 def _otherwise(bound: "BoundNode", attribute: str, default: int, sure: bool) -> int:
     """Return the results that an attribute names; *default* if it is not written."""
     if attribute not in bound.element.attributes:
@@ -351,10 +355,11 @@ def _otherwise(bound: "BoundNode", attribute: str, default: int, sure: bool) -> 
     return BITS[outcome.name] if isinstance(outcome, Outcome) else 0 if sure else ALL
 
 
-def _constant(condition: object) -> bool | None:
-    """Return whether a script without variables is true; None for any other."""
-    if not isinstance(condition, Script) or any(name_uses(condition)):
-        return None
-    with suppress(EvaluationError):
-        return Program(condition).holds(PlainVariables({}))
-    return None
+def constant_condition(condition: object) -> bool | None:
+    """Return the truth of a condition that no value of its variables can change; None for any other."""
+    return constant_truth(condition) if isinstance(condition, Script) else None
+
+
+def condition_of_leaf(name: str, bound: "BoundNode", _children: Sequence[int], _sure: bool) -> int:
+    """Return the set of a leaf that succeeds if a condition, an attribute, is true, and else fails."""
+    return {None: S | F, True: S, False: F}[constant_condition(bound.values.get(name))]

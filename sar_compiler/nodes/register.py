@@ -287,7 +287,7 @@ def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
     _refuse(f"<{tag}>: child_count is", count, advice)
 
 
-_FUNCTIONS = ("possible", "gates", "rounds", "limit_sec")
+_FUNCTIONS = ("possible", "gates", "rounds", "limit_sec", "wait_sec")
 """The functions in a `Semantics`, which checks call."""
 
 

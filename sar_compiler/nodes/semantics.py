@@ -119,6 +119,7 @@ class Semantics(NamedTuple):
         rounds: The number of times that it runs its child to an end; None for a node that does not count.
         once: Whether its child is executed only once in the whole run.
         limit_sec: The time limit of its child in seconds, `math.inf` for no limit; None for a node without a limit.
+        wait_sec: The time in seconds that it takes by itself: a leaf before it ends, a decorator before its child; None if unknown.
         resumes: Whether it continues at its former place after a restart, or waits for other nodes.
         with_memory: The tag of its non-reactive counterpart, which ticks only the child that was running.
         keys: Its use of the keys of some of its ports.
@@ -136,6 +137,7 @@ class Semantics(NamedTuple):
     rounds: Number | None = None
     once: bool = False
     limit_sec: Number | None = None
+    wait_sec: Number | None = None
     resumes: bool = False
     with_memory: str = ""
     keys: Mapping[str, KeyRole] = {}

@@ -92,6 +92,7 @@ WARNINGS = {
     "assignment-as-condition": "a condition that assigns a variable",
     "btcpp-version": "what one version of BehaviorTree.CPP takes and another one refuses",
     "cancelled-branch": "a branch of a parallel that interrupts the others before they finish",
+    "constant-condition": "a condition that is true, or false, for all values of its variables",
     "cut-text": "a text in YAML that a `#` cuts off",
     "endless-restart": "a child that interrupts another one again and again",
     "explicit-node": "a node in explicit form where BehaviorTree.CPP does not find it",
@@ -141,7 +142,7 @@ INFOS = {
     "reference": "a reference, which BehaviorTree.CPP treats as a plain text",
     "same-name": "two siblings of one name",
     "separator-in-name": "a name with a character that separates names",
-    "short-timeout": "a timeout that is hardly longer than a tick period",
+    "short-timeout": "a timeout that is hardly longer than a tick period, or too short for a wait below it",
     "unread-key": "a key that is written and never read",
 }
 """What is worth knowing."""

@@ -141,7 +141,7 @@ CASES = {
 @pytest.mark.parametrize("version", VERSIONS)
 def test_what_a_version_refuses_is_a_warning_for_it_and_nothing_for_others(name, version):
     text, refusing, place = CASES[name]
-    findings = check(forest_of(text), default_registry(), (), VERSIONS[version])
+    findings = _without_constants(check(forest_of(text), default_registry(), (), VERSIONS[version]))
     assert [(f.code, f.severity, f.span.line, f.span.column) for f in findings] == (
         [("btcpp-version", Severity.WARNING, *place)] if version in refusing else []
     )
@@ -155,7 +155,12 @@ def test_it_is_the_same_in_yaml(name):
     yaml = convert(parse_xml(text), Form.YAML).text
     for version, known in VERSIONS.items():
         findings = check(Forest.of(parse_yaml(yaml, "t.yaml")), default_registry(), (), known)
-        assert [f.code for f in findings] == ["btcpp-version"] * (version in refusing)
+        assert [f.code for f in _without_constants(findings)] == ["btcpp-version"] * (version in refusing)
+
+
+def _without_constants(findings):
+    """Return the findings but those about conditions of numbers alone, by which some cases show how a script is read."""
+    return [finding for finding in findings if finding.code != "constant-condition"]
 
 
 def in_script(code):

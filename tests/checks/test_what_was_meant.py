@@ -284,6 +284,43 @@ def test_a_note_that_reads_as_a_condition_is_a_warning(node, name):
     assert finding.hint == f"the conditions are {join_words(CONDITIONS)}"
 
 
+LIKE_NOTES = {
+    "_onlyIf": ("ready == 1", 'write _skipIf="!(ready == 1)"'),
+    "_if": ("ready", 'write _skipIf="!(ready)"'),
+    "_when": ("ready", 'write _skipIf="!(ready)"'),
+    "_unless": ("ready", 'write _skipIf="ready"'),
+    "_precondition": ("ready", f"the conditions are {join_words(CONDITIONS)}"),
+    "_condition": ("ready", f"the conditions are {join_words(CONDITIONS)}"),
+    "_guard": ("ready == 1", f"the conditions are {join_words(CONDITIONS)}"),
+    "_needs": ("ready", f"the conditions are {join_words(CONDITIONS)}"),
+    "_timeout": ("5", "put the node into a decorator: <Timeout>"),
+    "_timeoutMs": ("5000", "put the node into a decorator: <Timeout>"),
+    "_repeat": ("3", "put the node into a decorator: <Repeat>"),
+    "_retry": ("{tries}", "put the node into a decorator: <RetryUntilSuccessful>"),
+    "_run_once": ("true", "put the node into a decorator: <RunOnce>"),
+}
+
+
+@pytest.mark.parametrize("name", LIKE_NOTES)
+def test_a_note_that_seems_to_control_a_node_is_a_warning_that_says_what_does(name):
+    value, hint = LIKE_NOTES[name]
+    text = document(f'<Sequence><Script code="ready := 1"/><NavigateToBase {name}="{value}"/></Sequence>')
+    [finding] = [
+        each for each in check(forest_of(text), default_registry()) if each.severity is not Severity.INFO
+    ]
+    assert (finding.code, finding.severity, finding.hint) == ("unknown-attribute", Severity.WARNING, hint)
+
+
+@pytest.mark.parametrize(
+    "value", ["see issue 5", "left to right", "-12", "a-b", "1;2", "other", "x", "#fff", "1 < 2"]
+)
+def test_a_note_with_a_text_that_is_no_condition_is_taken(value):
+    text = document(
+        f'<Sequence><Script code="ready := 1"/><NavigateToBase _mine="{value.replace("<", "&lt;")}"/></Sequence>'
+    )
+    assert "unknown-attribute" not in [code for code, *_ in found(text)]
+
+
 @pytest.mark.parametrize("place", ["root", "BehaviorTree", "include"])
 def test_a_condition_that_nothing_asks_there_is_no_note(place):
     text = (

@@ -39,8 +39,12 @@ LEAVES = [
 REGISTRY = Registry([*default_registry().specs(), *LEAVES])
 
 
+def findings_of(text):
+    return check(forest_of(text), REGISTRY)
+
+
 def found(text):
-    return [(f.code, f.span.line, f.span.column) for f in check(forest_of(text), REGISTRY)]
+    return [(f.code, f.span.line, f.span.column) for f in findings_of(text)]
 
 
 # Each: what is written in the tree (its first line is line 3), then code, line, column and a part of the message.
@@ -308,7 +312,7 @@ def test_what_is_tried_after_what_cannot_succeed_is_never_ticked():
 
 def test_what_is_tried_after_what_is_skipped_is_ticked():
     body = '<TryCatch>\n<Precondition if="false" else="SKIPPED"><Ready/></Precondition>\n<Drive/>\n<Look/>\n</TryCatch>'
-    assert found(document(body)) == []
+    assert [code for code, *_ in found(document(body))] == ["constant-condition"]
 
 
 def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_one():
@@ -354,3 +358,60 @@ def test_a_tree_with_the_id_of_a_node_of_a_named_palette_is_a_warning():
     [finding] = check(forest, REGISTRY, [palette])
     assert (finding.code, finding.severity) == ("wrong-tree-id", Severity.WARNING)
     assert (finding.span.line, finding.span.column) == (2, 19)
+
+
+CONSTANT = {
+    "a condition that no value makes false": ("_skipIf", "x != 1 || x != 2", Severity.WARNING),
+    "a condition that no value makes true": ("_while", "x &lt; 1 &amp;&amp; x &gt; 2", Severity.WARNING),
+    "a condition without variables": ("_failureIf", "1 == 1", Severity.INFO),
+}
+
+
+@pytest.mark.parametrize("case", CONSTANT)
+def test_a_condition_that_no_value_changes_is_reported_with_its_consequence(case):
+    attribute, condition, severity = CONSTANT[case]
+    body = f'<Sequence>\n<Script code="x := 1"/>\n<Drive name="A" {attribute}="{condition}"/>\n</Sequence>'
+    (finding,) = [each for each in findings_of(document(body)) if each.code == "constant-condition"]
+    assert finding.severity is severity
+    assert finding.message.endswith("so 'A' is never ticked")
+
+
+@pytest.mark.parametrize("condition", ["x &lt; 1 &amp;&amp; x &gt; 2", "false"])
+def test_what_comes_after_a_condition_that_is_never_true_is_never_ticked(condition):
+    body = f'<Sequence>\n<ScriptCondition code="{condition}"/>\n<Drive/>\n</Sequence>'
+    assert ("unreachable-node", 5, 1) in found(document(body))
+
+
+WAITS = {
+    "a longer sleep": '<Sleep msec="10000"/>',
+    "a longer delay": '<Delay delay_msec="9000"><Drive/></Delay>',
+    "a longer timer of py_trees": '<Timer duration="7.5"/>',
+    "a sleep in a selector": '<Fallback><Drive/><Sleep msec="5000"/></Fallback>',
+    "two sleeps in a row": '<Sequence><Sleep msec="3000"/><Sleep msec="3000"/></Sequence>',
+    "a sleep in a subtree": '<SubTree ID="Waits"/>',
+}
+SHORT_WAITS = {
+    "a shorter sleep": '<Sleep msec="4000"/>',
+    "a sleep of a time in a key": '<Sequence><Script code="t := 9000"/><Sleep msec="{t}"/></Sequence>',
+    "one of two sleeps": '<Fallback><Sleep msec="3000"/><Sleep msec="3000"/></Fallback>',
+    "sleeps side by side": '<Parallel><Sleep msec="3000"/><Sleep msec="3000"/></Parallel>',
+    "a second sleep after one that may be skipped": '<Sequence><Sleep msec="3000" _skipIf="x"/><Sleep msec="3000"/></Sequence>',
+    "a sequence that keeps its place": '<SequenceWithMemory><Sleep msec="3000"/><Sleep msec="3000"/></SequenceWithMemory>',
+}
+_WAITS_TREE = '<BehaviorTree ID="Waits"><Sequence><Drive/><Sleep msec="20000"/></Sequence></BehaviorTree>'
+
+
+def in_timeout(body):
+    text = document(f'<Timeout msec="5000">{body}</Timeout>').replace("</root>", f"{_WAITS_TREE}</root>")
+    return [each for each in findings_of(text) if each.code == "short-timeout"]
+
+
+@pytest.mark.parametrize("case", WAITS)
+def test_a_time_limit_that_is_over_before_a_wait_is_warned_of(case):
+    (finding,) = in_timeout(WAITS[case])
+    assert finding.severity is Severity.WARNING
+
+
+@pytest.mark.parametrize("case", SHORT_WAITS)
+def test_a_time_limit_that_some_run_keeps_is_not_warned_of(case):
+    assert in_timeout(SHORT_WAITS[case]) == []

@@ -10,7 +10,7 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, K, R, S
 from sar_compiler.nodes.semantics import Gate, Order
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _VERBS = {S: "succeeds", F: "fails", R: "runs"}
 
@@ -178,8 +178,60 @@ def _timeout(bound: BoundNode) -> Iterator[Diagnostic]:
             f"{DEFAULT_PERIOD:g} s unless tick_rate_hz says otherwise"
         )
         yield bound.element.finding("short-timeout", message, hint="write a longer time")
+    elif seconds is not None and (found := _too_long_within(bound.children[0], seconds)) is not None:
+        wait, spent = found
+        own = wait.spec.semantics.wait_sec
+        own_sec = own and own(wait)
+        before = f" after the {spent:g} s before it" if spent else ""
+        message = (
+            f"'{bound.name}' always ends before '{wait.name}': '{wait.name}' waits {own_sec:g} s{before}, and the "
+            f"limit is {seconds:g} s"
+        )
+        hint = f"write a limit above {spent + (own_sec or 0):g} s, or a shorter wait"
+        yield bound.element.finding("short-timeout", message, hint=hint, severity=Severity.WARNING)
     else:
         yield from _longer_inside(bound, seconds)
+
+
+def _too_long_within(
+    bound: BoundNode, limit_sec: float, spent_sec: float = 0
+) -> tuple[BoundNode, float] | None:
+    """Return the first wait that a time limit always halts, and the seconds that pass before it begins."""
+    wait = bound.spec.semantics.wait_sec
+    own_sec = (wait and wait(bound)) or 0
+    if own_sec and spent_sec + own_sec >= limit_sec:
+        return bound, spent_sec
+    inside = (
+        [bound.subtree.root]
+        if bound.subtree is not None and bound.subtree.root is not None
+        else bound.children
+    )
+    spent_sec += own_sec
+    for child in inside:
+        found = _too_long_within(child, limit_sec, spent_sec)
+        if found is not None:
+            return found
+        if _runs_through(bound):
+            spent_sec += _least_sec(child)
+    return None
+
+
+def _least_sec(bound: BoundNode) -> float:
+    """Return the seconds that a node takes at least until it succeeds."""
+    if bound.conditions or bound.oneshot is not None:
+        return 0
+    means = bound.spec.semantics
+    own_sec = (means.wait_sec and means.wait_sec(bound)) or 0
+    is_run = means.rounds is None or (means.rounds(bound) or 0) >= 1
+    if _runs_through(bound) or (means.steady and is_run and not means.once and not means.changes & F):
+        return own_sec + sum(map(_least_sec, bound.children))
+    return own_sec
+
+
+def _runs_through(bound: BoundNode) -> bool:
+    """Return whether a node starts with its first child, and ticks each one to its success before the next."""
+    means = bound.spec.semantics
+    return means.is_sequence and not bound.is_reactive and not means.resumes
 
 
 def _longer_inside(bound: BoundNode, seconds: float | None) -> Iterator[Diagnostic]:

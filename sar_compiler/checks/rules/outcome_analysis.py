@@ -9,15 +9,15 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, file_of
-from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
+from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits, constant_condition
 from sar_compiler.nodes.semantics import REMOVES, WRITES, Order
 from sar_compiler.nodes.spec import Kind, NodeSpec
 
 _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))
 _SHIFT = 4
 _UNKNOWN = ALL
-_POSSIBLE = {"_failureIf": F, "_successIf": S, "_skipIf": K, "_while": K}
-"""The results that conditions add."""
+_CONDITIONS = {"_failureIf": (True, F), "_successIf": (True, S), "_skipIf": (True, K), "_while": (False, K)}
+"""The conditions in the order in which they are evaluated: the truth that decides, and the result then."""
 
 OutcomeSets = int
 """The results that a node may have, in the lower bits, and those known to occur in some run, above them."""
@@ -189,9 +189,16 @@ class PossibleOutcomes:
     def _conditioned(self, bound: BoundNode, outcome_sets: OutcomeSets) -> OutcomeSets:
         if bound in self._broken:
             return _UNKNOWN
-        for condition in bound.conditions:
-            outcome_sets |= _POSSIBLE.get(condition, 0)
-        return outcome_sets
+        added = 0
+        for name, (deciding, result) in _CONDITIONS.items():
+            script = bound.conditions.get(name)
+            if script is None:
+                continue
+            truth = constant_condition(script)
+            if truth is deciding:
+                return added | result | result << _SHIFT
+            added |= result if truth is None else 0
+        return outcome_sets | added
 
 
 def is_telling(spec: NodeSpec) -> bool:

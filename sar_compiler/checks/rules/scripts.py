@@ -9,6 +9,7 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.btcpp import STATEMENTS
 from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime import operators
+from sar_compiler.runtime.constant_conditions import constant_truth
 from sar_compiler.runtime.evaluation import EvaluationError, failure, no_condition, step_failure
 from sar_compiler.runtime.expressions import (
     Assignment,
@@ -24,10 +25,12 @@ from sar_compiler.runtime.expressions import (
 )
 from sar_compiler.runtime.tokens import excerpt
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _NO_OPERATORS = frozenset({"if", "then", "else"})
 _ALWAYS = "every tick that comes here raises this: calculate with numbers, join texts with .."
+_NEVER_TICKED = frozenset({("_failureIf", True), ("_successIf", True), ("_skipIf", True), ("_while", False)})
+"""Conditions and the truths with which the node is never ticked."""
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
@@ -35,6 +38,8 @@ def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield conditions that assign a variable instead of comparing it, and what does nothing or raises always."""
     for bound, attribute, script in context.scripts:
         asked = is_condition(bound, attribute)
+        if asked:
+            yield from _constant(bound, attribute, script)
         if script.plain_form is (ComparisonChain if asked else Assignment):
             continue  # nothing can be wrong with it
         if asked:
@@ -72,6 +77,24 @@ def _assigning(bound: BoundNode, attribute: str, script: Script) -> Iterator[Dia
     suggestion = "==" if operator == "=" else None
     hint = "compare with ==, and change variables in _onSuccess, _onFailure or a <Script>"
     yield bound.element.finding("assignment-as-condition", message, span, suggestion=suggestion, hint=hint)
+
+
+def _constant(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:
+    truth = constant_truth(script)
+    if truth is None:
+        return
+    variables = [part.name for part in parts(script.statements[-1]) if isinstance(part, Name)]
+    message = f"{attribute}: '{excerpt(script.text)}' is always {'true' if truth else 'false'}"
+    if (attribute, truth) in _NEVER_TICKED:
+        message += f", so '{bound.name}' is never ticked"
+    hint = "delete the condition, or compare a variable in it"
+    if variables:
+        others = "them" if len(set(variables)) > 1 else f"'{variables[0]}'"
+        hint = f"no value of {others} changes the result: correct a comparison, or exchange && and ||"
+    # Some write `true` to switch a node off for a while.
+    severity = Severity.WARNING if variables else Severity.INFO
+    span = bound.element.within_value(attribute, 0, len(script.text))
+    yield bound.element.finding("constant-condition", message, span, hint=hint, severity=severity)
 
 
 def _idle(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:

@@ -14,7 +14,15 @@ from sar_compiler.nodes.values import (
     join_words,
     type_of,
 )
-from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.expressions import (
+    Assignment,
+    ComparisonChain,
+    Name,
+    Operation,
+    Prefix,
+    Script,
+    parts,
+)
 from sar_compiler.tree.diagnostic import Advice, Severity
 from sar_compiler.tree.guessing import Guesses, unit_in
 from sar_compiler.tree.model import SUBTREE_TAG, Element
@@ -42,8 +50,34 @@ AUTOREMAP = "_autoremap"
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
 """Some attributes in which BehaviorTree.CPP and editors keep notes, for schemas; any that begins with `_` may be one."""
-_LIKE_CONDITION = r"_(?:skip|fail|failure|success|while|on|post)[A-Z]\w*"
+_TEXT_NOTES = frozenset(
+    {*NOTES, "_comment", "_note", "_notes", "_todo", "_doc", "_label", "_title", "_color", "_style"}
+)
+"""Notes that hold any text; in others, a condition is looked for."""
+_LIKE_CONDITION = re.compile(
+    r"_(?:(?:skip|fail|failure|success|while|on|post)[A-Z]\w*|(?:(?:only|run|do)_?)?[iI]f|unless|when|(?:pre|post)?_?[cC]onditions?)"
+)
 """Notes that read as conditions, though none is near: `_skipWhen`, not `_skip_list`."""
+_DECORATORS = {
+    "timeout": "<Timeout>",
+    "delay": "<Delay>",
+    "repeat": "<Repeat>",
+    "retry": "<RetryUntilSuccessful>",
+    "retries": "<RetryUntilSuccessful>",
+    "attempts": "<RetryUntilSuccessful>",
+    "invert": "<Inverter>",
+    "negate": "<Inverter>",
+    "runonce": "<RunOnce>",
+    "forcesuccess": "<ForceSuccess>",
+    "forcefailure": "<ForceFailure>",
+}
+"""Beginnings of notes that read as decorators, and the decorators."""
+_LIKE_DECORATOR = re.compile(
+    r"_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))",
+    re.IGNORECASE,
+)
+_NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf", "_do_if", "_when"})
+"""Notes that say when a node runs, where `_skipIf` says when it does not."""
 
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
@@ -102,15 +136,44 @@ class AttributeBinder:
                 bound.conditions = {**bound.conditions, name: script}
         elif not name.startswith("_") or self.slip_in_note(name) is not None:
             return False
-        elif re.fullmatch(_LIKE_CONDITION, name):
-            self._report_no_condition(bound.element, name)
+        elif name not in _TEXT_NOTES:
+            self._check_note(bound.element, name)
         return True
 
-    def _report_no_condition(self, element: Element, name: str) -> None:
-        """Report a note that reads as a condition, which nothing would ever ask."""
-        message = f"no condition is called '{name}': this is a note, and nothing is done with it"
-        advice = Advice(hint=f"the conditions are {join_words(CONDITIONS)}", severity=Severity.WARNING)
+    def _check_note(self, element: Element, name: str) -> None:
+        """Report a note that reads as a condition or as a decorator, and has no effect."""
+        text = element.attributes[name]
+        decorator = _LIKE_DECORATOR.match(name)
+        if decorator:
+            word = decorator[1].lower().replace("_", "")
+            hint = f"put the node into a decorator: {_DECORATORS[word]}"
+        elif name in _NEGATED and _read_condition(text):
+            hint = f'write _skipIf="!({text})"'
+        elif name == "_unless" and _read_condition(text):
+            hint = f'write _skipIf="{text}"'
+        elif _LIKE_CONDITION.fullmatch(name) or self._has_condition(text):
+            hint = f"the conditions are {join_words(CONDITIONS)}"
+        else:
+            return
+        message = f"'{name}' has no effect: attributes that begin with '_' are notes, except the conditions"
+        advice = Advice(hint=hint, severity=Severity.WARNING)
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
+
+    def _has_condition(self, text: str) -> bool:
+        """Return whether a note's text is a key of the tree, or a script with an operator of conditions."""
+        script = _read_condition(text)
+        # Several words that happen to be a script of several statements are a text.
+        if script is None or len(script.statements) != 1:
+            return False
+        all_parts = list(parts(script.statements[0]))
+        if isinstance(all_parts[0], Name):
+            return all_parts[0].name in self._known_keys()
+        return any(isinstance(part, Name) for part in all_parts) and any(
+            isinstance(part, (ComparisonChain, Assignment))
+            or (isinstance(part, Prefix) and part.operator == "!")
+            or (isinstance(part, Operation) and part.steps[0].operator in {"&&", "||"})
+            for part in all_parts
+        )
 
     def slip_in_note(self, name: str) -> str | None:
         """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
@@ -274,6 +337,15 @@ def _unit_of(parameter: Parameter) -> str:
 def slip_in_note(name: str, guesses: Guesses) -> str | None:
     """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
     return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT])
+
+
+def _read_condition(text: str) -> Script | None:
+    """Return the script that a text is; None if it is none."""
+    try:
+        script = CONDITION.convert(text)
+    except ConversionError:
+        return None
+    return script if isinstance(script, Script) else None
 
 
 def _is_explicit(bound: BoundNode) -> bool:

@@ -20,7 +20,7 @@ from sar_compiler.nodes.declaring import (
 )
 from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
 from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
-from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, number
+from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, milliseconds, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
@@ -28,8 +28,6 @@ from sar_compiler.runtime.answers import Outcome
 from sar_compiler.tree.model import SUBTREE_TAG
 
 _NOUNS = {S: "success", F: "failure", R: "running"}
-
-_MILLISECONDS = 1000.0
 
 _own = partial(own, Kind.DECORATOR, skipping=FROM_CHILD)
 _stock = partial(stock, Kind.DECORATOR)
@@ -50,8 +48,7 @@ def _failures(bound: BoundNode) -> float | None:
 
 def _within(bound: BoundNode) -> float | None:
     """Return the limit of a Timeout in seconds; BehaviorTree.CPP's 0 is no limit."""
-    milliseconds = number(bound, "msec")
-    return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
+    return milliseconds(bound, "msec") or (math.inf if number(bound, "msec") == 0 else None)
 
 
 def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
@@ -191,7 +188,11 @@ BEHAVIORTREE_CPP = [
         "Waits before it ticks its child for the first time.",
         input_port("delay_msec", MILLISECONDS, "How long to wait, in milliseconds."),
         CLOCK,
-        semantics=Semantics(partial(outcome_sets.adding, R), steady=True),
+        semantics=Semantics(
+            partial(outcome_sets.adding, R),
+            steady=True,
+            wait_sec=partial(outcome_sets.milliseconds, name="delay_msec"),
+        ),
     ),
     _own(
         "Timeout",

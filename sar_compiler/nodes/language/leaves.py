@@ -84,6 +84,7 @@ BEHAVIORTREE_CPP = [
         SCOPE,
         ENUMS,
         outcomes=_SUCCESS | _FAILURE,
+        semantics=Semantics(partial(outcome_sets.condition_of_leaf, "code")),
     ),
     _own(
         "SetBlackboard",
@@ -127,6 +128,7 @@ BEHAVIORTREE_CPP = [
         input_port("msec", MILLISECONDS, "How long to wait, in milliseconds; 0: not at all."),
         CLOCK,
         outcomes=_SUCCESS | _RUNNING,
+        semantics=Semantics(wait_sec=partial(outcome_sets.milliseconds, name="msec")),
     ),
 ]
 
@@ -201,7 +203,10 @@ PY_TREES = [
         CLOCK,
         attribute("duration", SECONDS, "How long to run, in seconds; 0 or less: succeed at once.", 5.0),
         outcomes=_SUCCESS | _RUNNING,
-        semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.timer)),
+        semantics=Semantics(
+            wait_sec=partial(outcome_sets.number, name="duration"),
+            counterpart=Counterpart(rewrite=rewrites.timer),
+        ),
     ),
     _stock(
         "BlackboardToStatus",

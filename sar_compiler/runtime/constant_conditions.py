@@ -1,0 +1,164 @@
+"""Conditions that no value of their variables can change: `x != 'A' || x != 'B'`, `x < 1 && x > 2`.
+
+A comparison of a variable with literals changes its result only at these literals. So it is enough to evaluate
+the condition with one value of each interval between them, for all combinations of the variables. A comparison
+of anything else, such as `x < y + 1`, becomes a variable of its own that is true or false; equal comparisons become
+the same variable, and opposite ones its negation.
+"""
+
+import functools
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import (
+    Assignment,
+    ComparisonChain,
+    Conditional,
+    Expression,
+    Literal,
+    Name,
+    Operation,
+    OperatorTerm,
+    Prefix,
+    Script,
+    ScriptPart,
+    parts,
+)
+from sar_compiler.runtime.variables import PlainVariables, RefusedValueError, ScriptValue, number_of
+
+_MOST_COMBINATIONS = 4096
+"""Conditions with more combinations of values are not judged."""
+_LOGICAL = frozenset({"&&", "||"})
+_OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
+"""The results of comparing a value with itself."""
+
+
+@functools.lru_cache(maxsize=4096)
+def constant_truth(script: Script) -> bool | None:
+    """Return the truth of a condition that is the same for all values of its variables.
+
+    Args:
+        script: The condition.
+
+    Returns:
+        True or False; None if the values decide, if it assigns a variable, or if it raises for every value.
+    """
+    if not script.statements or _is_decided_by_a_value(script):
+        return None
+    if any(isinstance(part, Assignment) for each in script.statements for part in parts(each)):
+        return None
+    return _SampledCondition(script).constant_truth()
+
+
+def _is_decided_by_a_value(script: Script) -> bool:
+    """Return whether a script compares one variable with one literal, as most conditions do."""
+    chain = script.statements[0]
+    if script.plain_form is not ComparisonChain or not isinstance(chain, ComparisonChain):
+        return False
+    return len(chain.steps) == 1 and isinstance(chain.first, Name) != isinstance(chain.steps[0].operand, Name)
+
+
+class _SampledCondition:
+    """A condition, rewritten so that a few values of each variable stand for all of them.
+
+    Args:
+        script: The condition, without assignments.
+    """
+
+    def __init__(self, script: Script) -> None:
+        self._values: dict[str, set[ScriptValue]] = {}
+        self._literals: dict[str, set[ScriptValue]] = {}
+        self._unjudged: dict[Expression, Name] = {}
+        self._script = replace(script, statements=(self._rewrite(script.statements[-1]),))
+
+    def constant_truth(self) -> bool | None:
+        """Return its truth, if it has the same for all values for which it does not raise."""
+        choices = [{0, 1, *_representatives(literals)} for literals in self._literals.values()]
+        if math.prod(map(len, choices)) > _MOST_COMBINATIONS:
+            return None
+        program, found = Program(self._script), set()
+        for values in itertools.product(*choices):
+            with suppress(EvaluationError):
+                found.add(program.holds(PlainVariables(dict(zip(self._literals, values, strict=True)))))
+            if len(found) > 1:
+                return None
+        return found.pop() if found else None
+
+    def _rewrite(self, node: Expression) -> Expression:
+        if isinstance(node, Name):
+            self._literals.setdefault(node.name, set())
+            return node
+        if isinstance(node, Prefix) and node.operator == "!":
+            return replace(node, operand=self._rewrite(node.operand))
+        if isinstance(node, Operation) and all(step.operator in _LOGICAL for step in node.steps):
+            steps = tuple(replace(step, operand=self._rewrite(step.operand)) for step in node.steps)
+            return replace(node, first=self._rewrite(node.first), steps=steps)
+        if isinstance(node, Conditional):
+            condition, then, otherwise = map(self._rewrite, (node.condition, node.then, node.otherwise))
+            return replace(node, condition=condition, then=then, otherwise=otherwise)
+        if isinstance(node, ComparisonChain):
+            lefts = (node.first, *(step.operand for step in node.steps))
+            links = [self._compare(left, step) for left, step in zip(lefts, node.steps, strict=False)]
+            # As in a run, a comparison is not evaluated where the one before it is false.
+            no = Literal(0, **_place(node))
+            return functools.reduce(
+                lambda rest, link: Conditional(link, rest, no, **_place(node)), reversed(links)
+            )
+        return self._unknown(node) if any(isinstance(part, Name) for part in parts(node)) else node
+
+    def _compare(self, left: Expression, step: OperatorTerm) -> Expression:
+        """Return the comparison of two neighbours, in which at most one variable meets a literal."""
+        operator, right = step.operator, step.operand
+        if not any(isinstance(part, Name) for side in (left, right) for part in parts(side)):
+            return _comparison(left, operator, right)
+        if left == right:
+            return Literal(_OF_EQUALS[operator], **_place(step))
+        for name, other in ((left, right), (right, left)):
+            if isinstance(name, Name) and isinstance(other, Literal):
+                self._literals.setdefault(name.name, set()).add(other.value)
+                return _comparison(left, operator, right)
+        if operator in {"!=", ">=", "<="}:
+            opposite = {"!=": "==", ">=": "<", "<=": ">"}[operator]
+            term = replace(step, operator=opposite)
+            return Prefix("!", self._compare(left, term), **_place(step))
+        mirrored = _comparison(right, operator.replace(">", "<"), left)
+        if operator == ">" or (operator == "==" and mirrored in self._unjudged):
+            return self._unknown(mirrored)
+        return self._unknown(_comparison(left, operator, right))
+
+    def _unknown(self, node: Expression) -> Name:
+        """Return the variable that stands for a part that is not judged; equal parts have the same one."""
+        name = self._unjudged.setdefault(node, Name(f"?{len(self._unjudged)}", **_place(node)))
+        self._literals.setdefault(name.name, set())
+        return name
+
+
+def _representatives(literals: Iterable[ScriptValue]) -> Iterator[ScriptValue]:
+    """Yield a value of each interval into which literals divide the numbers and the texts, and the literals."""
+    numbers, texts = set(), {""}
+    for literal in literals:
+        if not isinstance(literal, str):
+            numbers.add(float(literal))
+            continue
+        texts |= {literal, literal + "\x01"}  # the second one comes next in the order of texts
+        with suppress(RefusedValueError):
+            numbers.add(float(number_of(literal)))
+    if len(texts) > 1:
+        yield from texts
+    bounds = sorted(each for each in numbers if math.isfinite(each))
+    yield from bounds
+    yield from ((lower + upper) / 2 for lower, upper in itertools.pairwise(bounds))
+    yield from (sign * (abs(bound) + 1) * 2 for bound in (bounds[:1] + bounds[-1:]) for sign in (1, -1))
+
+
+def _comparison(left: Expression, operator: str, right: Expression) -> ComparisonChain:
+    place = _place(left)
+    return ComparisonChain(left, (OperatorTerm(operator, right, **place),), **place)
+
+
+def _place(part: ScriptPart) -> dict[str, int]:
+    return {"start": part.start, "end": part.end}
