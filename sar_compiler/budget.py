@@ -9,12 +9,14 @@ prints what it has found when the budget is spent. There are two steps, because 
 """
 
 import math
+import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from sar_compiler.commands import INTERRUPTED, status_of_interrupt
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -56,7 +58,7 @@ class Budget:
 
     Attributes:
         reason: Why it is spent, in words; empty while it is not.
-        is_interrupted: Whether that is because the user has pressed Ctrl-C.
+        is_interrupted: Whether that is because the user has pressed Ctrl-C, or another signal has come that ends a command so.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Budget:
     ) -> None:
         self.reason = ""
         self.is_interrupted = False
+        self._interrupt_status = INTERRUPTED
         self._max_sec, self._max_memory_mb, self._patience_sec = max_sec, max_memory_mb, patience_sec
         self._clock, self._begun, self._spent_at = clock, clock(), math.inf
         self._published: Callable[[], object] | None = None
@@ -90,7 +93,7 @@ class Budget:
     @property
     def exit_status(self) -> int:
         """The status of a command whose budget is spent: 130 after Ctrl-C, else 1, as for what is not decided."""
-        return 130 if self.is_interrupted else 1
+        return self._interrupt_status if self.is_interrupted else 1
 
     def _spend(self, reason: str) -> None:
         if not self.reason:
@@ -122,11 +125,14 @@ class Budget:
                     thread.start()
                 if outcome.is_there.wait(_POLL_SEC):
                     break
-            except KeyboardInterrupt:
+            except KeyboardInterrupt as interrupt:
                 if self.is_interrupted:
                     raise
                 self.is_interrupted, self.reason = True, ""
-                self._spend("stopped by Ctrl-C")
+                self._interrupt_status = status = status_of_interrupt(interrupt)
+                self._spend(
+                    f"stopped by {'Ctrl-C' if status == INTERRUPTED else signal.Signals(status - 128).name}"
+                )
         if outcome.error is not None:
             raise outcome.error
         return cast("T", outcome.result)

@@ -90,8 +90,8 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
         discard_output()
         print_error(f"{prog}: standard output cannot be written: {reason}")
         return USAGE
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    except KeyboardInterrupt as interrupt:
+        return status_of_interrupt(interrupt)
     except MemoryError:
         # Said only below: with the exception go the frames that hold the memory.
         pass
@@ -136,13 +136,40 @@ def _visible(text: str) -> str:
     return visible(text)
 
 
-def interruptible() -> None:
-    """From here on, within `run`, Ctrl-C ends a command as an exception: what is half done is tidied up."""
+def interruptible(*more: int) -> None:
+    """From here on, within `run`, Ctrl-C ends a command as an exception: what is half done is tidied up.
+
+    Args:
+        more: Other signals that do so. The `KeyboardInterrupt` has the number of the signal as its argument.
+    """
+
+    def interrupt(number: int, _frame: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    _handle(interrupt, *more)
+
+
+def exit_on_interrupt() -> None:
+    """From here on Ctrl-C ends this process at once: a server reads standard input in a thread that no exception reaches."""
+
+    def leave(number: int, _frame: object) -> None:
+        os._exit(128 + number)
+
+    _handle(leave)
+
+
+def _handle(handler: Callable[[int, object], None], *more: int) -> None:
     import signal
 
-    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
-        with suppress(ValueError):  # only the main thread may decide that
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in (signal.SIGINT, *more):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            with suppress(ValueError):  # only the main thread may decide that
+                signal.signal(number, handler)
+
+
+def status_of_interrupt(interrupt: KeyboardInterrupt) -> int:
+    """Return the exit status of a command that a signal has ended: 130 after Ctrl-C."""
+    return 128 + int(interrupt.args[0]) if interrupt.args else INTERRUPTED
 
 
 def discard_output() -> None:

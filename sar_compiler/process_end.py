@@ -25,6 +25,9 @@ _THREADS_SEC, _EXIT_FUNCTIONS_SEC = 3.0, 3.0
 _FLUSH_SEC = 1.0
 # How long ROS may take to be taken down, seconds.
 _TAKING_DOWN_SEC = 3.0
+# How soon a process notices that the one that has started it has ended, seconds.
+_PARENT_SEC = 0.5
+_PARENT = "SAR_PARENT"
 _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
 
 
@@ -73,6 +76,25 @@ def end_after_program(status: int, name: str) -> None:
 
     # `atexit` comes too late: the interpreter waits for the threads before.
     threading._register_atexit(end)  # type: ignore[attr-defined]  # noqa: SLF001
+
+
+def dependent_environment() -> dict[str, str]:
+    """Return the environment of a command that is to end when this process does, however this one ends."""
+    return {**os.environ, _PARENT: str(os.getpid())}
+
+
+def end_with_parent() -> None:
+    """End this process by SIGTERM when the one that has started it with `dependent_environment` has ended."""
+    parent = os.environ.pop(_PARENT, "")
+    if not parent:
+        return
+
+    def watch() -> None:
+        while str(os.getppid()) == parent:
+            time.sleep(_PARENT_SEC)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
 def flush() -> None:

@@ -27,9 +27,10 @@ class Command:
         name: The command, as installed.
         arguments: Its arguments.
         env: Changes to the environment.
+        stdin: Its standard input; by default that of this process.
     """
 
-    def __init__(self, name, *arguments, env=None):
+    def __init__(self, name, *arguments, env=None, stdin=None):
         self.name = name
         self._lines = []
         self._news = News()
@@ -37,6 +38,7 @@ class Command:
         self._state = tempfile.TemporaryDirectory(prefix="state_of_test")
         self._process = subprocess.Popen(
             [BIN / name, *map(str, arguments)],
+            stdin=stdin,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -193,6 +195,12 @@ def children_of(pid, word=""):
     numbers = (int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit())
     found = sorted(number for number in numbers if _state_and_parent(number)[1] == str(pid))
     return [each for each in found if word in _read(f"/proc/{each}/cmdline")]
+
+
+def processor_sec(pid):
+    """Return the processor time that a process has used, seconds; 0 if there is no such process."""
+    fields = _read(f"/proc/{pid}/stat").rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
 def _descendants(pid):

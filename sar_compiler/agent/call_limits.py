@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from sar_compiler.commands import LIMITS_VARIABLE
 from sar_compiler.opener import confine
+from sar_compiler.process_end import dependent_environment
 
 _NICENESS = 10
 
@@ -29,8 +30,8 @@ class CallLimits(NamedTuple):
 
     def environment(self) -> dict[str, str]:
         """Return the environment of a call with these limits."""
-        # Each thread of OpenBLAS takes address space of its own, which is what is limited.
-        return {**os.environ, LIMITS_VARIABLE: json.dumps(self), "OPENBLAS_NUM_THREADS": "1"}
+        # A call does not outlive the server. Each thread of OpenBLAS takes address space of its own, which is what is limited.
+        return {**dependent_environment(), LIMITS_VARIABLE: json.dumps(self), "OPENBLAS_NUM_THREADS": "1"}
 
 
 def limit_this_process(environment: MutableMapping[str, str]) -> None:

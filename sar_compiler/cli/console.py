@@ -29,9 +29,10 @@ def _command(module: str, function: str = "main", *, is_server: bool = False) ->
         signal.signal(signal.SIGINT, leave)
     if os.environ.get("PYTHONPATH"):
         _leave_current_folder()
-    status = _status_of(module, function)
-    from sar_compiler.process_end import end_process
+    from sar_compiler.process_end import end_process, end_with_parent
 
+    end_with_parent()
+    status = _status_of(module, function)
     end_process(status, name=os.path.basename(sys.argv[0]))  # noqa: PTH119 - pathlib takes a moment to import
 
 

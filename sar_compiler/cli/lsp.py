@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from sar_compiler.cli.loading import add_project_options, additions
-from sar_compiler.commands import OK
+from sar_compiler.commands import OK, exit_on_interrupt
 
 
 def add_lsp(parser: argparse.ArgumentParser) -> None:
@@ -27,5 +27,6 @@ def serve(arguments: argparse.Namespace) -> int:
     command = [sys.executable, str(Path(sys.argv[0]).resolve())]
     # What a module of leaves prints when it is imported must not come between the server's words.
     output, sys.stdout = sys.stdout.buffer, sys.stderr
+    exit_on_interrupt()
     tree_server(version("sar_compiler"), additions(arguments), command, given).start_io(stdout=output)
     return OK

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sar_compiler.cli.arguments import FOLDER, count, seconds
 from sar_compiler.cli.loading import add_project_options
-from sar_compiler.commands import OK
+from sar_compiler.commands import OK, exit_on_interrupt
 from sar_compiler.errors import SarError
 
 _LIMIT_SEC = 60.0
@@ -65,5 +65,6 @@ def serve_agent(arguments: argparse.Namespace) -> int:
         includes=[f"--include-path={each}" for each in folders],
         named=[*models, *folders],
     )
+    exit_on_interrupt()
     agent_server(version("sar_compiler"), access).run("stdio")
     return OK

@@ -18,7 +18,7 @@ from sar_compiler.cli.sweep import (
     run_sweep,
 )
 from sar_compiler.cli.writing import write_text
-from sar_compiler.commands import CommandParser
+from sar_compiler.commands import CommandParser, interruptible
 from sar_compiler.ros.middleware import require_middleware
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
 
     require_middleware()
     # The flights are stopped in order, however the command is.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    interruptible(signal.SIGTERM, signal.SIGHUP)
     varied = [len(values) for _, values in options.vary]
     require_rows(len(options.world or [""]), len(options.fault or [""]), *varied)
     rows = dict(_rows(options))

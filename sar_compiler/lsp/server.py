@@ -24,6 +24,7 @@ from sar_compiler.lsp.names import NamedThing, Spot, name_at
 from sar_compiler.lsp.offers import offers_at, page_of_tag, place_in
 from sar_compiler.lsp.open_text import OpenText, Placed
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.process_end import dependent_environment
 from sar_compiler.project import Additions, LoadedTree, Workspace
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
@@ -443,7 +444,7 @@ class TreeServer(LanguageServer):
         chosen = ["--tree", tree_id] if tree_id else []
         process = await asyncio.create_subprocess_exec(
             *self._command, what, "-", *chosen, *self._options,
-            cwd=file.path.parent,
+            cwd=file.path.parent, env=dependent_environment(),
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
         )  # fmt: skip
         output, _ = await process.communicate(file.text.encode())

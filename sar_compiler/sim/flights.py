@@ -1,7 +1,6 @@
 """Missions in the simulator, flown by processes of which each has a ROS domain of its own."""
 
 import json
-import os
 import random
 import shlex
 import subprocess
@@ -19,6 +18,7 @@ from sar_compiler.checks.sweep import Played
 from sar_compiler.checks.sweep.workers import Workers
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
+from sar_compiler.process_end import dependent_environment
 
 # Ports of higher domains are among those that Linux gives to anybody.
 _DOMAINS = range(1, 102)
@@ -107,7 +107,7 @@ class Pilot:
         with _free_domain() as (domain, lock):
             self._process = subprocess.Popen(  # noqa: S603 - the project's own command
                 [sys.executable, "-c", _SAR_RUN],
-                env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+                env={**dependent_environment(), "ROS_DOMAIN_ID": str(domain)},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,

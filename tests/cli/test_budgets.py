@@ -2,18 +2,16 @@
 
 import itertools
 import json
-import os
 import re
 import signal
 import subprocess
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
 from sar_compiler.budget import Budget, BudgetSpentError, memory_mb
-from tests.processes import BIN, Command
+from tests.processes import BIN, Command, processor_sec
 
 SAR_COMPILE = BIN / "sar-compile"
 A_MOMENT = ("--max-seconds", "0.3")
@@ -38,12 +36,6 @@ def trees(tmp_path_factory):
         text = f'<root BTCPP_format="4"><BehaviorTree ID="T">{body}</BehaviorTree>{MODEL}</root>'
         folder.joinpath(f"{name}.xml").write_text(text, encoding="utf-8")
     return folder
-
-
-def processor_sec(pid):
-    """Return the processor time that a process has used, seconds."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def run(*words):

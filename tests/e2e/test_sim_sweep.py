@@ -125,12 +125,14 @@ def test_a_process_that_has_died_between_two_missions_is_replaced():
 
 
 @pytest.mark.ros
-def test_a_signal_stops_the_flights_and_shows_what_is_known(start):
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_signal_stops_the_flights_and_shows_what_is_known(start, number, status):
     sweep = start("sar-sim", "sweep", "search_and_rescue", "--runs", 9, "--jobs", 2)
     flying = wait_for_flights(sweep, 2)
-    sweep.send(signal.SIGTERM)
-    assert sweep.end() == 130, sweep.output
+    sweep.send(number)
+    assert sweep.end() == status, sweep.output
     assert sweep.output.startswith("runs  success")
+    assert sweep.output.endswith(f"sweep: stopped by {number.name}")
     assert not any(Path(f"/proc/{each}").exists() for each in flying)
 
 

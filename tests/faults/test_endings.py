@@ -4,20 +4,28 @@ The commands are those that are installed, and the programs those of the documen
 `make soak` tries them all, beside two processes that keep the processors busy; a few are tried each time.
 """
 
+import argparse
+import fcntl
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
+import termios
 import uuid
+from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from tests.docs.markdown import PAGES, blocks
-from tests.processes import Command
+from tests.docs.test_commands_page import PARSERS
+from tests.processes import Command, children_of, processor_sec
+from tests.terminals import Terminal
 from tests.trees import document
 from tests.waiting import News
 
@@ -75,6 +83,7 @@ SHAPES = {
     "shut down within": (
         f"{RUNNING}    try:\n        rclpy.spin(node)\n    finally:\n        node.destroy_node()\n        rclpy.shutdown()\n"
     ),
+    "a guardian": f"{RUNNING}    rclpy.spin(node)\n".replace("node) as", "node, guardian=True) as"),
     "a foreign thread": (
         f"threading_ = __import__('threading')\nthreading_.Thread(target=threading_.Event().wait, name='charger').start()\n"
         f"{RUNNING}    rclpy.spin(node)\n"
@@ -95,12 +104,12 @@ LONELY = {
 DRIVE = '<RosAction name="Drive" action="navigate_to_pose" type="nav2_msgs/action/NavigateToPose" goal=""/>'
 
 
-class Program(Command):
+class Marked:
     """A program, or a command, all of whose processes can be found."""
 
-    def __init__(self, name, *arguments, env=None):
+    def __init__(self, name, *arguments, env=None, **more):
         self.mark = uuid.uuid4().hex
-        super().__init__(name, *arguments, env={**(env or {}), MARK: self.mark})
+        super().__init__(name, *arguments, env={**(env or {}), MARK: self.mark}, **more)
 
     def left(self):
         """Return the processes that are there, whichever of them has begun which."""
@@ -118,13 +127,26 @@ class Program(Command):
             news.wait_until(lambda: not self.left(), lambda: f"{self.left()} do not end:\n{self.output}")
 
 
+class Program(Marked, Command):
+    """A program, or a command, without a terminal."""
+
+
+class OnTerminal(Marked, Terminal):
+    """A command on a terminal."""
+
+    @property
+    def output(self):
+        """What it has printed."""
+        return "\n".join(self.history)
+
+
 @pytest.fixture
 def start():
     """Start programs; what is left of them after the test is killed."""
     started = []
 
-    def begin(name, *arguments, env=None):
-        started.append(Program(name, *arguments, env=env))
+    def begin(name, *arguments, kind=Program, **more):
+        started.append(kind(name, *arguments, **more))
         return started[-1]
 
     yield begin
@@ -235,9 +257,40 @@ def test_a_program_that_waits_for_a_server_ends(program, name, number):
     run.require_gone()
 
 
+SETS_UP = """
+import os, time
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from sar_compiler.leaves import Kind, register
+
+@register("Open", kind=Kind.ACTION)
+class Open(Behaviour):
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+
+    def setup(self, **kwargs):
+        print("setting up", flush=True)
+        time.sleep(600)
+
+    def update(self):
+        return Status.RUNNING
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "busy"), matrix(NAMED, [("a guardian", signal.SIGTERM)]), indirect=["busy"]
+)
+def test_a_program_whose_tree_is_being_set_up_ends(program, name, number, busy):
+    text = SETS_UP + NAMED[name].replace('load("mission.xml")', 'load("mission.xml", nodes=[Open])')
+    run = program(text, "<Open/>").wait_for("setting up")
+    run.send(number)
+    assert run.end() == SIGNALS[number], run.output
+    run.require_gone()
+
+
 def test_a_program_that_is_killed_leaves_its_goal_to_a_guardian(program, serve):
     server = serve("navigation", goals=[{"drive": None}])
-    run = program(SHAPES["spin"].replace("node) as", "node, guardian=True) as"))
+    run = program(SHAPES["a guardian"])
     server.wait_for("accepted")
     run.send(signal.SIGKILL)
     server.wait_for("ended", how="cancel")
@@ -288,27 +341,161 @@ NO_GOAL = {
     signal.SIGTERM: {143, 0, -signal.SIGTERM},
     signal.SIGHUP: {129, 0, -signal.SIGHUP},
 }
-ENDLESS = '<Repeat num_cycles="-1"><Sequence><Sleep msec="100"/><AlwaysSuccess/></Sequence></Repeat>'
-# Of each command the ways in which it takes long, with the line that says that it does.
-LONG: dict[str, dict[str, tuple[list[str], str]]] = {
-    "sar-run": {
-        "waiting": (["search_and_rescue"], "Waiting for"),
-        "page": (
-            ["{tree}", "--view", "web", "--web-port", "0", "--until", "forever"],
-            "The page of this run",
+COUNTER = (
+    '<Sequence><Script code="n := 0"/><KeepRunningUntilFailure><Sequence><Script code="n += 1"/>'
+    '<ScriptCondition code="n &lt; 1000000000"/><Sleep msec="10"/></Sequence></KeepRunningUntilFailure></Sequence>'
+)
+TREES = {
+    "tree": '<Repeat num_cycles="-1"><Sequence><Sleep msec="100"/><AlwaysSuccess/></Sequence></Repeat>',
+    "done": "<AlwaysSuccess/>",
+    "many": f"<Sequence><AnyLeaf/>{COUNTER}</Sequence>",
+}
+MODEL = '<TreeNodesModel><Action ID="AnyLeaf"/></TreeNodesModel>'
+_WORKS_SEC = 0.7
+
+
+def works(run):
+    """Return whether a command has computed for longer than its beginning takes."""
+    return processor_sec(run.pid) > _WORKS_SEC
+
+
+def has_read(run):
+    """Return whether a command has read what was typed, and waits for more."""
+    return not int.from_bytes(fcntl.ioctl(run.typed_on, termios.FIONREAD, bytes(4)), sys.byteorder)
+
+
+def children_work(count):
+    """Return a function which tells whether so many processes that a command has begun have computed for a while."""
+    return lambda run: sum(processor_sec(each) > _WORKS_SEC for each in children_of(run.pid)) >= count
+
+
+class Phase(NamedTuple):
+    """Something of a command that takes long.
+
+    Attributes:
+        words: The command's arguments.
+        reached: A line that tells that it has begun, or a function which does.
+        typed: What comes in by standard input, which stays open.
+        kind: Whether it is on a terminal.
+    """
+
+    words: list[str]
+    reached: str | Callable[[Program], bool]
+    typed: Callable[[Path], bytes] = lambda _folder: b""
+    kind: type[Marked] = Program
+
+
+def of_agent(folder, *calls):
+    """Return what an agent sends to the server of tools."""
+    told = {
+        "protocolVersion": "2025-03-26",
+        "capabilities": {},
+        "clientInfo": {"name": "agent", "version": "1"},
+    }
+    begin = [
+        {"id": 1, "method": "initialize", "params": told},
+        {"method": "notifications/initialized"},
+    ]
+    calls = [{"id": 2, "method": "tools/call", "params": each} for each in calls]
+    return b"".join(json.dumps({"jsonrpc": "2.0", **each}).encode() + b"\n" for each in (*begin, *calls))
+
+
+def of_editor(folder, *commands):
+    """Return what an editor sends to the language server."""
+    uri = (folder / "many.xml").as_uri()
+    text = {"uri": uri, "languageId": "xml", "version": 1, "text": (folder / "many.xml").read_text("utf-8")}
+    messages = [
+        {"id": 1, "method": "initialize", "params": {"capabilities": {}, "processId": None, "rootUri": None}},
+        {"method": "initialized", "params": {}},
+        {"method": "textDocument/didOpen", "params": {"textDocument": text}},
+        *(
+            {
+                "id": 2,
+                "method": "workspace/executeCommand",
+                "params": {"command": each, "arguments": [uri, None]},
+            }
+            for each in commands
         ),
-        "serving": (["--serve", "search_and_rescue"], "Goals of 'bt_execution' start them"),
-        "simulating": (["--sim", "--until", "forever"], "Navigating to"),
-        "supervising": (["search_and_rescue", "--supervise"], "Waiting for"),
+    ]
+    bodies = [json.dumps({"jsonrpc": "2.0", **each}).encode() for each in messages]
+    return b"".join(b"Content-Length: %d\r\n\r\n%s" % (len(each), each) for each in bodies)
+
+
+# Of each subcommand that imports a user's leaves, the arguments with which it does.
+IMPORTING = {
+    "validate": ["{tree}"],
+    "show": ["{tree}"],
+    "convert": ["{tree}", "--to", "xml"],
+    "format": ["{tree}"],
+    "simulate": ["{tree}"],
+    "sweep": ["{tree}", "--unusual", "0.1"],
+    "verify": ["{tree}"],
+    "predict": ["{tree}"],
+    "conform": ["{tree}", "{journal}"],
+    "approve": ["{tree}"],
+    "nodes": [],
+    "schema": [],
+}
+# Of each command what takes long in it; the first argument is the subcommand, where there are some.
+LONG: dict[str, dict[str, Phase]] = {
+    "sar-run": {
+        "waiting": Phase(["search_and_rescue"], "Waiting for"),
+        "page": Phase(
+            ["{tree}", "--view", "web", "--web-port", "0", "--until", "forever"], "The page of this run"
+        ),
+        "page of a run that has ended": Phase(
+            ["{done}", "--view", "web", "--web-port", "0"], "its page stays until Ctrl-C", kind=OnTerminal
+        ),
+        "view on a terminal": Phase(
+            ["{tree}", "--view", "text", "--until", "forever"], "RUNNING", kind=OnTerminal
+        ),
+        "serving": Phase(["--serve", "search_and_rescue"], "Goals of 'bt_execution' start them"),
+        "simulating": Phase(["--sim", "--until", "forever"], "Navigating to"),
+        "supervising": Phase(["search_and_rescue", "--supervise"], "Waiting for"),
     },
-    "sar-compile": {"importing": (["validate", "{tree}", "--nodes", "endless"], "blocked")},
+    "sar-compile": {
+        **{
+            f"{name}, importing": Phase([name, *words, "--nodes", "endless"], "blocked")
+            for name, words in IMPORTING.items()
+        },
+        "diff, reading": Phase(["diff", "-", "{tree}"], has_read, lambda _: b"<root"),
+        "validate, trying": Phase(["validate", "{many}", "--deep", "1000"], works),
+        "simulate, ticking": Phase(["simulate", "{many}", "--ticks", "1000000000"], works),
+        "verify, exploring": Phase(["verify", "{many}"], works),
+        "predict, exploring": Phase(["predict", "{many}"], works),
+        "sweep, playing": Phase(
+            ["sweep", "{many}", "--unusual", "0.1", "--ticks", "1000000000", "--jobs", "2"], children_work(2)
+        ),
+        "lsp, serving": Phase(["lsp"], "Content-Length", of_editor),
+        "lsp, verifying": Phase(["lsp"], children_work(1), lambda folder: of_editor(folder, "sar.verify")),
+        "mcp, serving": Phase(["mcp"], '"id":1', of_agent),
+        "mcp, verifying": Phase(
+            ["mcp"],
+            children_work(1),
+            lambda folder: of_agent(folder, {"name": "verify", "arguments": {"file": "many.xml"}}),
+        ),
+    },
     "sar-sim": {
-        "running": (["run"], "runs, at most"),
-        "running in parts": (["run", "--separate"], "runs in"),
+        "running": Phase(["run"], "runs, at most"),
+        "running in parts": Phase(["run", "--separate"], "runs in"),
+        "mapping": Phase(["map", "-o", "{folder}/map"], works),
+        "importing": Phase(["sweep", "{tree}", "--nodes", "endless"], "blocked"),
+        "sweeping": Phase(
+            ["sweep", "search_and_rescue", "--speed", "1", "--jobs", "2", "--runs", "100"], children_work(2)
+        ),
     },
-    "sar-journal": {"watching": (["watch", "{journal}"], "The page:")},
-    "sar-detect-survivor-server": {"serving": ([], "ready")},
-    "sar-report-survivor-server": {"serving": ([], "ready")},
+    "sar-journal": {
+        "explaining": Phase(["why", "{journal}", "--tree-file", "{tree}", "--nodes", "endless"], "blocked"),
+        "replaying": Phase(["replay", "{journal}", "--web-port", "0"], "The page:"),
+        "watching": Phase(["watch", "{journal}", "--web-port", "0"], "The page:"),
+    },
+    "sar-detect-survivor-server": {"serving": Phase([], "ready")},
+    "sar-report-survivor-server": {"serving": Phase([], "ready")},
+}
+# Those that read what they are given, print, and end.
+AT_ONCE = {
+    "sar-compile": {"explain", "completion"},
+    "sar-journal": {"show", "report", "check", "stats"},
 }
 INSTALLED = {
     each.name for each in entry_points(group="console_scripts") if each.value.startswith("sar_compiler.")
@@ -316,35 +503,108 @@ INSTALLED = {
 WAYS = [f"{command}: {way}" for command, ways in LONG.items() for way in ways]
 
 
+def subcommands(parser):
+    """Return the subcommands of a command, by their names."""
+    found = [each.choices for each in parser._actions if isinstance(each, argparse._SubParsersAction)]
+    return found[0] if found else {}
+
+
 def test_every_command_that_is_installed_is_tried():
-    assert set(LONG) == INSTALLED
+    assert set(LONG) == INSTALLED == {parser.prog for parser in PARSERS}
+
+
+@pytest.mark.parametrize("parser", PARSERS, ids=lambda parser: parser.prog)
+def test_every_subcommand_is_tried_and_each_that_imports_leaves_while_it_does(parser):
+    tried = {phase.words[0] for phase in LONG[parser.prog].values() if phase.words}
+    importing = {phase.words[0] for phase in LONG[parser.prog].values() if "--nodes" in phase.words}
+    known = subcommands(parser)
+    if known:
+        assert tried | AT_ONCE.get(parser.prog, set()) == set(known)
+    imports = {name for name, each in known.items() if "--nodes" in each._option_string_actions}
+    # What these import, the processes of their calls do.
+    assert imports - {"lsp", "mcp"} == importing
 
 
 @pytest.fixture(scope="module")
 def journal(tmp_path_factory):
-    """A journal of a run that has ended."""
+    """A journal of a run that has failed."""
     folder = tmp_path_factory.mktemp("journal")
-    (folder / "tree.xml").write_text(document("<AlwaysSuccess/>"), encoding="utf-8")
+    (folder / "tree.xml").write_text(document("<AlwaysFailure/>"), encoding="utf-8")
     run = Command("sar-run", folder / "tree.xml", "--journal", folder / "run.journal")
-    assert run.end() == 0, run.output
+    assert run.end() == 1, run.output
     return folder / "run.journal"
 
 
-@pytest.mark.parametrize(
-    ("way", "number", "busy"), matrix(WAYS, [("sar-run: serving", signal.SIGTERM)]), indirect=["busy"]
-)
-def test_a_command_ends_and_leaves_no_process(start, tmp_path, request, way, number, busy):
+@pytest.fixture
+def begin(start, tmp_path, request):
+    """Start a command, and wait until a phase of it is reached."""
+    pipes = []
+
+    def begin_phase(command, phase):
+        places = {"folder": tmp_path}
+        for name, body in TREES.items():
+            places[name] = tmp_path / f"{name}.xml"
+            places[name].write_text(document(body).replace("</root>", f"{MODEL}</root>"), encoding="utf-8")
+        if "{journal}" in phase.words:
+            places["journal"] = request.getfixturevalue("journal")
+        (tmp_path / "endless.py").write_text(
+            "print('blocked', flush=True)\nimport time\ntime.sleep(600)\n", "utf-8"
+        )
+        more = {}
+        if phase.kind is Program:
+            reads, writes = os.pipe()
+            os.write(writes, phase.typed(tmp_path))
+            pipes.extend([reads, writes])
+            more["stdin"] = reads
+        words = (each.format(**places) for each in phase.words)
+        run = start(command, *words, kind=phase.kind, env={"PYTHONPATH": str(tmp_path)}, **more)
+        run.typed_on = more.get("stdin")
+        if isinstance(phase.reached, str):
+            return run.wait_for(phase.reached)
+        run.wait_until(lambda: phase.reached(run) or run.is_over, "the phase")
+        assert not run.is_over, run.output
+        return run
+
+    yield begin_phase
+    for each in pipes:
+        os.close(each)
+
+
+COMMANDS_FEW = [
+    ("sar-run: serving", signal.SIGTERM),
+    ("sar-run: page of a run that has ended", signal.SIGHUP),
+    ("sar-compile: lsp, serving", signal.SIGINT),
+    ("sar-compile: mcp, verifying", signal.SIGTERM),
+]
+
+
+@pytest.mark.parametrize(("way", "number", "busy"), matrix(WAYS, COMMANDS_FEW), indirect=["busy"])
+def test_a_command_ends_and_leaves_no_process(begin, monkeypatch, tmp_path, way, number, busy):
+    monkeypatch.chdir(tmp_path)
     command, _, name = way.partition(": ")
-    arguments, line = LONG[command][name]
-    (tmp_path / "tree.xml").write_text(document(ENDLESS), encoding="utf-8")
-    places = {"tree": tmp_path / "tree.xml"}
-    if "{journal}" in arguments:
-        places["journal"] = request.getfixturevalue("journal")
-    (tmp_path / "endless.py").write_text(
-        "print('blocked', flush=True)\nimport time\ntime.sleep(600)\n", "utf-8"
-    )
-    run = start(command, *(each.format(**places) for each in arguments), env={"PYTHONPATH": str(tmp_path)})
-    run.wait_for(line)
+    run = begin(command, LONG[command][name])
+    run.send(number)
+    assert run.end() in NO_GOAL[number], run.output
+    run.require_gone()
+
+
+STARTS = """
+import sys, time
+
+class Blocking:
+    def find_spec(self, name, path=None, target=None):
+        if name == "sar_compiler.commands":
+            print("starting", flush=True)
+            time.sleep(600)
+
+sys.meta_path.insert(0, Blocking())
+"""
+
+
+@pytest.mark.parametrize(("command", "number", "busy"), matrix(sorted(INSTALLED), []), indirect=["busy"])
+def test_a_command_that_starts_ends_at_once(start, tmp_path, command, number, busy):
+    (tmp_path / "sitecustomize.py").write_text(STARTS, encoding="utf-8")
+    run = start(command, env={"PYTHONPATH": str(tmp_path)}).wait_for("starting")
     run.send(number)
     assert run.end() in NO_GOAL[number], run.output
     run.require_gone()

@@ -66,12 +66,18 @@ def test_a_result_that_is_lost_is_known_by_the_status_topic(fly, serve, tree):
     assert len(navigation.of("goal")) == 2, "the zone, and home"
 
 
+def wait_until_heard(navigation, how):
+    """Wait until a server has sent or answered something since it accepted the goal; it may have been asked before."""
+    navigation.wait_for("accepted")
+    # It has done so by the time that the next comes.
+    navigation.wait_for(how, times=len(navigation.of(how)) + 2)
+
+
 @pytest.mark.parametrize("feedback", [True, False])
 def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not(fly, serve, feedback):
     navigation = serve("navigation", goals=[{"drive": None, "feedback": feedback}])
     run = fly(RESILIENT)
-    # It has answered, or sent something, by the time that the next comes.
-    navigation.wait_for("feedback" if feedback else "asked", times=2)
+    wait_until_heard(navigation, "feedback" if feedback else "asked")
     navigation.kill()
     quiet = "sent no feedback for 2 s, and node bt_navigator answers nothing"
     run.wait_for(f"the server has {quiet if feedback else 'answered nothing for 10 s'}; {LOST}")
@@ -83,7 +89,7 @@ def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its
     env = {"FASTRTPS_DEFAULT_PROFILES_FILE": "config/fastdds_profile.xml"}
     navigation = serve("navigation", env, goals=[{"drive": None, "feedback": False}])
     run = fly(RESILIENT, env=env)
-    navigation.wait_for("asked", times=2)
+    wait_until_heard(navigation, "asked")
     navigation.kill()
     run.wait_for("'NavigateToZone' waits to send its goal again: node amcl: not there")
     assert "answered nothing" not in run.output
