@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from py_trees.behaviour import Behaviour
-from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import (
     SignalHandlerOptions,
@@ -64,10 +64,13 @@ def running(
         The runner, which is set up: call its `tick_tock`, or its `tick`.
 
     Raises:
+        ExternalShutdownException: If a signal has shut ROS down before.
         SetupFailedError: If the setup of a behaviour raised an exception.
         SystemExit: At the end of the block, if a signal has asked for it.
     """
     runner = tree if isinstance(tree, TreeRunner) else TreeRunner(tree)
+    if not alive(node):
+        raise ExternalShutdownException
     name = Path(sys.argv[0]).name or "python"
     security = security_arguments(split_arguments(sys.argv[1:]).ros)
     with ExitStack() as stack:

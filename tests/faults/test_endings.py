@@ -104,7 +104,7 @@ LONELY = {
 DRIVE = '<RosAction name="Drive" action="navigate_to_pose" type="nav2_msgs/action/NavigateToPose" goal=""/>'
 
 
-class Marked:
+class Program(Command):
     """A program, or a command, all of whose processes can be found."""
 
     def __init__(self, name, *arguments, env=None, **more):
@@ -127,12 +127,14 @@ class Marked:
             news.wait_until(lambda: not self.left(), lambda: f"{self.left()} do not end:\n{self.output}")
 
 
-class Program(Marked, Command):
-    """A program, or a command, without a terminal."""
+class OnTerminal(Terminal):
+    """The same on a terminal."""
 
+    left, require_gone = Program.left, Program.require_gone
 
-class OnTerminal(Marked, Terminal):
-    """A command on a terminal."""
+    def __init__(self, name, *arguments, env):
+        self.mark = uuid.uuid4().hex
+        super().__init__(name, *arguments, env={**env, MARK: self.mark})
 
     @property
     def output(self):
@@ -288,6 +290,18 @@ def test_a_program_whose_tree_is_being_set_up_ends(program, name, number, busy):
     run.require_gone()
 
 
+@pytest.mark.parametrize("name", [pytest.param(each, marks=pytest.mark.slow) for each in SHAPES])
+def test_a_program_that_loads_its_tree_while_ros_is_shut_down_is_told_so_by_rclpy(program, name):
+    text = SHAPES[name].replace(
+        "with sar", "print('loading', flush=True)\nwhile rclpy.ok():\n    time.sleep(0.01)\nwith sar"
+    )
+    run = program(text).wait_for("loading")
+    run.send(signal.SIGTERM)  # SIGINT is raised in the program, as in any
+    run.wait_until(lambda: run.is_over, "the end")
+    assert run.output.rstrip().rpartition("\n")[2] == "rclpy.executors.ExternalShutdownException"
+    run.require_gone()
+
+
 def test_a_program_that_is_killed_leaves_its_goal_to_a_guardian(program, serve):
     server = serve("navigation", goals=[{"drive": None}])
     run = program(SHAPES["a guardian"])
@@ -382,7 +396,7 @@ class Phase(NamedTuple):
     words: list[str]
     reached: str | Callable[[Program], bool]
     typed: Callable[[Path], bytes] = lambda _folder: b""
-    kind: type[Marked] = Program
+    kind: type[Program | OnTerminal] = Program
 
 
 def of_agent(folder, *calls):
@@ -392,19 +406,19 @@ def of_agent(folder, *calls):
         "capabilities": {},
         "clientInfo": {"name": "agent", "version": "1"},
     }
-    begin = [
+    begin: list[dict[str, object]] = [
         {"id": 1, "method": "initialize", "params": told},
         {"method": "notifications/initialized"},
     ]
-    calls = [{"id": 2, "method": "tools/call", "params": each} for each in calls]
-    return b"".join(json.dumps({"jsonrpc": "2.0", **each}).encode() + b"\n" for each in (*begin, *calls))
+    called = [{"id": 2, "method": "tools/call", "params": each} for each in calls]
+    return b"".join(json.dumps({"jsonrpc": "2.0", **each}).encode() + b"\n" for each in (*begin, *called))
 
 
 def of_editor(folder, *commands):
     """Return what an editor sends to the language server."""
     uri = (folder / "many.xml").as_uri()
     text = {"uri": uri, "languageId": "xml", "version": 1, "text": (folder / "many.xml").read_text("utf-8")}
-    messages = [
+    messages: list[dict[str, object]] = [
         {"id": 1, "method": "initialize", "params": {"capabilities": {}, "processId": None, "rootUri": None}},
         {"method": "initialized", "params": {}},
         {"method": "textDocument/didOpen", "params": {"textDocument": text}},
