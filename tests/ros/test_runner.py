@@ -8,12 +8,14 @@ import threading
 import time
 import weakref
 from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import py_trees
 import pytest
 from py_trees.common import ParallelPolicy, Status
 
+from sar_compiler.runtime.clock import ManualClock
 from tests.waiting import SILENCE_SEC, Stopwatch
 
 if TYPE_CHECKING:
@@ -206,19 +208,16 @@ class TestTicking:
         assert threads == [threading.current_thread()]
 
     def test_a_wake_leaves_the_period_alone(self, ros: Ros) -> None:
-        times: list[float] = []
-
-        def note(_: Probe) -> Status:
-            times.append(time.monotonic())
-            return Status.RUNNING
-
-        runner = runner_of(Probe(on_update=note), ros.node())
-        runner.tick_tock(400.0)
-        start = time.monotonic()
+        probe = Probe()
+        runner = runner_of(probe, ros.node())
+        runner.tick_tock(SLOW_MS)
+        begun = time.monotonic()
         ros.spin_for(0.2)
         runner.wake()
-        ros.spin_until(lambda: len(times) == 2, "the periodic tick")
-        assert times[1] - start < 0.55
+        ros.spin_until(lambda: probe.updates == 1, "the tick that was asked for")
+        assert runner._beat is not None
+        passed_sec = time.monotonic() - begun
+        assert runner._beat._timers[0].time_until_next_call() / 1e9 <= SLOW_MS / 1e3 - passed_sec
 
     def test_a_wake_before_it_ticks_or_after_it_stopped_does_nothing(self, ros: Ros) -> None:
         probe = Probe()
@@ -592,21 +591,20 @@ class TestSetupAndShutdown:
         assert probe.given["extra"] == 3
         assert callable(probe.given["wake"])
 
-    def test_names_the_leaf_at_which_the_time_for_setup_was_over(self, ros: Ros) -> None:
+    def test_names_the_leaf_at_which_the_time_for_setup_was_over(
+        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         from sar_compiler.ros.runner import SetupTimeoutError
+
+        clock = ManualClock()
 
         class Dawdling(Probe):
             def setup(self, **kwargs: Any) -> None:
-                until = time.monotonic() + 0.02
-                while time.monotonic() < until:
-                    pass
+                clock.advance(20.0)
 
+        monkeypatch.setattr("sar_compiler.ros.runner.time", SimpleNamespace(monotonic=clock.now))
         with pytest.raises(SetupTimeoutError, match=r"'Dawdling'") as caught:
-            runner_of(
-                sequence(Dawdling("Dawdling"), Probe()),
-                ros.node(),
-                timeout=0.01,
-            )
+            runner_of(sequence(Dawdling("Dawdling"), Probe()), ros.node(), timeout=10.0)
         assert caught.value.behaviour == "Dawdling"
 
     def test_names_the_leaf_whose_setup_raises(self, ros: Ros) -> None:
