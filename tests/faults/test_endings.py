@@ -365,7 +365,7 @@ TREES = {
     "many": f"<Sequence><AnyLeaf/>{COUNTER}</Sequence>",
 }
 MODEL = '<TreeNodesModel><Action ID="AnyLeaf"/></TreeNodesModel>'
-_WORKS_SEC = 0.7
+_WORKS_SEC, _BEGUN_SEC = 0.7, 0.2
 
 
 def works(run):
@@ -379,8 +379,8 @@ def has_read(run):
 
 
 def children_work(count):
-    """Return a function which tells whether so many processes that a command has begun have computed for a while."""
-    return lambda run: sum(processor_sec(each) > _WORKS_SEC for each in children_of(run.pid)) >= count
+    """Return a function which tells whether so many processes that a command has begun have computed for a while; calls are nice."""
+    return lambda run: sum(processor_sec(each) > _BEGUN_SEC for each in children_of(run.pid)) >= count
 
 
 class Phase(NamedTuple):
@@ -439,8 +439,7 @@ def of_editor(folder, *commands):
 IMPORTING = {
     "validate": ["{tree}"],
     "show": ["{tree}"],
-    "convert": ["{tree}", "--to", "xml"],
-    "format": ["{tree}"],
+    "convert": ["{tree}", "--to", "btcpp"],
     "simulate": ["{tree}"],
     "sweep": ["{tree}", "--unusual", "0.1"],
     "verify": ["{tree}"],
@@ -461,7 +460,7 @@ LONG: dict[str, dict[str, Phase]] = {
             ["{done}", "--view", "web", "--web-port", "0"], "its page stays until Ctrl-C", kind=OnTerminal
         ),
         "view on a terminal": Phase(
-            ["{tree}", "--view", "text", "--until", "forever"], "RUNNING", kind=OnTerminal
+            ["{tree}", "--view", "text", "--until", "forever"], "cycle", kind=OnTerminal
         ),
         "serving": Phase(["--serve", "search_and_rescue"], "Goals of 'bt_execution' start them"),
         "simulating": Phase(["--sim", "--until", "forever"], "Navigating to"),
@@ -508,7 +507,7 @@ LONG: dict[str, dict[str, Phase]] = {
 }
 # Those that read what they are given, print, and end.
 AT_ONCE = {
-    "sar-compile": {"explain", "completion"},
+    "sar-compile": {"format", "explain", "completion"},
     "sar-journal": {"show", "report", "check", "stats"},
 }
 INSTALLED = {
@@ -561,6 +560,7 @@ def begin(start, tmp_path, request):
             places[name].write_text(document(body).replace("</root>", f"{MODEL}</root>"), encoding="utf-8")
         if "{journal}" in phase.words:
             places["journal"] = request.getfixturevalue("journal")
+        (tmp_path / "sar.toml").touch()  # no other project's counts
         (tmp_path / "endless.py").write_text(
             "print('blocked', flush=True)\nimport time\ntime.sleep(600)\n", "utf-8"
         )
