@@ -10,12 +10,13 @@ import errno
 import os
 import stat
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TextIO, TypeVar
 
 from sar_compiler.errors import SarError
 
@@ -32,8 +33,20 @@ _MIB = 2**20
 _DESCRIPTORS = Path("/proc/self/fd")
 _HANDLE_ONLY: int | None = getattr(os, "O_PATH", None) if _DESCRIPTORS.is_dir() else None
 _NOT_BLOCKING: int = getattr(os, "O_NONBLOCK", 0)
+_PIPE_SEC = 0.5
+"""How often a file that another library opens is looked at, seconds: a pipe in its place would block."""
 _ATTEMPTS = 10
 """How often a file is sought again that is exchanged in the very moment in which it is opened, as editors do when they save."""
+
+
+class _CanClose(Protocol):
+    """What another library has opened."""
+
+    def close(self) -> object:
+        """Close it."""
+
+
+_Closable = TypeVar("_Closable", bound=_CanClose)
 
 
 class UnreadableFileError(SarError):
@@ -262,11 +275,92 @@ def require_regular(path: str | Path) -> None:
     Raises:
         UnreadableFileError: If it does not exist, is no regular file, or cannot be read.
     """
-    with _opened(Path(path), _OF_ANOTHER_LIBRARY):
+    with regular_file(path):
         pass
 
 
+@contextmanager
+def regular_file(path: str | Path) -> Iterator[int]:
+    """Hold a regular file open while another library opens it by its name; yield the descriptor for `open_by_name`.
+
+    Raises:
+        UnreadableFileError: If it does not exist, is no regular file, or cannot be read.
+    """
+    with _opened(Path(path), _OF_ANOTHER_LIBRARY) as (descriptor, _):
+        yield descriptor
+
+
 _OF_ANOTHER_LIBRARY = FileKind("file", 0)
+
+
+def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) -> _Closable:
+    """Have a library that takes only names open a file, and require that it has opened the file that was checked.
+
+    SQLite replaces links by their targets, those of `/proc/self/fd` as well, so it cannot be given a descriptor. It opens a file
+    when it connects, and reads nothing of it before the first statement. In between, this function looks at what the process
+    has opened. Where the system does not list that (`/dev/fd`), the name is looked up again instead, which misses a file that was
+    exchanged and exchanged back.
+
+    Args:
+        path: The file.
+        descriptor: The file that was checked, open.
+        connect: Opens the file by its name.
+
+    Raises:
+        UnreadableFileError: If another file was opened.
+    """
+    checked, before = _identity(descriptor), _open_files()
+    opened = connect()
+    after = _open_files()
+    with suppress(OSError):
+        # Nothing new: the library has used a descriptor of this file again.
+        new = {each.identity for each in after - before} or {checked}
+        is_same = checked in new if after else os.path.samestat(path.stat(), os.fstat(descriptor))
+        if is_same:
+            return opened
+    opened.close()
+    raise UnreadableFileError(path, "it was exchanged while it was opened")
+
+
+class _OpenFile(NamedTuple):
+    """A descriptor of this process, and the device and the number of its file."""
+
+    descriptor: int
+    identity: tuple[int, int]
+
+
+def _identity(descriptor: int) -> tuple[int, int]:
+    about = os.fstat(descriptor)
+    return about.st_dev, about.st_ino
+
+
+def _open_files() -> set[_OpenFile]:
+    """Return what this process has open; nothing where the system does not list it."""
+    found = set()
+    with suppress(OSError):
+        for name in os.listdir("/dev/fd"):  # noqa: PTH208 - numbers
+            with suppress(OSError):  # that of the list itself
+                found.add(_OpenFile(int(name), _identity(int(name))))
+    return found
+
+
+@contextmanager
+def released_pipes(*paths: str | Path) -> Iterator[None]:
+    """Keep pipes that take the places of files from blocking a library that opens these: each gets a writer for a moment."""
+    is_open = threading.Event()
+
+    def release() -> None:
+        while not is_open.wait(_PIPE_SEC):
+            for path in paths:
+                with suppress(OSError):
+                    if stat.S_ISFIFO(os.stat(path).st_mode):  # noqa: PTH116 - of any path
+                        os.close(os.open(path, os.O_RDWR | _NOT_BLOCKING))
+
+    threading.Thread(target=release, name="pipes", daemon=True).start()
+    try:
+        yield
+    finally:
+        is_open.set()
 
 
 def folder_entries(folder: Path) -> list[Path]:

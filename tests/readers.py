@@ -4,7 +4,7 @@ import ast
 from pathlib import Path
 
 PACKAGE = Path("sar_compiler").resolve()
-WAYS = {"read_file", "read_yaml", "require_regular", "folder_entries"}
+WAYS = {"read_file", "read_yaml", "require_regular", "regular_file", "folder_entries"}
 """The functions through which all of them go."""
 
 

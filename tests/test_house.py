@@ -298,7 +298,7 @@ OPENED_ELSEWHERE = {
     "journal/database.py": {
         "cls.open": "its own method",
         "os.open": "a lock, a folder to flush, and a journal to write: fstat says that it is a file",
-        "sqlite3.connect": "SQLite opens by name alone, what require_regular has looked at",
+        "sqlite3.connect": "SQLite takes names alone; open_by_name requires that it opens the file that was checked",
     },
     "journal/opening.py": {"JournalFile.open": "the method above"},
     "journal/reserve.py": {"os.open": "to write; fstat says that it is a file"},

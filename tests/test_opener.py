@@ -5,8 +5,9 @@ import pickle
 import subprocess
 import sys
 import threading
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
+from typing import TextIO
 
 import pytest
 
@@ -19,7 +20,9 @@ from sar_compiler.opener import (
     OutsideError,
     UnreadableFileError,
     folder_entries,
+    open_by_name,
     read_file,
+    regular_file,
     require_regular,
 )
 
@@ -229,6 +232,29 @@ def test_what_another_library_opens_must_be_a_file():
     os.mkfifo("pipe")
     with pytest.raises(UnreadableFileError, match="it is a pipe, not a file"):
         require_regular("pipe")
+
+
+@pytest.mark.parametrize("lists_descriptors", [True, False])
+def test_another_library_opens_the_file_that_was_checked_or_none(monkeypatch, lists_descriptors):
+    path = Path("inside/file")
+    if not lists_descriptors:
+        monkeypatch.setattr(opener, "_open_files", set)
+    with regular_file(path) as checked:
+        with closing(open_by_name(path, checked, path.open)) as opened:
+            assert opened.read() == "open"
+        path.unlink()
+        path.symlink_to("../secret")
+        others: list[TextIO] = []
+
+        def open_another() -> TextIO:
+            others.append(path.open())
+            return others[0]
+
+        with pytest.raises(
+            UnreadableFileError, match="cannot read inside/file: it was exchanged while it was opened"
+        ):
+            open_by_name(path, checked, open_another)
+    assert others[0].closed
 
 
 def test_the_entries_of_a_folder_are_sorted_and_a_file_has_none():

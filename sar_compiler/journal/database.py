@@ -37,7 +37,14 @@ from sar_compiler.journal.journal_entries import (
 )
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_reserve
-from sar_compiler.opener import UnreadableFileError, require_regular, require_regular_mode
+from sar_compiler.opener import (
+    UnreadableFileError,
+    open_by_name,
+    regular_file,
+    released_pipes,
+    require_regular,
+    require_regular_mode,
+)
 
 # Why a commit is as it is.
 #
@@ -218,7 +225,12 @@ class JournalFile:
         with _readable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             lock = _locked(path)
-            file = cls(path, _connected(path), lock)
+            try:
+                connection = open_by_name(path, lock, lambda: _connected(path))
+            except BaseException:
+                os.close(lock)
+                raise
+            file = cls(path, connection, lock)
             try:
                 with file._reading():
                     file._make()
@@ -279,7 +291,6 @@ class JournalFile:
         """
         with _readable(path):
             # SQLite opens what lies beside it as well, and would wait for the writer of a pipe.
-            require_regular(path)
             for each in (f"{path}{suffix}" for suffix in _BESIDE):
                 if os.path.lexists(each):
                     require_regular(each)
@@ -288,16 +299,19 @@ class JournalFile:
             # there is not touched: the file may get another name just now, and another one its place.
             passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
-            file = cls(path, _connected(uri, uri=True))
-            file.is_written = is_written
-            try:
-                with file._reading():
-                    file._require_journal()
-                    file._show(file._reserved())
-                    return file
-            except BaseException:
-                file.close()
-                raise
+            with released_pipes(path, f"{path}-shm"):
+                with regular_file(path) as checked:
+                    connection = open_by_name(path, checked, lambda: _connected(uri, uri=True))
+                file = cls(path, connection)
+                file.is_written = is_written
+                try:
+                    with file._reading():
+                        file._require_journal()
+                        file._show(file._reserved())
+                        return file
+                except BaseException:
+                    file.close()
+                    raise
 
     @classmethod
     @contextmanager

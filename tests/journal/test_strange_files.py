@@ -1,10 +1,12 @@
 """A journal may be anybody's: what is in it that no journal has is refused, and it is read in a time that its size has."""
 
 import json
+import os
+import shutil
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 
 import pytest
 
@@ -125,3 +127,87 @@ def test_a_time_that_is_none_is_refused(place, column):
     change(place, f"UPDATE fact SET {column} = 9e999")  # noqa: S608 - the test's own
     with closing(JournalFile.read(place)) as file, pytest.raises(JournalError, match="inf is no time"):
         [*file.facts()]
+
+
+def _a_link(name, other):
+    name.symlink_to(other)
+
+
+def _a_pipe(name, _other):
+    os.mkfifo(name)
+
+
+def _another_file(name, other):
+    name.hardlink_to(other)
+
+
+@pytest.mark.parametrize("is_put_back", [False, True], ids=["for good", "for a moment"])
+@pytest.mark.parametrize("put", [_a_link, _another_file, _a_pipe], ids=["a link", "another file", "a pipe"])
+@pytest.mark.parametrize("way", ["read", "read while it is written", "written"])
+def test_a_journal_that_is_exchanged_after_the_check_is_not_read(
+    place, tmp_path, monkeypatch, way, put, is_put_back
+):
+    other, aside = tmp_path / "secret", tmp_path / "aside"
+    shutil.copy(place, other)
+    connect = database._connected
+
+    def exchange_and_connect(*arguments, **options):
+        place.rename(aside)
+        put(place, other)
+        try:
+            return connect(*arguments, **options)
+        finally:
+            if is_put_back:
+                aside.replace(place)
+
+    monkeypatch.setattr(database, "_connected", exchange_and_connect)
+    monkeypatch.setattr(database, "_is_used", lambda _path: way == "read while it is written")
+    # SQLite itself refuses most pipes.
+    reason = None if put is _a_pipe else "it was exchanged while it was opened"
+    with pytest.raises(JournalError, match=reason):
+        (JournalFile.open if way == "written" else JournalFile.read)(place)
+
+
+def test_a_journal_that_this_process_has_open_is_opened_again(place):
+    with JournalFile.reading(place) as first, JournalFile.reading(place) as second:
+        assert first.about() == second.about()
+
+
+WRITER = """
+import sqlite3, sys
+base = sqlite3.connect(sys.argv[1], isolation_level=None)
+for word in ["secret", "written"]:
+    base.execute(f"UPDATE about SET value = '\\"{word}\\"'")
+    print(word, flush=True)
+    sys.stdin.readline()
+"""
+
+
+@pytest.mark.parametrize("put", [_a_link, _a_pipe], ids=["a link", "a pipe"])
+@pytest.mark.parametrize("suffix", ["-wal", "-shm"])
+def test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waited_for(
+    place, tmp_path, monkeypatch, suffix, put
+):
+    beside, other = place.with_name(f"{place.name}{suffix}"), tmp_path / "secret"
+    connect = database._connected
+
+    def connect_and_exchange(*arguments, **options):
+        connection = connect(*arguments, **options)
+        beside.unlink()
+        put(beside, other)
+        return connection
+
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITER, place], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as writer:
+        assert writer.stdin is not None
+        assert writer.stdout is not None
+        assert writer.stdout.readline() == b"secret\n"
+        shutil.copy(beside, other)
+        writer.stdin.write(b"\n")
+        writer.stdin.flush()
+        assert writer.stdout.readline() == b"written\n"
+        monkeypatch.setattr(database, "_connected", connect_and_exchange)
+        with suppress(JournalError), JournalFile.reading(place) as file:
+            assert file.about()["mission"] == "written"
+        writer.communicate()
