@@ -49,6 +49,10 @@ def run_of(entry: JournalEntry) -> MissionRun | None:
     """Return a run of the mission whose journal begins with an entry, just begun; None if no such mission is installed."""
     try:
         mission = load_missions()[entry.data["mission"]]
-        return mission.begin(ParameterReader(entry.data["run"]["parameters"]))
+        # A journal may be anybody's, so no file that it names is read. What was read of one is among the parameters.
+        given = entry.data["run"]["parameters"].items()
+        return mission.begin(
+            ParameterReader({name: value for name, value in given if name not in mission.path_parameters})
+        )
     except Exception:  # noqa: BLE001 - it is another one by now, or is not installed
         return None

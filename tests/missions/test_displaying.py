@@ -1,5 +1,6 @@
 """Journals whose facts stand alone are shown by the mission that is installed."""
 
+import json
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import CHANGED
-from sar_compiler.missions.displaying import add_displays
+from sar_compiler.missions.displaying import add_displays, run_of
 from sar_compiler.missions.search_and_rescue.plugin import SearchAndRescue
+from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 PARAMETERS = {
@@ -102,3 +104,18 @@ def test_after_a_fact_that_is_none_of_the_mission_the_rest_is_yielded_as_it_is(p
     entries = list(add_displays([alone[0], strange, *alone[2:]]))
     assert [entry for entry in entries if entry.kind != CHANGED] == [alone[0], strange, *alone[2:]]
     assert [entry.kind for entry in entries].count(CHANGED) == 1
+
+
+def test_no_file_is_read_that_a_journal_names(place: Path, tmp_path: Path) -> None:
+    """It may be anybody's; what the run itself has read of a file is among its parameters."""
+    first, areas = written(place)[0], tmp_path / "areas.geojson"
+    square = [[0.001, 0.001], [0.002, 0.001], [0.002, 0.002], [0.001, 0.001]]
+    area = {"properties": {"name": "secret"}, "geometry": {"type": "Polygon", "coordinates": [square]}}
+    areas.write_text(json.dumps({"features": [area]}), encoding="utf-8")
+    georeference = {f"georeference.{name}": 0.0 for name in ("lat", "lon", "heading")}
+    base = {name: value for name, value in PARAMETERS.items() if name.startswith("base")}
+    parameters = {**base, **georeference, "areas_file": str(areas)}
+    assert [*SearchAndRescue().begin(ParameterReader(parameters)).zones.remaining_zones()]
+    run = run_of(first._replace(data={**first.data, "run": {"parameters": parameters}}))
+    assert isinstance(run, Search)
+    assert [*run.zones.remaining_zones()] == []
