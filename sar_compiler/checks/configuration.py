@@ -227,7 +227,8 @@ def path_inside(
         name: The key that it is the value of.
         otherwise: What else can be done about it, for the hint.
     """
-    text, around = str(value.data), enclosing_folder(folder)
+    # Of the folder that it was read from: a link may have taken the place of that meanwhile.
+    text, around = str(value.data), enclosing_folder(document.folder or folder)
     # Links are followed; what goes round in a circle is complained of when it is read.
     if "\0" not in text and real_path(folder / text).is_relative_to(around):
         # Asked again of the file that is opened: until then the path may come to lead elsewhere.

@@ -3,6 +3,7 @@
 import functools
 import json
 import math
+import pathlib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -286,14 +287,15 @@ class Document:
 
     Attributes:
         source: The file.
+        folder: The folder in which it lay when it was read, with links followed; None for text that is no file's.
         root: Its content; set by the reader of its format.
         findings: The mistakes found so far.
     """
 
     root: Value
 
-    def __init__(self, source: Source) -> None:
-        self.source = source
+    def __init__(self, source: Source, folder: pathlib.Path | None = None) -> None:
+        self.source, self.folder = source, folder
         self.findings: list[Diagnostic] = []
         self._values = 0
 

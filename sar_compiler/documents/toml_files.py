@@ -36,11 +36,12 @@ def read_toml(path: Path, shown: str) -> Document:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: If it is not TOML, not text, or too large.
     """
-    data = read_file(path, SETTINGS).data
+    file = read_file(path, SETTINGS)
+    data = file.data
     source = (
         source_of(data, shown, NO_SPANS, None, "", SETTINGS) if data.strip() else Source(shown, "", NO_SPANS)
     )
-    document = Document(source)
+    document = Document(source, file.real_path.parent)
     try:
         content = tomllib.loads(source.text)
         document.root = _value(content, (), _TomlPlaces(source.text), (0, len(source.text)), document)

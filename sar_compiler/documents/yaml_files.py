@@ -30,16 +30,23 @@ def read_yaml(path: str | Path, kind: FileKind, empty_hint: str) -> Document:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: As `parse_yaml`.
     """
-    return parse_yaml(read_file(path, kind).data, str(path), empty_hint)
+    content = read_file(path, kind)
+    return parse_yaml(content.data, str(path), empty_hint, content.real_path.parent)
 
 
-def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
+def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | None = None) -> Document:
     """Read the content of a file.
+
+    Args:
+        data: The content.
+        path: What to call it in findings.
+        empty_hint: What to write in an empty file.
+        folder: The folder in which it lay when it was read, with links followed.
 
     Raises:
         TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.
     """
-    document = Document(source_of(data, path, YamlSpans(), None, empty_hint, DOCUMENT))
+    document = Document(source_of(data, path, YamlSpans(), None, empty_hint, DOCUMENT), folder)
     events = Events(document.source)
     events.take()  # the stream begins
     if not isinstance(events.next, yaml.DocumentStartEvent):

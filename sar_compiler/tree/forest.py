@@ -138,7 +138,9 @@ def load_forest(
     """
     place = real_path(path)
     loader = _Loader(read, [place.parent, *map(real_path, include_paths)])
-    main = read(path)
+    # The file must lie in the folder that includes may come from: a folder that is exchanged for a link between the two would
+    # widen that. A pipe of the shell has a name alone, without a folder.
+    main = read(NamedPath.within(path, (place, Path(place.name))))
     loader.included(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
     return forest if tree_set is None else _SetSearch(forest, tree_set).done()

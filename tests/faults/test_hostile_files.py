@@ -365,6 +365,56 @@ def test_what_is_exchanged_for_a_link_after_the_check_is_not_read(name, capsys, 
     assert "it lies outside" in said
 
 
+def _map_of(path: str) -> None:
+    found = load_world(Path(path)).map_path
+    assert found is not None
+    read_map(found)
+
+
+NAMING = {
+    "an include": (
+        document("").replace("<Beh", '<include path="part"/>\n<Beh', 1), lambda path: compile_command(["validate", path])
+    ),
+    "a trace": ("expect: {trace: part}\n", lambda path: compile_command(["simulate", "tree.xml", "--scenario", path])),
+    "a map": (f"{WORLD}map: part\n", lambda path: told(lambda: _map_of(path))),
+    "an image": (f"image: part\n{MAP}", lambda path: told(lambda: read_map(Path(path)))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", NAMING)
+def test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name(
+    kind, capsys, monkeypatch, folder
+):
+    """Somebody's folder is there only while the file in it is read; before and after, a link leads to another folder."""
+    text, read = NAMING[kind]
+    link, theirs, other = Path("link"), folder / "theirs", folder.parent / "other"
+    name = "main.xml" if kind == "an include" else "main"
+    for each in (theirs, other):
+        each.mkdir()
+        (each / name).write_text(text, encoding="utf-8")
+    (other / "part").write_text(f"{SECRET}\n", encoding="utf-8")
+    link.symlink_to(other)
+    open_it = opener._open
+
+    def exchange_and_open(named, limits):
+        if Path(named).name != name:
+            return open_it(named, limits)
+        link.unlink()
+        link.symlink_to(theirs)
+        try:
+            return open_it(named, limits)
+        finally:
+            link.unlink()
+            link.symlink_to(other)
+
+    monkeypatch.setattr(opener, "_open", exchange_and_open)
+    status = read(f"link/{name}")
+    out, err = capsys.readouterr()
+    assert status in (1, 2)
+    assert "outside" in out + err
+    assert SECRET not in out + err
+
+
 MILLION = 1_000_000
 NO_TEXT = b"\xff\xfe\xfa\x80" * 10
 CONTENTS = {
