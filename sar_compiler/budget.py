@@ -5,15 +5,19 @@ prints what it has found when the budget is spent. There are two steps, because 
 
 1. The budget is *spent*: a search asks for that every few hundred ticks, ends, and its results are worked out.
 2. After some patience the analysis is *left behind*. It runs in a thread of its own, so that the thread that waits for it answers signals at
-   any time, also while a library computes. The last result that the analysis has published counts (`publish`).
+   any time, also while a library computes. The last result that the analysis has published counts (`publish`). An exception is raised in
+   the thread, which ends it at its next instruction of Python.
 """
 
+import ctypes
 import math
+import mmap
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from sar_compiler.commands import INTERRUPTED, status_of_interrupt
@@ -55,6 +59,8 @@ class Budget:
         patience_sec: How long it may go on once its user wants it to end, seconds; 0 for what does not ask whether it has to.
         clock: What measures the time; `time.monotonic` for what works in other processes.
         on_progress: Called now and then with the progress of a search, in the thread of the analysis.
+        memory: Returns the memory of the process, 10^6 bytes: by default the most that it has had, which only a process that ends with
+            the analysis can go by.
 
     Attributes:
         reason: Why it is spent, in words; empty while it is not.
@@ -68,6 +74,7 @@ class Budget:
         patience_sec: float = 2.0,
         clock: Callable[[], float] = time.process_time,
         on_progress: Callable[["Progress"], object] = lambda _progress: None,
+        memory: Callable[[], float] | None = None,
     ) -> None:
         self.reason = ""
         self.is_interrupted = False
@@ -75,7 +82,7 @@ class Budget:
         self._max_sec, self._max_memory_mb, self._patience_sec = max_sec, max_memory_mb, patience_sec
         self._clock, self._begun, self._spent_at = clock, clock(), math.inf
         self._published: Callable[[], object] | None = None
-        self._on_progress = on_progress
+        self._on_progress, self._memory = on_progress, memory or memory_mb
 
     def report(self, progress: "Progress") -> bool:
         """Report how far a search is; return whether it has to end."""
@@ -86,7 +93,7 @@ class Budget:
         """Return whether the analysis has to end."""
         if not self.reason and self._clock() - self._begun > self._max_sec:
             self._spend(f"stopped after {self._max_sec:g} s; --max-seconds allows more")
-        if not self.reason and memory_mb() > self._max_memory_mb:
+        if not self.reason and self._memory() > self._max_memory_mb:
             self._spend(f"stopped at {self._max_memory_mb:g} MB of memory; --max-memory allows more")
         return bool(self.reason)
 
@@ -120,6 +127,7 @@ class Budget:
         while True:
             try:
                 if self.is_spent() and self._is_left_behind():
+                    _end(thread)
                     return cast("T", self._last_published())
                 if thread.ident is None:
                     thread.start()
@@ -141,7 +149,7 @@ class Budget:
         patience_sec = self._patience_sec
         if patience_sec and not self.is_interrupted:
             patience_sec = max(patience_sec, _MORE_TIME * min(self._max_sec, MAX_SEC))
-        is_too_large = memory_mb() > self._max_memory_mb * (1.0 + _MORE_MEMORY)
+        is_too_large = self._memory() > self._max_memory_mb * (1.0 + _MORE_MEMORY)
         return is_too_large or time.monotonic() - self._spent_at >= patience_sec
 
     def _last_published(self) -> object:
@@ -165,6 +173,26 @@ class _Work:
             self.error = error
         finally:
             self.is_there.set()
+
+
+class _LeftBehindExit(SystemExit):
+    """Ends an analysis whose result is not awaited any more; threads print nothing of a SystemExit."""
+
+
+def _end(thread: threading.Thread) -> None:
+    """Raise an exception in a thread at its next instruction of Python."""
+    if thread.ident is not None:
+        error = ctypes.py_object(_LeftBehindExit)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), error)
+
+
+def memory_now_mb() -> float:
+    """Return the memory that this process has now, 10^6 bytes; where the system does not say it, the most that it has had."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return memory_mb()
+    return pages * mmap.PAGESIZE / _MB
 
 
 def memory_mb() -> float:

@@ -288,6 +288,7 @@ OPENS = re.compile(
 )
 OWN, TEXT, WRITTEN = "a file of the package", "no file, but a text or bytes", "written, not read"
 OPENED_ELSEWHERE = {
+    "budget.py": {"Path('/proc/self/statm').read_text": "the system's count of this process's memory"},
     "cli/run_page.py": {"webbrowser.open": "an address"},
     "cli/run_repeatedly.py": {"os.fdopen": "a descriptor of its own"},
     "cli/supervisor.py": {"open": "a descriptor of its own"},

@@ -4,6 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from sar_compiler.budget import Budget, memory_now_mb
+from sar_compiler.cli.arguments import add_budget, budget_of
 from sar_compiler.cli.loading import add_project_options, additions
 from sar_compiler.commands import OK, exit_on_interrupt
 
@@ -14,6 +16,7 @@ def add_lsp(parser: argparse.ArgumentParser) -> None:
         "--stdio", action="store_true", help="talk by standard input and output, as it does anyway"
     )
     add_project_options(parser)
+    add_budget(parser)
     parser.set_defaults(run=serve)
 
 
@@ -28,5 +31,10 @@ def serve(arguments: argparse.Namespace) -> int:
     # What a module of leaves prints when it is imported must not come between the server's words.
     output, sys.stdout = sys.stdout.buffer, sys.stderr
     exit_on_interrupt()
-    tree_server(version("sar_compiler"), additions(arguments), command, given).start_io(stdout=output)
+
+    def new_budget() -> Budget:
+        return budget_of(arguments, patience_sec=0.0, memory=memory_now_mb)
+
+    server = tree_server(version("sar_compiler"), additions(arguments), command, given, new_budget)
+    server.start_io(stdout=output)
     return OK

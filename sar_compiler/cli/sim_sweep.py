@@ -4,11 +4,11 @@ import argparse
 import itertools
 import shlex
 import signal
+import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from sar_compiler.budget import Budget
-from sar_compiler.cli.arguments import DEFAULT_WORLD, TREE, WORLD, YAML_FILE, speed
+from sar_compiler.cli.arguments import DEFAULT_WORLD, TREE, WORLD, YAML_FILE, add_budget, budget_of, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
 from sar_compiler.cli.sweep import (
     Written,
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _NO_FAULTS = "none"
 # More than any machine does: a flight takes the processor's time.
 _SPEED = 1000.0
+# Thirty missions of ten minutes each, a few seconds of the processor's, in several worlds.
+_MAX_SEC = 3600.0
 
 
 def add_sim_sweep(parser: CommandParser) -> None:
@@ -45,6 +47,7 @@ def add_sim_sweep(parser: CommandParser) -> None:
     add_project_options(parser)
     add_mission(parser)
     add_sweep_options(parser, runs=30, half_width=0.1)
+    add_budget(parser, _MAX_SEC, "the time that passes")
 
 
 def sweep_missions(options: argparse.Namespace) -> int:
@@ -69,8 +72,9 @@ def sweep_missions(options: argparse.Namespace) -> int:
         write_text(options.output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
         return options.output, shlex.join(["sh", str(options.output)])
 
+    budget = budget_of(options, patience_sec=0.0, clock=time.monotonic)
     kind = "a command that flies it again, with the fewest faults"
-    return run_sweep(list(rows), 1, in_threads, write, kind, options, Budget(patience_sec=0.0))
+    return run_sweep(list(rows), 1, in_threads, write, kind, options, budget)
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":

@@ -1,11 +1,12 @@
 """What an editor can ask of the server, by the names of the Language Server Protocol."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcInvalidParams
 
+from sar_compiler.budget import Budget
 from sar_compiler.errors import SarError
 from sar_compiler.lsp.names import check_renaming, renamed
 from sar_compiler.lsp.server import COMMANDS, TreeServer
@@ -17,7 +18,11 @@ _TRIGGERS = ["<", " ", '"', "{", ":"]
 
 
 def tree_server(
-    version: str, additions: Additions, command: Sequence[str], options: Sequence[str]
+    version: str,
+    additions: Additions,
+    command: Sequence[str],
+    options: Sequence[str],
+    new_budget: Callable[[], Budget],
 ) -> TreeServer:
     """Return a server with all that it can be asked.
 
@@ -26,8 +31,9 @@ def tree_server(
         additions: The user's additions to any project's configuration.
         command: What starts `sar-compile`.
         options: The options from which the additions come.
+        new_budget: Returns what a check may take.
     """
-    server = TreeServer(version, additions, command, options)
+    server = TreeServer(version, additions, command, options, new_budget)
     _add_texts(server)
     _add_help(server)
     _add_names(server)

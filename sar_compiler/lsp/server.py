@@ -1,7 +1,8 @@
 """The server: what an editor is told of the files that are open in it.
 
-Texts are taken in the order in which they come. A check goes on in a thread of its own, one at a time: each change is
-answered at once by the findings so far, moved with the text, and again when the text has been checked.
+Texts are taken in the order in which they come. A check goes on in a thread of its own, one at a time and within a budget: each change
+is answered at once by the findings so far, moved with the text, and again when the text has been checked. A request that the editor
+cancels ends, with the process that it has started.
 """
 
 import asyncio
@@ -16,6 +17,7 @@ from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
+from sar_compiler.budget import Budget, BudgetSpentError
 from sar_compiler.checks import failure_of_file
 from sar_compiler.checks.fixing import Fix, each_fix, fixes
 from sar_compiler.checks.trying import WORK, TrialBudget
@@ -73,12 +75,19 @@ class TreeServer(LanguageServer):
         additions: The user's additions to any project's configuration.
         command: What starts `sar-compile`.
         options: The options from which the additions come.
+        new_budget: Returns what a check may take.
     """
 
     def __init__(
-        self, version: str, additions: Additions, command: Sequence[str], options: Sequence[str]
+        self,
+        version: str,
+        additions: Additions,
+        command: Sequence[str],
+        options: Sequence[str],
+        new_budget: Callable[[], Budget],
     ) -> None:
         super().__init__("sar-compile lsp", version)
+        self._new_budget = new_budget
         self._command = command
         self._options = options
         self._additions = additions
@@ -196,9 +205,10 @@ class TreeServer(LanguageServer):
         loader, path, text = self._loader, file.path, file.text
         self._changed.clear()
         self._texts = {real_path(each.path): each.text for each in self._open.values()}
-        tree, findings = (
-            (None, []) if file.is_foreign() else await self._in_thread(lambda: self._findings(loader, path))
-        )
+        found = None
+        if not file.is_foreign():
+            found = await self._in_budget(path, lambda: self._findings(loader, path))
+        tree, findings = found or (None, [])
         if self._open.get(uri) is file and file.text == text:
             file.take(tree, findings)
             self._publish(uri)
@@ -229,8 +239,20 @@ class TreeServer(LanguageServer):
         except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the file
             return tree, [failure_of_file(path, error)]
 
-    async def _in_thread(self, function: Callable[[], _OfThread]) -> _OfThread:
-        return await self._loop.run_in_executor(self._thread, function)
+    async def _in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
+        """Return the result of some work on a file; None, and report why, if it takes more than its budget."""
+        budget = self._new_budget()
+
+        def work() -> _OfThread | None:
+            try:
+                return budget.run(function)
+            except BudgetSpentError:
+                self._tell(f"{path}: not checked: {budget.reason}")
+                # What was left behind may have ended anywhere in it.
+                self._loader = self._new_loader()
+                return None
+
+        return await self._loop.run_in_executor(self._thread, work)
 
     async def _try_runs(self, uri: str) -> None:
         """Try the runs of a file while nothing is typed, and tell what they raise."""
@@ -239,8 +261,8 @@ class TreeServer(LanguageServer):
         if file is None or tree is None:
             return
         self._changed.clear()
-        found = await self._in_thread(lambda: _raised(tree, self._changed))
-        if file.current_tree is tree and not self._changed.is_set():
+        found = await self._in_budget(file.path, lambda: _raised(tree, self._changed))
+        if found is not None and file.current_tree is tree and not self._changed.is_set():
             file.take_raised(found)
             self._publish(uri)
 
@@ -447,6 +469,11 @@ class TreeServer(LanguageServer):
             cwd=file.path.parent, env=dependent_environment(),
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
         )  # fmt: skip
+        number = self.protocol.msg_id
+        request = None if number is None else self.protocol._request_futures.get(number)  # noqa: SLF001
+        if request is not None:
+            # pygls cancels the answer to the request, and not what makes it.
+            request.add_done_callback(lambda _: _kill(process))
         output, _ = await process.communicate(file.text.encode())
         said = output.decode("utf-8", "replace").strip().replace("<stdin>", str(file.path))
         is_fine = process.returncode == 0
@@ -456,6 +483,11 @@ class TreeServer(LanguageServer):
         message = f"{what} {file.path.name}: {told}; the server's log has it in full"
         self.window_show_message(lsp.ShowMessageParams(kind, message))
         return is_fine
+
+
+def _kill(process: asyncio.subprocess.Process) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        process.kill()
 
 
 def _depends(file: OpenText, path: Path) -> bool:

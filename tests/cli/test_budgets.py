@@ -10,8 +10,9 @@ import time
 
 import pytest
 
-from sar_compiler.budget import Budget, BudgetSpentError, memory_mb
+from sar_compiler.budget import Budget, BudgetSpentError, memory_mb, memory_now_mb
 from tests.processes import BIN, Command, processor_sec
+from tests.waiting import News
 
 SAR_COMPILE = BIN / "sar-compile"
 A_MOMENT = ("--max-seconds", "0.3")
@@ -146,6 +147,26 @@ class TestBudget:
         assert budget.run(work) == 2
         is_over.set()
         assert budget.exit_status == 1
+
+    def test_work_that_is_left_behind_takes_no_more_time(self):
+        def work():
+            while True:
+                sum(range(100))
+
+        with pytest.raises(BudgetSpentError):
+            Budget(0.1, patience_sec=0.0).run(work)
+        news = News()
+        with news:
+            news.wait_until(
+                lambda: all(each.name != "analysis" for each in threading.enumerate()), lambda: "it works on"
+            )
+
+    def test_the_memory_of_now_falls_again(self):
+        before = memory_now_mb()
+        held = bytearray(b"x") * 100_000_000
+        assert memory_now_mb() > before + 90
+        del held
+        assert memory_now_mb() < before + 50
 
     def test_work_that_has_published_nothing_is_an_error_with_the_reason(self):
         budget, is_over = Budget(0.0, patience_sec=0.0), threading.Event()

@@ -136,6 +136,14 @@ def test_a_signal_stops_the_flights_and_shows_what_is_known(start, number, statu
     assert not any(Path(f"/proc/{each}").exists() for each in flying)
 
 
+@pytest.mark.ros
+def test_the_flights_are_stopped_when_their_time_is_over_and_what_is_known_is_shown(start):
+    sweep = start("sar-sim", "sweep", "search_and_rescue", "--runs", 9, "--jobs", 2, "--max-seconds", 2)
+    assert sweep.end() == 1, sweep.output
+    assert "runs  success" in sweep.output
+    assert "sweep: stopped after 2 s; --max-seconds allows more" in sweep.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -1,0 +1,96 @@
+"""A check that takes too long is left behind, and a request that the editor cancels ends with all that it has started."""
+
+import asyncio
+
+import pytest
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcRequestCancelled
+
+from tests.lsp.editor import Editor
+from tests.processes import children_of
+from tests.trees import write
+from tests.waiting import News
+
+WIDE = [
+    '<BehaviorTree ID="Main">',
+    "<Sequence>",
+    *(f'<Script code="a{number} := a{number - 1} + 1"/>' for number in range(40_000)),
+    "</Sequence>",
+    "</BehaviorTree>",
+]
+SMALL = ['<BehaviorTree ID="Main">', "<Sleep/>", "</BehaviorTree>"]
+ENDLESS = [
+    '<BehaviorTree ID="Main">',
+    '<Sequence><Script code="n := 0"/><KeepRunningUntilFailure><Sequence><Script code="n += 1"/>',
+    '<ScriptCondition code="n &lt; 1000000000"/><Sleep msec="10"/></Sequence></KeepRunningUntilFailure></Sequence>',
+    "</BehaviorTree>",
+]
+
+
+@pytest.fixture(scope="module")
+def hurried():
+    editor = Editor("--max-seconds", "0.5")
+    yield editor
+    editor.close()
+
+
+def wait_until(wanted, complaint):
+    news = News()
+    with news:
+        return news.wait_until(wanted, complaint)
+
+
+def cancelled(editor, method, params, begun=lambda: True):
+    """Return what a request raises that is cancelled once something has begun."""
+
+    async def ask():
+        return editor.client.protocol.send_request(method, params, msg_id="to cancel")
+
+    answer = editor.ask(ask())
+    wait_until(begun, lambda: f"{method} does not begin")
+    editor.say(editor.client.cancel_request, lsp.CancelParams("to cancel"))
+
+    async def get():
+        return await asyncio.wrap_future(answer)
+
+    with pytest.raises(Exception) as raised:  # noqa: PT011 - its type is looked at
+        editor.ask(get())
+    return raised.value
+
+
+def test_a_check_that_takes_longer_than_it_may_is_reported_and_the_next_file_is_checked(hurried, tmp_path):
+    wide, small = tmp_path / "wide.xml", tmp_path / "small.xml"
+    write(wide, *WIDE, main="Main")
+    write(small, *SMALL, main="Main")
+    assert not hurried.open(wide).diagnostics
+    reason = f"{wide}: not checked: stopped after 0.5 s; --max-seconds allows more"
+    hurried.wait_until(lambda: [each for each in hurried.messages if each.message == reason], "no message")
+    (finding,) = hurried.open(small).diagnostics
+    assert finding.code == "missing-attribute"
+
+
+def test_a_command_that_is_cancelled_leaves_no_process(editor, tmp_path):
+    path = tmp_path / "endless.xml"
+    write(path, *ENDLESS, main="Main")
+    editor.open(path)
+    server = editor.client._server.pid
+
+    def verifying():
+        return children_of(server, "verify")
+
+    params = lsp.ExecuteCommandParams("sar.verify", arguments=[path.as_uri(), None])
+    assert isinstance(
+        cancelled(editor, lsp.WORKSPACE_EXECUTE_COMMAND, params, verifying), JsonRpcRequestCancelled
+    )
+    wait_until(lambda: not verifying(), lambda: "it goes on")
+
+
+def test_a_request_that_waits_for_a_check_can_be_cancelled(editor, tmp_path):
+    path = tmp_path / "wide.xml"
+    write(path, *WIDE, main="Main")
+    item = lsp.TextDocumentItem(path.as_uri(), "xml", 1, path.read_text(encoding="utf-8"))
+    editor.say(editor.client.text_document_did_open, lsp.DidOpenTextDocumentParams(item))
+    params = lsp.HoverParams(lsp.TextDocumentIdentifier(path.as_uri()), lsp.Position(1, 2))
+    assert isinstance(cancelled(editor, lsp.TEXT_DOCUMENT_HOVER, params), JsonRpcRequestCancelled)
+    whose = lsp.TextDocumentIdentifier(path.as_uri())
+    editor.say(editor.client.text_document_did_close, lsp.DidCloseTextDocumentParams(whose))
