@@ -1,5 +1,7 @@
 """Running a command in the process of the tests."""
 
+import signal
+
 from sar_compiler.cli.compile import main
 
 
@@ -8,3 +10,10 @@ def run(capsys, *arguments):
     status = main([str(argument) for argument in arguments])
     captured = capsys.readouterr()
     return status, captured.out, captured.err
+
+
+def press_ctrl_c(budget):
+    """Interrupt an analysis the first time that it is asked whether its budget is spent: in the place of `Budget.is_spent`."""
+    if not budget.is_interrupted:
+        signal.raise_signal(signal.SIGINT)
+    return budget.is_interrupted

@@ -6,11 +6,12 @@ from contextlib import closing
 
 import pytest
 
+from sar_compiler.budget import Budget
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.project import load
 from sar_compiler.views.outline import outline
-from tests.cli.running import run
+from tests.cli.running import press_ctrl_c, run
 from tests.trees import document
 from tests.views.flown import REGISTRY, Said, flown, simulated
 
@@ -123,10 +124,24 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
     assert "not judged: the tree has nodes other than those that ran; it is of 'Main' of " in out
 
 
-def test_a_flight_for_which_the_budget_does_not_suffice_is_not_judged(conform, flight):
-    status, out, _ = conform(flight(), options=("--max-memory", "1"))
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--max-memory", "1"), "stopped at 1 MB of memory; --max-memory allows more"),
+        (("--max-seconds", "1e-9"), "stopped after 1e-09 s; --max-seconds allows more"),
+    ],
+)
+def test_a_flight_for_which_the_budget_does_not_suffice_is_not_judged(conform, flight, options, reason):
+    status, out, _ = conform(flight(), options=options)
     assert status == 1
-    assert "not judged: nothing is known yet: stopped at 1 MB of memory; --max-memory allows more" in out
+    assert f"not judged: nothing is known yet: {reason}" in out
+
+
+def test_ctrl_c_ends_the_comparison_and_what_is_known_is_shown(conform, flight, monkeypatch):
+    monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
+    status, out, _ = conform(flight())
+    assert status == 130
+    assert "not judged: nothing is known yet: stopped by Ctrl-C" in out
 
 
 def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):

@@ -5,8 +5,10 @@ from contextlib import closing
 
 import pytest
 
+from sar_compiler.budget import Budget
 from sar_compiler.cli.journal_command import main
 from sar_compiler.journal.opening import open_journal
+from tests.cli.running import press_ctrl_c
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated
 
@@ -25,13 +27,13 @@ def tree(tmp_path):
 def why(tree, tmp_path, capsys):
     """Returns what is told of a run in which the robot does not look, with further arguments of the command."""
 
-    def told(*options, **about):
+    def told(*options, status=0, **about):
         place = tmp_path / "m.journal"
         if not place.exists():
             about = {"tree_file": str(tree), "tree_id": "Main", **about}
             with closing(open_journal(place)) as journal:
                 flown(simulated(tree), Said(Look=["FAILURE"]), journal, **about)
-        assert main(["why", str(place), *NODES, *map(str, options)]) == 0
+        assert main(["why", str(place), *NODES, *map(str, options)]) == status
         return capsys.readouterr().out
 
     return told
@@ -43,10 +45,25 @@ def test_it_tells_people_what_would_have_succeeded(why):
     )
 
 
-def test_where_the_budget_does_not_suffice_the_reasons_are_told_without_it(why):
-    told = why("--max-memory", "1")
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--max-memory", "1"), "stopped at 1 MB of memory; --max-memory allows more"),
+        (("--max-seconds", "1e-9"), "stopped after 1e-09 s; --max-seconds allows more"),
+    ],
+)
+def test_where_the_budget_does_not_suffice_the_reasons_are_told_without_it(why, options, reason):
+    told = why(*options)
     assert told.startswith(why().partition("\nIt would have succeeded")[0])
-    assert "is not known: nothing is known yet: stopped at 1 MB of memory; --max-memory allows more" in told
+    assert f"is not known: nothing is known yet: {reason}" in told
+
+
+def test_ctrl_c_ends_the_search_and_the_reasons_are_shown(why, monkeypatch):
+    reasons = why().partition("\nIt would have succeeded")[0]
+    monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
+    told = why(status=130)
+    assert told.startswith(reasons)
+    assert "is not known: nothing is known yet: stopped by Ctrl-C" in told
 
 
 def test_it_tells_scripts_what_would_have_succeeded(why):
