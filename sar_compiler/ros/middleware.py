@@ -6,6 +6,7 @@ keeps in shared memory for a process, half a megabyte, one that was killed leave
 
 import fcntl
 import os
+import stat
 import sys
 import time
 import warnings
@@ -91,6 +92,8 @@ _LOCK = "_el"
 _PORTS = "fastrtps_port"
 # Between the making of the file and its lock is a moment; seconds.
 _NEW_SEC = 60.0
+# Between the making of a file and its size are two system calls: so old an empty one has lost its process there, seconds.
+_UNFINISHED_SEC = 2.0
 
 
 def remove_what_the_dead_left(folder: Path = _FOLDER) -> int:
@@ -101,11 +104,26 @@ def remove_what_the_dead_left(folder: Path = _FOLDER) -> int:
     lock taken while it is being looked at here, or hold the lock of a file that is no longer there, and another process
     would listen at the same port. Segments have names by chance, which nobody takes again.
 
+    An empty file, of a port or of a segment, is removed in any case: its process was killed while it made it, and each
+    process that opens it, such as the next one with this port, waits in Fast DDS forever for the size that the dead one would have set.
+
     Args:
         folder: Where segments are.
     """
-    locks = (lock for lock in folder.glob(f"fastrtps_*{_LOCK}") if not lock.name.startswith(_PORTS))
-    return sum(map(_remove_if_dead, locks))
+    made = list(folder.glob("fastrtps_*"))
+    locks = [each for each in made if each.name.endswith(_LOCK)]
+    dead = [_remove_if_dead(lock) for lock in locks if not lock.name.startswith(_PORTS)]
+    return sum(dead) + sum(_remove_if_unfinished(each) for each in made if each not in locks)
+
+
+def _remove_if_unfinished(file: Path) -> bool:
+    with suppress(OSError):
+        about = file.lstat()
+        is_old = time.time() - about.st_mtime >= _UNFINISHED_SEC
+        if about.st_uid == os.geteuid() and stat.S_ISREG(about.st_mode) and not about.st_size and is_old:
+            file.unlink()
+            return True
+    return False
 
 
 def _remove_if_dead(lock: Path) -> bool:

@@ -11,6 +11,12 @@ import pytest
 
 from sar_compiler.ros.middleware import _remove_if_dead, remove_what_the_dead_left
 
+BEGINS = """
+import rclpy
+from sar_compiler.ros.middleware import ros_up
+with ros_up([]) as context:
+    rclpy.create_node("begins", context=context)
+"""
 LIVES = "import rclpy; rclpy.init(); node = rclpy.create_node('alive'); print(flush=True); input()"
 
 
@@ -49,6 +55,50 @@ def test_the_ports_of_the_dead_are_left_to_who_takes_them_over(tmp_path: Path) -
     left(tmp_path, "port7009")
     assert remove_what_the_dead_left(tmp_path) == 0
     assert sorted(each.name for each in tmp_path.iterdir()) == ["fastrtps_port7009", "fastrtps_port7009_el"]
+
+
+def empty(folder: Path, name: str, *, age_sec: float = 60.0) -> Path:
+    """Make an empty file, as a process does that is killed before it sets the size."""
+    file = folder / f"fastrtps_{name}"
+    file.touch()
+    then = file.stat().st_mtime - age_sec
+    os.utime(file, (then, then))
+    return file
+
+
+def test_a_port_whose_process_was_killed_while_it_made_it_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, segment = empty(tmp_path, "port30693"), empty(tmp_path, "1fe2c0ae1279fc6f")
+    new = empty(tmp_path, "port30695", age_sec=0.0)
+    empty(tmp_path, "target")
+    link = tmp_path / "fastrtps_port30697"
+    link.symlink_to("fastrtps_target")
+    monkeypatch.setattr("os.geteuid", lambda: 4711)
+    assert remove_what_the_dead_left(tmp_path) == 0
+    monkeypatch.undo()
+    assert remove_what_the_dead_left(tmp_path) == 3
+    assert not port.exists()
+    assert not segment.exists()
+    assert new.exists()
+    assert link.is_symlink()
+
+
+@pytest.mark.ros
+def test_a_process_begins_though_another_one_was_killed_while_it_made_their_port() -> None:
+    """Without the removal the first node waits in native code until its process is killed."""
+    folder = Path("/dev/shm")  # noqa: S108 - where Linux has it
+    first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"]) + 11
+    ports = [f"port{first + 2 * participant}" for participant in range(20)]
+    made = [empty(folder, port) for port in ports if not (folder / f"fastrtps_{port}").exists()]
+    assert made, "no port of this domain is free"
+    try:
+        subprocess.run([sys.executable, "-c", BEGINS], check=True, timeout=120.0)
+    finally:
+        for each in made:
+            remains_empty = each.exists() and not each.stat().st_size
+            if remains_empty:
+                each.unlink()
 
 
 @pytest.mark.ros
