@@ -50,6 +50,7 @@ class Configuration(NamedTuple):
         path: The file; None where nothing is decided.
         source: Its text.
         spans: Where it names each of the modules, and each palette.
+        enums: The numbers that names of the C++ program's enumerations stand for.
     """
 
     nodes: tuple[str, ...] = ()
@@ -62,6 +63,7 @@ class Configuration(NamedTuple):
     source: Source = Source("", "", NO_SPANS)
     spans: Mapping[str, Span] = {}
     palettes: tuple[str, ...] = ()
+    enums: Mapping[str, int] = {}
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
         """Return findings with the configured severities, without those that are switched off."""
@@ -186,11 +188,12 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
     _paths(path, document, listed, _TREES, "")
     document.raise_findings()
     modules = entries[_NODES].listed if _NODES in entries else ()
+    language = said.get("language", {})
     return Configuration(
         tuple(said.get(_NODES, ())),
         models,
         include_path,
-        VERSIONS[said.get("language", {}).get("btcpp", str(NEWEST))],
+        VERSIONS[language.get("btcpp", str(NEWEST))],
         tuple((path.parent, pattern) for pattern in patterns),
         {
             code: None if level == _OFF else Severity(level)
@@ -201,6 +204,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         {str(path.parent / str(each.data)): document.span(each) for each in files}
         | {str(each.data): document.span(each) for each in (*written, *modules)},
         palettes,
+        language.get("enums", {}),
     )
 
 

@@ -73,7 +73,7 @@ class Names(NamedTuple):
     """The names that conditions on a tree can use.
 
     Attributes:
-        known: The facts, then the keys of the main tree.
+        known: The facts, the keys of the main tree, then the names of enumerations.
         is_open: Whether there may be more keys, in ways that the file does not show.
     """
 
@@ -114,7 +114,7 @@ def names_of(simulated: SimulatedTree) -> Names:
         key = name.removeprefix(prefix)
         if name != key and "/" not in key:
             keys.append(key)
-    return Names(tuple(dict.fromkeys([*simulated.fact_values(), *keys])), table.is_open)
+    return Names(tuple(dict.fromkeys([*simulated.fact_values(), *keys, *simulated.enums])), table.is_open)
 
 
 def _made_by(effect: str) -> Iterator[str]:

@@ -117,7 +117,7 @@ def _play(
     if unknown is not None:
         print_error(f"sar-compile: {unknown}")
         return PlayedScenario(str(path or arguments.file), problem=unknown)
-    until = Program(arguments.until) if arguments.until else play.scenario.until
+    until = Program(arguments.until, play.simulated.enums) if arguments.until else play.scenario.until
     most = arguments.ticks or play.scenario.max_ticks
     scenario = replace(play.scenario, until=until, max_ticks=most, seed=arguments.seed)
     player = ScenarioPlayer(play.simulated, scenario)

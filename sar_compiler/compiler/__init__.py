@@ -177,13 +177,18 @@ class Arguments:
         context: The objects that the mission hands over, by their type.
         parameters: The keys of the root blackboard that have a value when the tree is made.
         collector: Is told what is missing or does not fit.
+        enums: The numbers that names stand for, unless *context* has others.
     """
 
     def __init__(
-        self, context: Mapping[type, object], parameters: Mapping[str, object], collector: Collector
+        self,
+        context: Mapping[type, object],
+        parameters: Mapping[str, object],
+        collector: Collector,
+        enums: Mapping[str, int],
     ) -> None:
         # Time passes in every tree.
-        self._context: dict[type, object] = {Clock: WallClock(), Enums: Enums(), **context}
+        self._context: dict[type, object] = {Clock: WallClock(), Enums: Enums(enums), **context}
         self._parameters = parameters
         self._collector = collector
 
@@ -591,9 +596,8 @@ def compile_tree(
             leaf needs, or if a constructor refuses its arguments.
     """
     collector = Collector()
-    return compile_with(
-        binding, Builder(binding, Arguments(context, parameters, collector), collector), parameters, collector
-    )
+    arguments = Arguments(context, parameters, collector, binding.enums)
+    return compile_with(binding, Builder(binding, arguments, collector), parameters, collector)
 
 
 def require_classes(binding: Binding) -> None:
@@ -617,9 +621,8 @@ def preview_tree(binding: Binding) -> CompiledTree:
     only a model describes becomes a stock behaviour of its kind.
     """
     collector = Collector()
-    return compile_with(
-        binding, PreviewBuilder(binding, PreviewArguments({}, {}, collector), collector), {}, collector
-    )
+    arguments = PreviewArguments({}, {}, collector, binding.enums)
+    return compile_with(binding, PreviewBuilder(binding, arguments, collector), {}, collector)
 
 
 @gc_paused()

@@ -200,6 +200,7 @@ class SimulatedTree:
             them; the first leaf's value counts.
         outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
         by_semantics: The tags, with their classes, of nodes that do here what their semantics say; see `compile_simulated`.
+        enums: The numbers that names stand for in scripts.
     """
 
     compiled: CompiledTree
@@ -209,6 +210,7 @@ class SimulatedTree:
     disputes: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
     by_semantics: tuple[tuple[str, str], ...] = ()
+    enums: Mapping[str, int] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list, init=False)
     """What the leaves have done, in order, since the list was last cleared."""
 
@@ -294,7 +296,7 @@ def compile_simulated(
     if unknown:
         raise OnlyDescribedError(unknown)
     collector = Collector()
-    arguments = SimulationArguments({Clock: clock}, parameters, collector)
+    arguments = SimulationArguments({Clock: clock}, parameters, collector, binding.enums)
     arguments.stand_ins = stand_ins
     builder = SimulationBuilder(binding, arguments, collector, assumptions or Assumptions())
     compiled = compile_with(binding, builder, parameters, collector)
@@ -302,7 +304,7 @@ def compile_simulated(
     leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
     named = dict.fromkeys((node.spec.tag, node.spec.maker_path.replace(":", ".")) for node in stand_ins)
     return SimulatedTree(
-        compiled, builder.facts, leaves, clock, builder.disputes, builder.outputs, tuple(named)
+        compiled, builder.facts, leaves, clock, builder.disputes, builder.outputs, tuple(named), binding.enums
     )
 
 

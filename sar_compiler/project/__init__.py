@@ -22,7 +22,7 @@ from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding, Collector
 from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
-from sar_compiler.nodes.models import described_specs, read_models, supplements
+from sar_compiler.nodes.models import described_specs, enums_file, read_models, supplements
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, admit, is_there, read_file
@@ -180,6 +180,8 @@ class Project:
         for path in self.configuration.models:
             with self._tell_where_it_is_named(str(path)):
                 read.append(read_tree_file(path))
+        if self.configuration.enums:
+            read.append(enums_file(self.configuration.enums))
         return tuple(read)
 
     @contextlib.contextmanager

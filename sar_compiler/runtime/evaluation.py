@@ -134,7 +134,7 @@ class _Maker:
             try:
                 return variables.read(name)
             except VariableError as error:
-                hint = _makes(name) if isinstance(error, UnknownVariableError) else None
+                hint = _how_to_define(name) if isinstance(error, UnknownVariableError) else None
                 raise EvaluationError(str(error), node.start, node.end, hint) from error
 
         return run
@@ -251,6 +251,13 @@ def failure(text: str, node: Expression, error: VariableError) -> EvaluationErro
     """Return the error of an expression."""
     message = f"'{excerpt(text[node.start : node.end])}' cannot be calculated: {error}"
     return EvaluationError(message, node.start, node.end)
+
+
+def _how_to_define(name: str) -> str:
+    # To assign one of the names of a C++ program's enumerations would hide its number.
+    if name.isupper():
+        return f"if it is an enumeration of the C++ program, give its number in sar.toml, under [language.enums]; '{name} := ...' makes a variable"
+    return _makes(name)
 
 
 def _makes(name: str) -> str:

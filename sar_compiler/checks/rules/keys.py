@@ -77,21 +77,22 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
         if each.access.place is None
         or not is_statement(each.bound, each.access.attribute, each.access.place[0])
     ]
-    if not readers:
+    enums = context.bound.models.enums
+    if not readers or _is_explained(readers[0], board, enums):
         return
     use = readers[0]
-    if use.access.kind is AccessKind.CHANGE and is_condition(use.bound, use.access.attribute):
-        return  # `check_scripts` asks whether == is meant
-    if _is_given_another(use, board):
-        return  # `check_subtrees` finds the attribute that means nothing
     near = _nearest(entry.key, board.written.get(entry.scope, ()), context.guesses)
+    meant = _nearest(entry.key, enums, context.guesses) if near is None and use.access.place else None
+    if meant is not None:
+        yield _unknown_enumeration(use, meant)
+        return
     if near is not None and (
         _is_slip(entry, near) or (context.is_main(board.top.tree) and not board.is_foreign)
     ):
         yield _unwritten_finding(use, entry, near)
         return
     is_open = board.is_open and not _is_name_of_key(use)
-    if is_open or _may_be_enumeration(use) or not context.is_main(board.top.tree):
+    if is_open or _may_be_enumeration(use, enums) or not context.is_main(board.top.tree):
         return
     if not board.is_foreign:
         yield _unwritten_finding(use, entry, None)
@@ -100,6 +101,15 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
     own = next((each for each in readers if not each.bound.spec.is_foreign), None)
     if own is not None:
         yield from _doubt([_unwritten_finding(own, entry, None)])
+
+
+def _is_explained(use: EntryAccess, board: EntryTable, enums: Collection[str]) -> bool:
+    """Return whether a name that is read is a declared enumeration, or is reported by another rule."""
+    if enums and _may_be_enumeration(use, enums):
+        return True
+    # `check_scripts` asks whether == is meant, and `check_subtrees` finds the attribute that means nothing.
+    is_assignment = use.access.kind is AccessKind.CHANGE and is_condition(use.bound, use.access.attribute)
+    return is_assignment or _is_given_another(use, board)
 
 
 def _doubt(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
@@ -126,6 +136,14 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
         message = f"{access.attribute}: '{key}' is read here, and nothing ever writes it"
     advice = Advice(suggestion=suggestion, hint=hint)
     return use.bound.element.finding("unwritten-key", message, use.access.span(), **advice)
+
+
+def _unknown_enumeration(use: EntryAccess, meant: str) -> Diagnostic:
+    access = use.access
+    message = (
+        f"{access.attribute}: '{access.key}' is no enumeration that is declared, and nothing ever writes it"
+    )
+    return use.bound.element.finding("unwritten-key", message, access.span(), suggestion=meant)
 
 
 def _unwritten_argument(
@@ -175,9 +193,11 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
     return near if near is not None and likeness(key.strip(), near) >= _LIKE else None
 
 
-def _may_be_enumeration(use: EntryAccess) -> bool:
-    """Return whether a name in a script may be an enumeration's, which only the executing program knows."""
-    return use.access.place is not None and use.access.key[0].isupper() and use.access.kind is AccessKind.READ
+def _may_be_enumeration(use: EntryAccess, enums: Collection[str]) -> bool:
+    """Return whether a name in a script may be an enumeration's: one that is declared, or any in capitals if none is."""
+    if use.access.place is None or use.access.kind is not AccessKind.READ:
+        return False
+    return use.access.key in enums if enums else use.access.key[0].isupper()
 
 
 def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:

@@ -37,7 +37,7 @@ class RunVariables(FactVariables):
     """
 
     def __init__(self, simulated: SimulatedTree) -> None:
-        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums(simulated.enums))
         self.now: Mapping[str, ScriptValue] = {}
         self._simulated = simulated
 

@@ -1,7 +1,7 @@
 """Scenarios, as plain data and read from files; every mistake in one is a finding with its place."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sar_compiler.checks.assumptions import (
@@ -245,7 +245,7 @@ def _step(value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always:
         answer or "",
         after_sec=least,
         longest_sec=longest,
-        when=_program(words.condition(parts.get("when"), OWN)),
+        when=_program(words.condition(parts.get("when"), OWN), words.simulated),
         times=_times(parts["times"]) if "times" in parts else None if "every" in parts else times,
         every=int(parts["every"].data) if "every" in parts else 1,
         chance=float(parts["chance"].data) if "chance" in parts else 1.0,
@@ -253,8 +253,8 @@ def _step(value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always:
     return step if answer is not None else None
 
 
-def _program(condition: Script | None) -> Program | None:
-    return None if condition is None else Program(condition)
+def _program(condition: Script | None, simulated: SimulatedTree) -> Program | None:
+    return None if condition is None else Program(condition, simulated.enums)
 
 
 def _times(value: Value) -> int | None:
@@ -354,6 +354,8 @@ def understand(document: Document, stage: Stage) -> Play:
     parts = document.validate("scenario").mapping
     with document.findings_first():
         binding = _binding(document, parts.get("tree"), parts.get("controls"), stage)
+        if "enums" in parts:
+            binding = replace(binding, enums={**binding.enums, **parts["enums"].data})
         start = stage.start(binding)
         facts, answers = parts.get("facts"), parts.get("answers")
         simulated = _simulated(
@@ -371,7 +373,7 @@ def understand(document: Document, stage: Stage) -> Play:
         path=path,
         period_sec=seconds(parts["period"]) if "period" in parts else start.period_sec or PERIOD_SEC,
         max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
-        until=_program(words.condition(parts.get("until"), OWN)),
+        until=_program(words.condition(parts.get("until"), OWN), simulated),
         scripts=read_scripts(parts["leaves"], words) if "leaves" in parts else {},
         expect=read_expectations(parts.get("expect"), words),
     )

@@ -47,7 +47,7 @@ class Surroundings(FactVariables):
     """
 
     def __init__(self, simulated: SimulatedTree, keys: Scope | None = None) -> None:
-        super().__init__(simulated.facts, keys or simulated.compiled.instance.scope, Enums())
+        super().__init__(simulated.facts, keys or simulated.compiled.instance.scope, Enums(simulated.enums))
         self._ended: dict[str, ScriptValue | None] = {}
 
     def end_tick(self, root: str, *, idle: bool | None) -> None:
@@ -82,7 +82,7 @@ class Condition:
     """
 
     def __init__(self, script: Script, surroundings: Surroundings, owner: str) -> None:
-        self._program = Program(script)
+        self._program = Program(script, surroundings.enums.numbers)
         self._surroundings = surroundings
         self._owner = owner
         self._memo = surroundings.memo_of(self.entries)

@@ -76,7 +76,8 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     if count_within_limits(main, collector) is not None:
         report_shared_keys(expand(main, collector), collector)
         report_misread(trees_in(main), collector)
-    return Binding(main, _in_order(forest, collector.findings))
+    enums = {name: number for name, number in models.enums.items() if number is not None}
+    return Binding(main, _in_order(forest, collector.findings), enums)
 
 
 def bind_all(

@@ -1,7 +1,7 @@
 """Bound trees: tags, texts and names resolved to their meanings, as plain data, and the findings of binding them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.nodes.btcpp import NEWEST, OLDEST, Version, VersionChange
@@ -163,10 +163,12 @@ class Binding:
     Attributes:
         main: The tree to execute.
         findings: What was found; the tree can be compiled only if there is no error.
+        enums: The numbers that names stand for in scripts and in `Switch`.
     """
 
     main: BoundTree
     findings: tuple[Diagnostic, ...]
+    enums: Mapping[str, int] = field(default_factory=dict)
 
     def trees(self) -> list[BoundTree]:
         """Return the main tree and the trees that it uses, each once."""

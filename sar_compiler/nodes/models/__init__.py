@@ -19,11 +19,23 @@ from sar_compiler.nodes.values import (
     type_of_cpp_name,
 )
 from sar_compiler.tree.diagnostic import Cause
-from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile, is_name
+from sar_compiler.tree.model import (
+    MODEL_TAG,
+    ROOT_TAG,
+    SUBTREE_TAG,
+    TREE_TAG,
+    Element,
+    TreeFile,
+    is_name,
+    synthetic_element,
+    synthetic_file,
+)
 
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
+ENUM_TAG = "Enum"
+"""An enumeration of the C++ program: the name, and its number if that is known; BehaviorTree.CPP does not read it."""
 FROM_USE = {"made": "from use"}
 """What is noted beside a description that was made from the use of a node, and guesses its types and directions."""
 LIBRARY = {"library": "py_trees"}
@@ -114,10 +126,12 @@ class Models(NamedTuple):
     Attributes:
         nodes: The models of nodes, by tag.
         subtrees: The models of subtrees, by ID.
+        enums: The names of enumerations, with their numbers; None for a number that no file states.
     """
 
     nodes: Mapping[str, Model] = {}
     subtrees: Mapping[str, Model] = {}
+    enums: Mapping[str, int | None] = {}
 
 
 def read_models(files: Iterable[TreeFile], collector: Collector) -> Models:
@@ -127,14 +141,48 @@ def read_models(files: Iterable[TreeFile], collector: Collector) -> Models:
     """
     nodes: dict[str, Model] = {}
     subtrees: dict[str, Model] = {}
+    enums: dict[str, int | None] = {}
     for tree_file in files:
         for element in _descriptions([tree_file]):
+            if element.tag == ENUM_TAG:
+                _read_enum(element, enums, collector)
+                continue
             model = _model(element, collector)
             if model is not None:
                 first = (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
                 if first is not model and tree_file.is_named:
                     _compare_twice(first, model, collector)
-    return Models(nodes, subtrees)
+    return Models(nodes, subtrees, enums)
+
+
+def enums_file(numbers: Mapping[str, int]) -> TreeFile:
+    """Return a palette that declares enumerations."""
+    declared = [
+        synthetic_element(ENUM_TAG, {"ID": name, "value": str(each)}) for name, each in numbers.items()
+    ]
+    return synthetic_file(
+        synthetic_element(ROOT_TAG, children=[synthetic_element(MODEL_TAG, children=declared)])
+    )
+
+
+def _read_enum(element: Element, enums: dict[str, int | None], collector: Collector) -> None:
+    """Add an enumeration; the first number that is stated for a name is the one that is used."""
+    name, written = element.attributes.get("ID", ""), element.attributes.get("value")
+    if not (name.isidentifier() and name.isascii()):
+        message = f"this <{ENUM_TAG}> needs an ID: a name of letters, digits and _"
+        collector.add("wrong-model", message, element, hint='write <Enum ID="RED" value="1"/>, for example')
+        return
+    number: int | None = None
+    if written is not None:
+        try:
+            number = int(str(type_of(int).convert(written)))
+        except ConversionError as error:
+            collector.wrong_value(element, "value", error, "wrong-model")
+    known = enums.get(name)
+    if None not in (known, number) and known != number:
+        message = f"'{name}' stands for {known} already, and for {number} here"
+        collector.add("wrong-model", message, element, value="value", hint="delete one of the two")
+    enums[name] = number if known is None else known
 
 
 def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
@@ -198,7 +246,7 @@ def can_be_tag(name: str) -> bool:
 def _model(element: Element, collector: Collector) -> Model | None:
     kind = _KINDS.get(element.tag)
     if kind is None and element.tag != SUBTREE_TAG:
-        known = [*_KINDS, SUBTREE_TAG]
+        known = [*_KINDS, SUBTREE_TAG, ENUM_TAG]
         message = f"<{element.tag}> is not allowed in a <{MODEL_TAG}>; it has {', '.join(known)}"
         near = collector.guesses.nearest(element.tag, known)
         collector.add("wrong-model", message, element, suggestion=near)

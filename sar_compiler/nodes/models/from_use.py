@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.attributes import KIND_TAGS
+from sar_compiler.nodes.binding.attributes import CONDITIONS, KIND_TAGS
 from sar_compiler.nodes.binding.binder import OF_ANY, is_anothers
 from sar_compiler.nodes.binding.bound import Collector
-from sar_compiler.nodes.models import FROM_USE, METADATA_TAG, can_be_tag, read_models
+from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind
 from sar_compiler.tree.guessing import Guesses
@@ -25,6 +25,10 @@ from sar_compiler.tree.showing import shortened
 
 _KEY = re.compile(r"\{(@?[^{}\s]+)\}")
 _MADE_BY_SCRIPT = re.compile(r"(?<![\w@])(@?[A-Za-z_]\w*)\s*:?=(?!=)", re.ASCII)
+_SCRIPTS = (*CONDITIONS, "code", "if")
+"""The attributes whose texts are scripts, in the nodes of BehaviorTree.CPP."""
+_TEXTS = re.compile(r"'[^']*'|\"[^\"]*\"")
+_CAPITALS = re.compile(r"(?<![\w@])[A-Z][A-Z0-9_]*(?!\w)")
 _NOT_NODES = (SUBTREE_TAG, TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 _TYPES = (
     ("bool", re.compile(r"true|false", re.IGNORECASE)),
@@ -95,6 +99,8 @@ class UseOfNodes:
         self._used: dict[str, _NodeUse] = {}
         self._trees: set[str] = set()
         self._used_trees: set[str] = set()
+        self._capitals: set[str] = set()
+        self._keys: set[str] = set()
 
     def add(self, tree_file: TreeFile, palettes: Iterable[TreeFile], registry: Registry) -> None:
         """Add the trees of a file, in which its own models, those of palettes and registered nodes count."""
@@ -103,6 +109,11 @@ class UseOfNodes:
         self._trees.update(models.subtrees, (tree.attributes.get("ID", "") for tree in tree_file.trees))
         handed_over = _handed_over(tree_file)
         self._used_trees.update(handed_over)
+        self._keys.update(models.enums, *handed_over.values())
+        for node in tree_file.root.iterate():
+            self._keys.update(_keys_of(node))
+            scripts = (_TEXTS.sub("", node.attributes.get(name, "")) for name in _SCRIPTS)
+            self._capitals.update(name for script in scripts for name in _CAPITALS.findall(script))
         for tree in tree_file.trees:
             order = list(tree.iterate())[1:]
             before = set(handed_over.get(tree.attributes.get("ID", ""), ()))
@@ -123,7 +134,15 @@ class UseOfNodes:
             for tree_id in sorted(self._used_trees - self._trees - {""})
             if only in (None, tree_id)
         ]
-        return synthetic_element(MODEL_TAG, children=[*(_model(tag, use) for tag, use in used), *trees])
+        # What a script reads in capitals and no tree writes is an enumeration; its number is in the C++ code only.
+        enums = [
+            synthetic_element(ENUM_TAG, {"ID": name})
+            for name in sorted(self._capitals - self._keys)
+            if only in (None, name)
+        ]
+        return synthetic_element(
+            MODEL_TAG, children=[*(_model(tag, use) for tag, use in used), *trees, *enums]
+        )
 
     def _is_known(self, tag: str, node: Element, registry: Registry) -> bool:
         if tag in _NOT_NODES:

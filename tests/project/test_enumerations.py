@@ -1,0 +1,170 @@
+"""Names of enumerations of a C++ program, as `sar.toml`, palettes and scenarios declare them."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler import load
+from sar_compiler.nodes.binding.bound import Collector
+from sar_compiler.nodes.models import read_models
+from sar_compiler.nodes.models.from_use import UseOfNodes
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.project.simulated import play_scenario
+from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.xml import parse_xml
+from tests.trees import document
+
+TREE = """<Sequence>
+<Script code="color := RED"/>
+<Switch2 variable="{color}" case_1="BLUE" case_2="RED"><AlwaysFailure/><AlwaysSuccess/><AlwaysFailure/></Switch2>
+<ScriptCondition code="color == RED"/>
+<ScriptCondition code="color != BLUE"/>
+</Sequence>"""
+SETTINGS = "[language.enums]\nRED = 1\nBLUE = 2\n"
+
+
+def palette(*enums: str) -> str:
+    return f'<root BTCPP_format="4"><TreeNodesModel>{"".join(enums)}</TreeNodesModel></root>'
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    path = tmp_path / "tree.xml"
+    path.write_text(document(TREE), encoding="utf-8")
+    return path
+
+
+def declare_in_settings(folder: Path) -> None:
+    (folder / "sar.toml").write_text(SETTINGS, encoding="utf-8")
+
+
+def declare_in_palette(folder: Path) -> None:
+    text = palette('<Enum ID="RED" value="1"/>', '<Enum ID="BLUE" value="2"/>')
+    (folder / "nodes.xml").write_text(text, encoding="utf-8")
+    (folder / "sar.toml").write_text('models = ["nodes.xml"]\n', encoding="utf-8")
+
+
+DECLARED = pytest.mark.parametrize("declare", [declare_in_settings, declare_in_palette])
+
+
+def status_of_a_run(tree: Path) -> str:
+    compiled = load(tree).compile()
+    compiled.root.tick_once()
+    return str(compiled.root.status.name)
+
+
+@DECLARED
+def test_a_run_knows_the_numbers_of_declared_enumerations(tree: Path, declare) -> None:
+    declare(tree.parent)
+    assert status_of_a_run(tree) == "SUCCESS"
+
+
+@DECLARED
+def test_a_simulation_chooses_the_branch_of_a_switch_by_their_numbers(tree: Path, declare) -> None:
+    declare(tree.parent)
+    assert load(tree).simulate().until_end().root == "SUCCESS"
+
+
+@DECLARED
+def test_verify_proves_that_no_tick_raises(tree: Path, declare) -> None:
+    declare(tree.parent)
+    proof = load(tree).verify()
+    assert {each.question: each.outcome.value for each in proof.verdicts}[
+        "no tick raises an error"
+    ] == "proved"
+
+
+@DECLARED
+def test_validate_finds_nothing_in_declared_names(tree: Path, declare) -> None:
+    declare(tree.parent)
+    assert load(tree).check() == []
+
+
+def test_a_typo_in_a_name_is_found_with_the_declared_one(tree: Path) -> None:
+    declare_in_settings(tree.parent)
+    tree.write_text(document(TREE.replace("!= BLUE", "!= BLEU")), encoding="utf-8")
+    [finding] = load(tree).check()
+    assert (finding.code, finding.span.line, finding.suggestion) == ("unwritten-key", 7, "BLUE")
+
+
+def test_a_name_in_capitals_is_a_key_that_nothing_writes_where_others_are_declared(tree: Path) -> None:
+    declare_in_settings(tree.parent)
+    tree.write_text(document(TREE.replace("!= BLUE", "!= SQUARE")), encoding="utf-8")
+    assert [each.code for each in load(tree).check()] == ["unwritten-key"]
+
+
+def test_a_name_in_capitals_may_be_an_enumeration_where_none_is_declared(tree: Path) -> None:
+    assert [each for each in load(tree).check() if each.severity is not Severity.ERROR] == []
+
+
+def test_a_tick_that_meets_an_undeclared_one_says_where_to_declare_it(tree: Path) -> None:
+    with pytest.raises(Exception, match=r"give its number in sar\.toml, under \[language\.enums\]"):
+        status_of_a_run(tree)
+
+
+def test_a_scenario_declares_its_own(tree: Path, tmp_path: Path) -> None:
+    scenario = tmp_path / "run.yaml"
+    scenario.write_text(
+        "enums: {RED: 1, BLUE: 2}\nuntil: color == RED\nexpect: {root: SUCCESS}\n", encoding="utf-8"
+    )
+    play_scenario(load(tree), scenario)
+
+
+def test_a_property_compares_with_them(tree: Path, tmp_path: Path) -> None:
+    declare_in_settings(tree.parent)
+    properties = tmp_path / "properties.yaml"
+    properties.write_text(
+        "properties:\n  red: {at_end: color == RED}\n  blue: {at_end: color == BLUE}\n", encoding="utf-8"
+    )
+    proof = load(tree).verify(properties)
+    assert {
+        each.question: each.outcome.value for each in proof.verdicts if each.question in ("red", "blue")
+    } == {"red": "proved", "blue": "does not hold"}
+
+
+@pytest.mark.parametrize("text", ['RED = "1"', "RED = 1.5", "RED = 3000000000", "RED = true"])
+def test_a_number_of_another_type_is_an_error_in_its_line(tree: Path, text: str) -> None:
+    (tree.parent / "sar.toml").write_text(f"[language.enums]\n{text}\n", encoding="utf-8")
+    with pytest.raises(TreeError) as caught:
+        load(tree)
+    assert [each.span.line for each in caught.value.findings] == [2]
+
+
+WRONG = {
+    "without a name": ('<Enum value="1"/>', "needs an ID"),
+    "with a name that scripts cannot use": ('<Enum ID="a-b" value="1"/>', "needs an ID"),
+    "with a text for a number": ('<Enum ID="A" value="x"/>', "'x' is not a whole number"),
+    "with two numbers": (
+        '<Enum ID="A" value="1"/><Enum ID="A" value="2"/>',
+        "'A' stands for 1 already, and for 2 here",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_an_enumeration_in_a_palette_that_says_nothing_is_a_warning(case: str) -> None:
+    text, message = WRONG[case]
+    collector = Collector()
+    read_models([parse_xml(palette(text))], collector)
+    [finding] = collector.findings
+    assert (finding.code, finding.severity) == ("wrong-model", Severity.WARNING)
+    assert message in finding.message
+
+
+def test_an_enumeration_in_a_palette_may_lack_its_number(tree: Path) -> None:
+    models = read_models(
+        [parse_xml(palette('<Enum ID="RED"/>', '<Enum ID="RED" value="4"/>', '<Enum ID="GO"/>'))], Collector()
+    )
+    assert models.enums == {"RED": 4, "GO": None}
+
+
+def test_a_palette_from_use_lists_the_names_that_scripts_read_in_capitals_and_no_tree_writes() -> None:
+    body = """<Sequence>
+    <Script code="color := RED; LEVEL := 2; text := 'HELLO YOU'"/>
+    <ScriptCondition code="color == BLUE &amp;&amp; LEVEL &lt; MAX_LEVEL" _skipIf="Mixed"/>
+    <SubTree ID="Inner" GIVEN="3"/>
+    </Sequence>"""
+    uses = UseOfNodes()
+    uses.add(parse_xml(document(body)), (), default_registry())
+    names = [each.attributes["ID"] for each in uses.models().children if each.tag == "Enum"]
+    assert names == ["BLUE", "MAX_LEVEL", "RED"]
