@@ -179,6 +179,13 @@ class _Goal(AcceptedGoal):
         self.localised_at = began
         self._looks_back_sec, self._looks_at = manner.looks_back_sec, began
 
+    def go_on_from(self, before: "_Goal") -> None:
+        """Go on with what was done for another goal for the same pose."""
+        self.began, self.localised_at = before.began, before.localised_at
+        self.drive, self.progress = before.drive, before.progress
+        self.recovery, self.left = before.recovery, before.left
+        self.recoveries_begun = before.recoveries_begun
+
     def has_passed(self, here: Pose2D, now: float) -> bool:
         """Whether poses were behind the robot, and are left out from now on; the last one stays."""
         if now < self._looks_at or self.handle.is_cancel_requested:
@@ -585,3 +592,12 @@ class ControllerServer(BtNavigator):
 
     node_name, action = "controller_server", FOLLOW
     served = ("controller_server", "planner_server", "behavior_server")
+
+    def _on_accepted(self, handle: ServerGoalHandle, action_type: Any = NavigateToPose) -> None:
+        before = self._goal
+        super()._on_accepted(handle, action_type)
+        goal = self._goal
+        if before is None or goal is None or before.handle.is_cancel_requested:
+            return
+        if goal.poses[0].pose == before.poses[0].pose:
+            goal.go_on_from(before)

@@ -1,5 +1,6 @@
 """The stand-ins for Nav2 in processes of their own, each of which can die alone; the world is in another one, and has the clock."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -33,6 +34,8 @@ from sar_compiler.sim.robot_interface import RemoteRobot
 from sar_compiler.sim.simulation import STEP_NS, navigation_in
 from sar_compiler.sim.world import World
 
+# How often a goal is sent on, steady seconds: Nav2's tree plans so often, by this clock, and follows the new path.
+_REPLANS_SEC = 1.0
 # Who drives says ten times a second where; silent for so long, it is taken for dead, seconds of both clocks.
 _SILENCE_SEC = 0.5
 _ENDS = {SUCCEEDED: DriveEnd.SUCCEEDED, ABORTED: DriveEnd.ABORTED}
@@ -45,6 +48,7 @@ class _PassedOn(AcceptedGoal):
         super().__init__(handle, began)
         self.taken: ClientGoalHandle | None = None
         self.is_called_off = False
+        self.sent_at = math.inf
         self.heard_at = began, time.monotonic()
 
     def hear(self, now: float) -> None:
@@ -59,6 +63,7 @@ class _PassedOn(AcceptedGoal):
 class SeparateNavigator(NavigationServer):
     """Node `bt_navigator`: `navigate_to_pose`, each goal of which `follow_path` of `controller_server` drives to.
 
+    It sends a goal on every second, as Nav2 does with each new path: the goal of `follow_path` before that ends aborted, and the robot drives on.
     It gives a goal up with code 0, as Nav2 does, where nobody takes it within `default_server_timeout`, or who drives falls silent;
     what took it too late drives on.
 
@@ -93,6 +98,8 @@ class SeparateNavigator(NavigationServer):
             goal.taken.cancel_goal_async()
         if goal.silence_sec(self._now) > _SILENCE_SEC:
             self._give_up(goal, f"{FOLLOW} has fallen silent")
+        elif not goal.is_called_off and time.monotonic() - goal.sent_at >= _REPLANS_SEC:
+            self._send_on(goal)
 
     def stop(self) -> bool:
         """End the current goal; return whether there was one, whose client is still to be notified."""
@@ -117,13 +124,17 @@ class SeparateNavigator(NavigationServer):
         if before is not None:
             before.end(pre_empted(before))
         self._goal = goal
+        self._send_on(goal)
+
+    def _send_on(self, goal: _PassedOn) -> None:
+        goal.sent_at = math.inf
 
         def pass_on(message: Any) -> None:
             goal.hear(self._now)
             if goal is self._goal:
-                handle.publish_feedback(message.feedback)
+                goal.handle.publish_feedback(message.feedback)
 
-        sent = self._driver.send_goal_async(handle.request, pass_on)
+        sent = self._driver.send_goal_async(goal.handle.request, pass_on)
         sent.add_done_callback(lambda answer: self._on_answer(goal, answer))
 
     def _on_answer(self, goal: _PassedOn, answer: Future) -> None:
@@ -131,11 +142,18 @@ class SeparateNavigator(NavigationServer):
         if not taken.accepted:
             self._give_up(goal, f"{FOLLOW} has refused the goal")
             return
-        goal.taken = taken
+        is_outlived = goal.taken is not None and goal is not self._goal
+        goal.taken, goal.sent_at = taken, time.monotonic()
         goal.hear(self._now)
-        taken.get_result_async().add_done_callback(lambda result: self._on_result(goal, result.result()))
+        if goal.is_called_off or is_outlived:
+            taken.cancel_goal_async()
+        taken.get_result_async().add_done_callback(
+            lambda result: self._on_result(goal, taken, result.result())
+        )
 
-    def _on_result(self, goal: _PassedOn, result: Any) -> None:
+    def _on_result(self, goal: _PassedOn, taken: ClientGoalHandle, result: Any) -> None:
+        if taken is not goal.taken or (result.status == ABORTED and goal.sent_at == math.inf):
+            return  # of a path before the last one
         ending = _ENDS.get(result.status)
         if result.status == CANCELED and goal.handle.is_cancel_requested:
             ending = DriveEnd.CANCELED

@@ -110,6 +110,41 @@ def test_a_navigator_that_is_killed_alone_is_told_and_costs_no_attempt_though_it
     flight.completes_at_no_cost()
 
 
+def test_a_goal_is_sent_on_to_the_controller_every_second_as_by_nav2_and_the_drive_goes_on(flight, ros):
+    """Each goal of `follow_path` but the last one ends aborted."""
+    from action_msgs.msg import GoalStatusArray
+    from nav2_msgs.action import NavigateToPose
+
+    statuses: dict[str, dict[bytes, int]] = {"follow_path": {}, "navigate_to_pose": {}}
+    driven_sec: list[int] = []
+
+    def on_statuses(name, message):
+        for each in message.status_list:
+            statuses[name][bytes(each.goal_info.goal_id.uuid)] = each.status
+
+    for name in statuses:
+        topic, on_message = f"{name}/_action/status", lambda message, name=name: on_statuses(name, message)
+        flight._node.create_subscription(GoalStatusArray, topic, on_message, 10)
+    flight._node.create_subscription(
+        NavigateToPose.Impl.FeedbackMessage,
+        "navigate_to_pose/_action/feedback",
+        lambda message: driven_sec.append(message.feedback.navigation_time.sec),
+        10,
+    )
+    succeeded, aborted = 4, 6
+    ros.spin_until(
+        lambda: [*statuses["follow_path"].values()].count(aborted) >= 2,
+        "two ends of `follow_path`",
+        timeout_sec=60.0,
+    )
+    ros.spin_until(
+        lambda: succeeded in statuses["navigate_to_pose"].values(), "the end of the drive", timeout_sec=60.0
+    )
+    assert aborted not in statuses["navigate_to_pose"].values()
+    assert max(driven_sec) >= 5
+    flight.completes_at_no_cost()
+
+
 def test_the_parts_end_with_a_world_that_is_killed(start):
     from tests.waiting import News
 
