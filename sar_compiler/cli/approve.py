@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree
 
 
-def add_approve(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `approve`."""
     add = parser.add_argument
     add("file", nargs="?", type=TREE, metavar="FILE", help=FILE_HELP)

@@ -124,7 +124,7 @@ def _parser(argv: Sequence[str] = ()) -> Parser:
         if name in _ADDED_HERE:
             _ADDED_HERE[name](command)
         else:
-            getattr(importlib.import_module(f"sar_compiler.cli.{name}"), f"add_{name}")(command)
+            importlib.import_module(f"sar_compiler.cli.{name}").add_options(command)
     return parser
 
 

@@ -27,7 +27,7 @@ _tree_files = FilesCompleter(("xml", "yaml", "yml"))
 _yaml_files = FilesCompleter(("yaml", "yml"))
 
 
-def add_completion(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `completion`."""
     parser.add_argument("shell", choices=SHELLS, help="the shell that reads the code")
     parser.epilog = 'In its start-up file, for instance ~/.bashrc: eval "$(sar-compile completion bash)"'

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sar_compiler.views.compared_flights import Flight
 
 
-def add_conform(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `conform`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="TREE", help=INPUT_HELP)

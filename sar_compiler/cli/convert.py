@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sar_compiler.tree.conversion import Converted
 
 
-def add_convert(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `convert`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)

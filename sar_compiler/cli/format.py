@@ -13,7 +13,7 @@ from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gathering import path_named, read_tree_file
 
 
-def add_format(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
     text = "a tree file, or - for standard input, whose canonical form goes to standard output"
     parser.add_argument("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=text)

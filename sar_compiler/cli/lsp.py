@@ -10,7 +10,7 @@ from sar_compiler.cli.loading import add_project_options, additions
 from sar_compiler.commands import OK, exit_on_interrupt
 
 
-def add_lsp(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `lsp`."""
     parser.add_argument(
         "--stdio", action="store_true", help="talk by standard input and output, as it does anyway"

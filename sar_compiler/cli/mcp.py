@@ -14,7 +14,7 @@ _MEMORY_MIB, _LEAST_MEMORY_MIB = 2048, 256
 """How much address space a call may take, of which its libraries alone take some 150 MiB."""
 
 
-def add_mcp(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `mcp`."""
     text = "a folder whose files the tools may read (default: the current one); paths begin at the first; may be repeated"
     parser.add_argument("--root", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text)

@@ -12,7 +12,7 @@ from sar_compiler.commands import FINDINGS, OK, print_error, print_text
 from sar_compiler.errors import UndecidableError
 
 
-def add_predict(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `predict`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)

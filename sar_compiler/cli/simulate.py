@@ -25,7 +25,7 @@ class ScenarioFolderError(SarError):
     """A folder given for scenarios contains none."""
 
 
-def add_simulate(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `simulate`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)

@@ -70,7 +70,7 @@ class NothingByChanceError(SarError):
     """All runs of a sweep would be the same."""
 
 
-def add_sweep(parser: CommandParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Add the arguments of `sweep`."""
     add = parser.add_argument
     add("file", type=TREE, metavar="FILE", help=FILE_HELP)

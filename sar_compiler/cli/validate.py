@@ -43,7 +43,7 @@ _ROUNDS = 20
 """The largest number of passes: a fix may reveal another mistake."""
 
 
-def add_validate(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `validate`."""
     more = f"{INPUT_HELP}; or a folder, for all tree files in it and below"
     add = parser.add_argument

@@ -42,7 +42,7 @@ _COLOURS = {"proved": "advice", "does not hold": "error", "not decided": "warnin
 _ANSWER = re.compile(f"(?<= )({'|'.join(_COLOURS)})(?=$|[:;])", re.MULTILINE)
 
 
-def add_verify(parser: CommandParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Add the arguments of `verify`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)

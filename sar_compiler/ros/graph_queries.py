@@ -16,7 +16,7 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
-from sar_compiler.ros.leaves.leaf import NAMED_QOS, WORDS, interface_name, of_node, qos_profile
+from sar_compiler.ros.leaves.leaf import NAMED_QOS, interface_name, of_node, qos_profile
 from sar_compiler.tree.guessing import nearest
 
 if TYPE_CHECKING:
@@ -28,6 +28,12 @@ T = TypeVar("T")
 # Answers are reused for so long, steady seconds: a wait asks 20 times a second.
 _FRESH_SEC = 0.25
 _GOAL_SERVICE, _STATE_SERVICE = "/_action/send_goal", "/get_state"
+# The attributes of a leaf that declare its endpoints.
+_DECLARED_IN = {
+    "action": ("action_name", "action_type"),
+    "service": ("service_name", "service_type"),
+    "topic": ("topic_name", "topic_type"),
+}
 _ACTION_PARTS = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 # So many candidates are named.
@@ -487,8 +493,8 @@ def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
     """Return the actions, services and topics that a tree's leaves declare, with their types and qualities of service."""
     found: dict[Use, Endpoint] = {}
     for leaf in root.iterate():
-        for word in WORDS.values():
-            name, written = getattr(leaf, f"{word}_name", None), getattr(leaf, f"{word}_type", None)
+        for word, (of_name, of_type) in _DECLARED_IN.items():
+            name, written = getattr(leaf, of_name, None), getattr(leaf, of_type, None)
             if not isinstance(name, str) or not written:
                 continue
             use, type_name = Use(word, name), written if isinstance(written, str) else interface_name(written)

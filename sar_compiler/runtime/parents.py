@@ -56,10 +56,9 @@ def _counting(name: str) -> Callable[..., Any]:
     return counted
 
 
-for _name in ("append", "clear", "extend", "insert", "pop", "remove", "reverse", "sort"):
+_PLAIN = ("append", "clear", "extend", "insert", "pop", "remove", "reverse", "sort")
+for _name in (*_PLAIN, "__delitem__", "__iadd__", "__imul__", "__setitem__"):
     setattr(Children, _name, _counting(_name))
-for _name in ("delitem", "iadd", "imul", "setitem"):
-    setattr(Children, f"__{_name}__", _counting(f"__{_name}__"))
 
 
 class Built(Behaviour):
