@@ -90,13 +90,12 @@ def _serve(options: argparse.Namespace) -> None:
 
 def _show(options: argparse.Namespace) -> None:
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.missions.displaying import add_displays
     from sar_compiler.views.journals import journal_json, journal_lines
     from sar_compiler.views.why import Inquiry, first_to_look_at
 
     # To look at the lock takes away those of whoever reads the file in this process.
     with JournalFile.reading(options.journal) as file:
-        inquiry = Inquiry.of(add_displays(file.last_run(without=OF_ROBOT)))
+        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT))
         state, show_all = inquiry.state, options.all
         state.look_at_process(is_gone=not file.is_written)
         if options.format == "json":

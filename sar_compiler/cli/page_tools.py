@@ -14,7 +14,7 @@ from sar_compiler.cli.run_report import report_page
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.database import JournalFile
-from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.journal_entries import RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.monitoring.numbered_tree import NumberedTree, TooManyNodesError
@@ -79,7 +79,7 @@ class LiveTools:
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run."""
-        if len(self._entries) < _MOST_ENTRIES and entry.kind in ("run_began", "status"):
+        if len(self._entries) < _MOST_ENTRIES and entry.kind in (RUN_BEGAN, STATUS):
             self._entries.append(entry)
 
     def look(self) -> None:
@@ -213,9 +213,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
     def entries(robot: int, run: int) -> Iterable[JournalEntry]:
 
         with alone, JournalFile.reading(journal_of(robot)) as file:
-            return [
-                each for each in file.stream() if each.run == run and each.kind in ("run_began", "status")
-            ]
+            return [each for each in file.stream() if each.run == run and each.kind in (RUN_BEGAN, STATUS)]
 
     return {"otherwise": Tool(WhatIf(entries).ask), "report": Tool(report)}
 

@@ -19,9 +19,8 @@ from sar_compiler.commands import print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.database import JournalFile, is_locked
-from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import BREAKPOINT, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
-from sar_compiler.missions.displaying import add_displays
 from sar_compiler.missions.mission import LONGEST, Verb
 from sar_compiler.ros.clock import NodeTime
 from sar_compiler.ros.companion import Companion
@@ -62,7 +61,7 @@ class RunPage(Companion):
 
         def tell(text: str, held: str) -> None:
             node.get_logger().warning(text)
-            journal.watch("breakpoint", text=held)
+            journal.watch(BREAKPOINT, text=held)
 
         self._tools = LiveTools(tell)
 
@@ -167,7 +166,7 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
     """
     from sar_compiler.project import Workspace
 
-    replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())), add_displays)
+    replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())))
     tools = journal_tools(paths)
     feed = ReplayFeed(replay, {"robots": _names(paths), "tools": [*tools]})
     with _serve(feed, port, tools, opens=opens) as server:

@@ -9,7 +9,6 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
-from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.companion import Companion
 from sar_compiler.views.mission_report import ReportError, ShortPaths, georeference, report_text, require_form
 from sar_compiler.views.why import Inquiry, Why
@@ -35,7 +34,7 @@ class RunReport(Companion):
         for file in files:
             require_form(file, place)
         self._files, self._paths = files, ShortPaths(folder)
-        self._state, self._inquiry = MissionState.of(self._paths.of(add_displays(earlier))), Inquiry()
+        self._state, self._inquiry = MissionState.of(self._paths.of(earlier)), Inquiry()
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
@@ -112,7 +111,7 @@ def _mission(journal: Path) -> tuple[MissionState, Why]:
 
     with JournalFile.reading(journal) as file:
         paths = ShortPaths(journal.parent)
-        state = MissionState.of(paths.of(add_displays(file.stream())))
+        state = MissionState.of(paths.of(file.stream()))
         why = Inquiry.of(paths.of(file.last_run(without=OF_ROBOT))).why()
     state.look_at_process(is_gone=not file.is_written)
     return state, why

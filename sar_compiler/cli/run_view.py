@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterable, Sequence
 from sar_compiler.cli.companions import RunSetup
 from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.journal.condition import condition
-from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.missions.displaying import add_displays
 from sar_compiler.ros.clock import mission_clock, steady_timer
 from sar_compiler.ros.companion import Companion
 from sar_compiler.signs import TERMINAL
@@ -41,7 +40,7 @@ class RunView(Companion):
 
     def __init__(self, run: RunSetup) -> None:
         self._output = run.output
-        self._state = MissionState.of(add_displays(run.journal.earlier()))
+        self._state = MissionState.of(run.journal.earlier())
 
 
 def run_view() -> Callable[[RunSetup], RunView]:
@@ -62,7 +61,7 @@ class ChangeLog(RunView):
     def take(self, entry: JournalEntry) -> None:
         """Show an entry, if it is a change."""
         nodes, was = self._state.nodes, condition(self._state)
-        before = nodes[entry.data["node"]].status if entry.kind == "status" else ""
+        before = nodes[entry.data["node"]].status if entry.kind == STATUS else ""
         self._state.take(entry)
         for text in (change_text(self._state, entry, before), condition_change(self._state, was)):
             if text:

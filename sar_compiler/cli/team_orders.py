@@ -9,8 +9,9 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.missions.displaying import run_of
-from sar_compiler.missions.mission import Verb, VerbError
+from sar_compiler.missions.choosing import load_missions
+from sar_compiler.missions.mission import MissionRun, Verb, VerbError
+from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.web.page_server import OrderGiver
 
 if TYPE_CHECKING:
@@ -75,6 +76,19 @@ def ordering(complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
         return
     with spinning_node("sar_journal_watch") as node:
         yield TeamOrders(node)
+
+
+def run_of(began: JournalEntry) -> MissionRun | None:
+    """Return a run of the mission whose journal begins with an entry; None if no such mission is installed."""
+    try:
+        mission = load_missions()[began.data["mission"]]
+        # A journal may be anybody's, so no file that it names is read. What was read of one is among the parameters.
+        given = began.data["run"]["parameters"].items()
+        return mission.begin(
+            ParameterReader({name: value for name, value in given if name not in mission.path_parameters})
+        )
+    except Exception:  # noqa: BLE001 - it is another one by now, or is not installed
+        return None
 
 
 def _user() -> str:

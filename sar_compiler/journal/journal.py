@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import (
+    CHANGED,
     GOAL_ENDED,
     GOAL_SENT,
     RUN_BEGAN,
@@ -22,7 +23,7 @@ from sar_compiler.journal.journal_entries import (
 )
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.journal.reserve import Kept, Reserve, RunEnd, lost
-from sar_compiler.journal.situation import CHANGED, Alarm, Display, LandmarkKind, beginning, changes_by
+from sar_compiler.journal.situation import Alarm, Display, LandmarkKind, beginning, changes_by
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
 

@@ -32,8 +32,19 @@ Each with the `tick`, the `node` (the leaf's number, null for none) and the `run
 LEAF_RAISED = "leaf_raised"
 """The kind of an entry about a leaf that has raised an exception, which ends the run: its number `node`, null if it is not known, and the `text`."""
 
-OF_ROBOT = ("pose", "plan", "map", "battery", "log")
-"""Kinds that are watched of the robot's topics."""
+CHANGED = "changed"
+"""The kind of an entry behind a fact: the fact as a sentence, and the changes of the mission's display."""
+
+STATUS, PROGRESS, LACKS, BREAKPOINT = "status", "progress", "lacks", "breakpoint"
+"""Kinds that are recorded of the run: a node's status, how far a drive is, why the robot cannot drive, where a breakpoint holds the tree."""
+
+POSE, PLAN, MAP, BATTERY, LOG = "pose", "plan", "map", "battery", "log"
+"""Kinds that are recorded from the robot's topics, one by one."""
+OF_ROBOT = (POSE, PLAN, MAP, BATTERY, LOG)
+"""All of them."""
+
+OF_EVERY_MISSION = (RUN_BEGAN, RUN_ENDED, FACTS_LOST, GOAL_SENT, PROPERTY_BROKEN, ASSUMPTION_FAILED)
+"""Kinds of events that a mission's state receives beside those that the mission declares itself."""
 
 
 def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:

@@ -6,24 +6,36 @@ the state is the same. Entries of other kinds, or without what belongs to their 
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
+    BATTERY,
+    BREAKPOINT,
+    CHANGED,
     GOAL_ENDED,
+    GOAL_SENT,
+    LACKS,
     LEAF_RAISED,
+    LOG,
+    MAP,
     ORDERED,
+    PLAN,
+    POSE,
+    PROGRESS,
+    PROPERTIES_OWED,
+    PROPERTIES_WATCHED,
     PROPERTY_BROKEN,
     RUN_BEGAN,
     RUN_ENDED,
+    STATUS,
     JournalEntry,
 )
 from sar_compiler.journal.situation import (
-    CHANGED,
     FactTime,
     Gauge,
     Level,
@@ -37,7 +49,7 @@ from sar_compiler.journal.situation import (
 RUNNING, SUCCESS, FAILURE, HALTED = "RUNNING", "SUCCESS", "FAILURE", "HALTED"
 _RESTING = ("IDLE", HALTED)
 _WARN = 30
-_OF_PHASE = (RUN_BEGAN, RUN_ENDED, GOAL_ENDED, CHANGED, "progress", "lacks", "breakpoint")
+_OF_PHASE = (RUN_BEGAN, RUN_ENDED, GOAL_ENDED, CHANGED, PROGRESS, LACKS, BREAKPOINT)
 
 
 class Instant(NamedTuple):
@@ -307,16 +319,17 @@ class MissionState:
         if entry.kind == RUN_BEGAN:
             self._starts[entry.run] = entry.time
         self.now = self.instant(FactTime(entry.run, entry.time, entry.wall))
-        happen = getattr(self, f"_take_{entry.kind}", None)
-        if happen is not None:
+        handle = self._HANDLERS.get(entry.kind)
+        if handle is not None:
             try:
-                happen(**entry.data)
+                handle(self, **entry.data)
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
                 pass  # somebody else's entry of that kind
             else:
                 if entry.kind in _OF_PHASE:
                     self._look_at_phase(anew=entry.kind == RUN_BEGAN)
                 return
+        # Kinds without a handler are the mission's own, or a newer version's: they are shown by their words.
         self._know(entry.kind, entry.data)
 
     def _know(self, kind: str, data: Mapping[str, Any]) -> None:
@@ -414,27 +427,27 @@ class MissionState:
         given = self.runs[-1].about.get("parameters") if self.runs else None
         return given if isinstance(given, Mapping) else {}
 
-    def _take_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
+    def _on_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
         self.finished, self.properties, self.doubted = {}, {}, None
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
 
-    def _take_run_ended(self, ending: str, status: int | None, reason: str, head: str = "") -> None:
+    def _on_run_ended(self, ending: str, status: int | None, reason: str, head: str = "") -> None:
         run = self.runs[-1]
         run.ended, run.ending, run.status, run.reason = self.now, str(ending), status, str(reason)
         run.head = str(head)
         self.drive, self.lacks = None, ""
 
-    def _take_goal_sent(self, action: str, goal: str) -> None:
+    def _on_goal_sent(self, action: str, goal: str) -> None:
         self.goals[goal] = action
 
-    def _take_goal_ended(self, goal: str, status: int) -> None:  # noqa: ARG002 - as the entry has it
+    def _on_goal_ended(self, goal: str, status: int) -> None:  # noqa: ARG002 - as the entry has it
         self.goals.pop(goal, None)
         self.drive, self.plan = None, []
 
-    def _take_status(
+    def _on_status(
         self, node: int, tick: int, status: str, message: str, label: str | None = None, **_last: object
     ) -> None:
         state = self.nodes[node]
@@ -444,24 +457,24 @@ class MissionState:
         state.label = None if label is None else str(label)
         self.tick = max(self.tick, int(tick))
 
-    def _take_pose(self, x: float, y: float, yaw: float) -> None:
+    def _on_pose(self, x: float, y: float, yaw: float) -> None:
         self.pose = RobotPose(self.now, *position(x, y), float(yaw))
         self.trail.append(self.pose)
 
-    def _take_plan(self, frame: str, points: Any) -> None:
+    def _on_plan(self, frame: str, points: Any) -> None:
         self.plan = [position(*point) for point in points] if frame == "map" else []
 
-    def _take_progress(self, target: str, distance: float, time_left: float | None) -> None:
+    def _on_progress(self, target: str, distance: float, time_left: float | None) -> None:
         self._told_drive = self.now.time
         self.drive = DriveLeft(str(target), float(distance), None if time_left is None else float(time_left))
 
-    def _take_lacks(self, text: str) -> None:
+    def _on_lacks(self, text: str) -> None:
         self.lacks = str(text)
 
-    def _take_breakpoint(self, text: str) -> None:
+    def _on_breakpoint(self, text: str) -> None:
         self.breakpoint = str(text)
 
-    def _take_battery(self, share: float, at_least: float | None = None) -> None:
+    def _on_battery(self, share: float, at_least: float | None = None) -> None:
         """A mission that has a gauge of this name says it itself; who knows its limit says that once."""
         if not math.isfinite(share):
             raise ValueError(share)
@@ -469,10 +482,10 @@ class MissionState:
         least = known if at_least is None else round(100.0 * at_least)
         self.battery = Gauge("battery", round(100.0 * share), "%", least)
 
-    def _take_map(self, **data: Any) -> None:
+    def _on_map(self, **data: Any) -> None:
         self.map = data
 
-    def _take_ordered(
+    def _on_ordered(
         self, verb: str, label: str, by: str, refusal: str = "", *, is_told: bool = False
     ) -> None:
         if not is_told:
@@ -480,35 +493,35 @@ class MissionState:
             words = f"{by or 'an operator'}: {label or verb}{f': refused, {refusal}' if refusal else ''}"
             self.facts.append(KnownFact(self.now, ORDERED, data, words))
 
-    def _take_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
+    def _on_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
         watched = [WatchedProperty(str(each["name"]), str(each["if_broken"])) for each in properties]
         self.properties = {each.name: each for each in watched}
 
-    def _take_properties_owed(self, owed: Iterable[str]) -> None:
+    def _on_properties_owed(self, owed: Iterable[str]) -> None:
         names = {*owed}
         self.properties = {
             name: each._replace(is_owed=name in names) for name, each in self.properties.items()
         }
 
-    def _take_property_broken(self, **data: Any) -> None:
+    def _on_property_broken(self, **data: Any) -> None:
         name, event = str(data["property"]), str(data["event"])
         known = self.properties.get(name, WatchedProperty(name))
         self.properties[name] = known._replace(broken=known.broken or self.now, event=known.event or event)
         self._know(PROPERTY_BROKEN, data)
 
-    def _take_assumption_failed(self, **data: Any) -> None:
+    def _on_assumption_failed(self, **data: Any) -> None:
         self.doubted = self.doubted or self.now
         self._know(ASSUMPTION_FAILED, data)
 
-    def _take_leaf_raised(self, text: str, node: int | None = None) -> None:
+    def _on_leaf_raised(self, text: str, node: int | None = None) -> None:
         data = {"node": node, "text": text}
         self.facts.append(KnownFact(self.now, LEAF_RAISED, data, f"an exception has ended the run: {text}"))
 
-    def _take_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
+    def _on_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
             self.warnings.append(Told(self.now, str(text), str(node), int(level)))
 
-    def _take_changed(
+    def _on_changed(
         self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, by: str = "", **data: Any
     ) -> None:
         situation = self.situation
@@ -528,6 +541,29 @@ class MissionState:
                 self.courses.setdefault(name, []).append((self.now, value))
         if said and self.facts:
             self.facts[-1] = self.facts[-1]._replace(text=told_with_giver(str(said), str(by)))
+
+    _HANDLERS: ClassVar[Mapping[str, Callable[..., None]]] = {
+        RUN_BEGAN: _on_run_began,
+        RUN_ENDED: _on_run_ended,
+        GOAL_SENT: _on_goal_sent,
+        GOAL_ENDED: _on_goal_ended,
+        STATUS: _on_status,
+        POSE: _on_pose,
+        PLAN: _on_plan,
+        PROGRESS: _on_progress,
+        LACKS: _on_lacks,
+        BREAKPOINT: _on_breakpoint,
+        BATTERY: _on_battery,
+        MAP: _on_map,
+        ORDERED: _on_ordered,
+        PROPERTIES_WATCHED: _on_properties_watched,
+        PROPERTIES_OWED: _on_properties_owed,
+        PROPERTY_BROKEN: _on_property_broken,
+        ASSUMPTION_FAILED: _on_assumption_failed,
+        LEAF_RAISED: _on_leaf_raised,
+        LOG: _on_log,
+        CHANGED: _on_changed,
+    }
 
     def _finish(self, landmarks: Iterable[Mapping[str, Any]]) -> None:
         for kind, name in ((each["kind"], each["name"]) for each in landmarks):

@@ -9,12 +9,13 @@ from typing import Any
 
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
+    CHANGED,
     RUN_BEGAN,
+    STATUS,
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, tree_nodes
 from sar_compiler.journal.node_ends import NodeEnds
-from sar_compiler.journal.situation import CHANGED
 from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, RESET, STARTED, TICKED, Event
 
 _GONE = {"HALTED": HALTED, "IDLE": RESET}
@@ -23,7 +24,7 @@ _GONE = {"HALTED": HALTED, "IDLE": RESET}
 def is_status(entry: JournalEntry, count: int) -> bool:
     """Return whether an entry is the status of a node of a tree with so many nodes, as this project writes it."""
     node, tick, status = map(entry.data.get, ("node", "tick", "status"))
-    if entry.kind != "status" or not isinstance(node, int) or not isinstance(tick, int):
+    if entry.kind != STATUS or not isinstance(node, int) or not isinstance(tick, int):
         return False
     return 0 <= node < count and isinstance(status, str)
 

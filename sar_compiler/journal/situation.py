@@ -14,9 +14,6 @@ from typing import Any, NamedTuple
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_ENDED, JournalEntry
 from sar_compiler.journal.json_values import json_text
 
-CHANGED = "changed"
-"""The kind of an entry behind a fact: what that has changed of what a mission shows."""
-
 _OPERATOR = "the operator"
 # A cell is as full as its letter says in tenths, rounded up; none is empty.
 _TENTHS = "-abcdefghij"

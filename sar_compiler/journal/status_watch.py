@@ -10,6 +10,7 @@ from py_trees.common import Status
 from py_trees.visitors import VisitorBase
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import STATUS
 from sar_compiler.runtime.answers import Answer, DeclaredAnswers
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
@@ -127,5 +128,5 @@ class StatusWatch(VisitorBase):
             self._standing[number] = status == Status.RUNNING.value
         said: dict[str, object] = {} if label is None else {"label": label}
         self._journal.watch(
-            "status", node=number, tick=self._tick, status=status, message=message, **said, **more
+            STATUS, node=number, tick=self._tick, status=status, message=message, **said, **more
         )

@@ -10,7 +10,10 @@ from sar_compiler.faces import lazy
 
 if TYPE_CHECKING:
     from sar_compiler.journal.journal import Journal as Journal
+    from sar_compiler.journal.journal_entries import BATTERY as BATTERY
     from sar_compiler.journal.journal_entries import FACTS_LOST as FACTS_LOST
+    from sar_compiler.journal.journal_entries import OF_EVERY_MISSION as OF_EVERY_MISSION
+    from sar_compiler.journal.journal_entries import PROGRESS as PROGRESS
     from sar_compiler.journal.journal_entries import RUN_BEGAN as RUN_BEGAN
     from sar_compiler.journal.journal_entries import RUN_ENDED as RUN_ENDED
     from sar_compiler.journal.journal_entries import JournalEntry as JournalEntry

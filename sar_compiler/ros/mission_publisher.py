@@ -18,8 +18,8 @@ from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.situation import CHANGED, Landmark, Situation
+from sar_compiler.journal.journal_entries import CHANGED, PLAN, JournalEntry
+from sar_compiler.journal.situation import Landmark, Situation
 from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges, tree_xml
 from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
@@ -131,7 +131,7 @@ class MissionPublisher(Companion):
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
-        if entry.kind == "plan":
+        if entry.kind == PLAN:
             self._plan = entry.data
         elif entry.kind == CHANGED:
             self._situation.take(**entry.data)

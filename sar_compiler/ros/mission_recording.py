@@ -32,7 +32,7 @@ from visualization_msgs.msg import MarkerArray
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.json_values import json_text
 from sar_compiler.monitoring.numbered_tree import NumberedTree, tree_xml
 from sar_compiler.ros.clock import steady_timer
@@ -309,7 +309,7 @@ class McapRecorder:
 
 
 # What is in other topics of the recording.
-_ELSEWHERE = ("status", *OF_ROBOT)
+_ELSEWHERE = (STATUS, *OF_ROBOT)
 
 
 class MissionRecording(Companion):

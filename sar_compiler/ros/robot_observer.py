@@ -15,7 +15,16 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState
 
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import GOAL_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import (
+    BATTERY,
+    GOAL_ENDED,
+    LACKS,
+    LOG,
+    MAP,
+    PLAN,
+    POSE,
+    JournalEntry,
+)
 from sar_compiler.ros.message_values import (
     PlanarPose,
     battery_share,
@@ -66,7 +75,7 @@ def _png(width: int, height: int, data: bytes) -> bytes:
 
 
 # At most one in so many seconds of the node's clock; while a map is being made there is one after the other.
-_PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 10.0, "battery": 1.0}
+_PERIODS_SEC = {POSE: 1.0, PLAN: 1.0, MAP: 10.0, BATTERY: 1.0}
 # A plan has a point every few centimetres; a drawing needs fewer.
 _POINTS = 200
 # How often it is looked for what was not due when it came, in seconds of the node's clock.
@@ -100,38 +109,38 @@ class RobotObserver:
         self._due = dict.fromkeys(_PERIODS_SEC, -math.inf)
         self._newest: dict[str, Any] = {}
         self._takers: dict[str, Callable[[Any], None]] = {
-            "pose": self._on_pose,
-            "plan": self._on_plan,
-            "map": self._on_map,
-            "battery": self._on_battery,
+            POSE: self._on_pose,
+            PLAN: self._on_plan,
+            MAP: self._on_map,
+            BATTERY: self._on_battery,
         }
         self._map: tuple[object, ...] = ()
         self._battery = math.nan
         self._others = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for message, topic, take, qos in (
-            (Path, "plan", partial(self._take, "plan"), QoSProfile(depth=1)),
-            (OccupancyGrid, "map", partial(self._take, "map"), latched),
+            (Path, "plan", partial(self._take, PLAN), QoSProfile(depth=1)),
+            (OccupancyGrid, "map", partial(self._take, MAP), latched),
             # As drivers publish it, reliably or not.
             (
                 BatteryState,
                 "battery_state",
-                partial(self._take, "battery"),
+                partial(self._take, BATTERY),
                 QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
             ),
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
             node.create_subscription(message, topic, take, qos)
         self._robot, self._lacks = robot_estimate(node), ""
-        self._robot.listen(partial(self._take, "pose"))
+        self._robot.listen(partial(self._take, POSE))
         if self._robot.pose is not None:
-            self._take("pose", self._robot.pose)
+            self._take(POSE, self._robot.pose)
         node.create_timer(_LOOK_SEC, self._look)
         journal.listen(self._on_entry)
 
     def _on_entry(self, entry: JournalEntry) -> None:
         if entry.kind == GOAL_ENDED:
-            self._newest.pop("plan", None)
+            self._newest.pop(PLAN, None)
 
     def _take(self, kind: str, message: Any) -> None:
         self._newest[kind] = message
@@ -143,25 +152,25 @@ class RobotObserver:
             self._tell(kind)
         if self._robot.lacks != self._lacks:
             self._lacks = self._robot.lacks
-            self._journal.watch("lacks", text=self._lacks)
+            self._journal.watch(LACKS, text=self._lacks)
         left_out, self._others = self._others - _OTHERS, 0
         if left_out > 0:
             text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are left out."
-            self._journal.watch("log", node=self._name, level=Log.WARN, text=text)
+            self._journal.watch(LOG, node=self._name, level=Log.WARN, text=text)
 
     def _tell(self, kind: str) -> None:
         if self._is_due(kind):
             self._takers[kind](self._newest.pop(kind))
 
     def _on_pose(self, pose: PlanarPose) -> None:
-        self._journal.watch("pose", **pose._asdict())
+        self._journal.watch(POSE, **pose._asdict())
 
     def _on_plan(self, message: Any) -> None:
         if (points := self._reports.read("Topic 'plan'", lambda: path_points(message))) is None:
             return
         step = max(1, math.ceil(len(points) / _POINTS))
         drawn = [(round(x, 3), round(y, 3)) for x, y in (*points[:-1:step], *points[-1:])]
-        self._journal.watch("plan", frame=frame_of(message), points=drawn)
+        self._journal.watch(PLAN, frame=frame_of(message), points=drawn)
 
     def _on_map(self, message: Any) -> None:
         if (place := self._reports.read("Topic 'map'", lambda: grid_place(message))) is None:
@@ -174,13 +183,13 @@ class RobotObserver:
         width, height, step, data = drawn
         at, png = {"x": place.x, "y": place.y, "yaw": place.yaw}, base64.b64encode(data).decode()
         resolution = place.cell_m * step
-        self._journal.watch("map", resolution=resolution, width=width, height=height, **at, png=png)
+        self._journal.watch(MAP, resolution=resolution, width=width, height=height, **at, png=png)
 
     def _on_battery(self, message: Any) -> None:
         read = self._reports.read("Topic 'battery_state'", lambda: battery_share(message))
         if read is not None and (share := round(read, 2)) != self._battery:
             self._battery = share
-            self._journal.watch("battery", share=share)
+            self._journal.watch(BATTERY, share=share)
 
     def _on_log(self, message: Any) -> None:
         if message.name != self._name:
@@ -191,7 +200,7 @@ class RobotObserver:
                 return
         text = message.msg if len(message.msg) <= _LONGEST else f"{message.msg[:_LONGEST]} [...]"
         stamp = logged_sec(message)
-        self._journal.watch("log", node=message.name, level=message.level, text=text, stamp=stamp)
+        self._journal.watch(LOG, node=message.name, level=message.level, text=text, stamp=stamp)
 
     def _is_due(self, kind: str) -> bool:
         now = self._journal.clock.now()

@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from sar_compiler.checks.sweep import Interval, wilson
-from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.journal_entries import STATUS, JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, STARTED, Event
 from sar_compiler.tree.showing import in_one_line
@@ -119,7 +119,7 @@ class RunStatistics:
 def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
     """Yield entries; note the leaves of which one says the label."""
     for entry in entries:
-        if entry.kind == "status" and "label" in entry.data:
+        if entry.kind == STATUS and "label" in entry.data:
             declared.add(entry.data["node"])
         yield entry
 

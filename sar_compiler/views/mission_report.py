@@ -10,7 +10,7 @@ from typing import Any
 from sar_compiler.errors import SarError
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
-from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, tree_nodes
 from sar_compiler.journal.situation import FactTime, Landmark, Level
 from sar_compiler.nodes.spec import load
@@ -207,7 +207,7 @@ def report_text(state: MissionState, file: Path | str, why: Why | None = None) -
 
 
 # What has no paths, and much else.
-_WITHOUT_PATHS = {*OF_ROBOT} - {"log"}
+_WITHOUT_PATHS = {*OF_ROBOT} - {LOG}
 
 
 class ShortPaths:

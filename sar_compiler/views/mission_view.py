@@ -7,15 +7,21 @@ from typing import NamedTuple
 
 from sar_compiler.journal.condition import DRIVING, GOOD, QUIET, MissionCondition, condition
 from sar_compiler.journal.journal_entries import (
+    BREAKPOINT,
+    CHANGED,
     GOAL_ENDED,
     GOAL_SENT,
+    LACKS,
+    OF_ROBOT,
     ORDERED,
+    PROGRESS,
     RUN_BEGAN,
     RUN_ENDED,
+    STATUS,
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
-from sar_compiler.journal.situation import CHANGED, Landmark, fact_words, told_with_giver
+from sar_compiler.journal.situation import Landmark, fact_words, told_with_giver
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.signs import IN_TEXT
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -31,14 +37,10 @@ _PASSED_OVER = (
     RUN_ENDED,
     GOAL_SENT,
     GOAL_ENDED,
-    "pose",
-    "plan",
-    "map",
-    "progress",
-    "lacks",
-    "breakpoint",
-    "battery",
-    "log",
+    PROGRESS,
+    LACKS,
+    BREAKPOINT,
+    *OF_ROBOT,
 )
 
 
@@ -72,7 +74,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
     """
     if entry.kind in _PASSED_OVER:
         return ""
-    if entry.kind == "status":
+    if entry.kind == STATUS:
         node = state.nodes[entry.data["node"]]
         if node.status in (before, "IDLE"):
             return ""

@@ -7,7 +7,15 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.journal.condition import COMPLETE, condition
-from sar_compiler.journal.journal_entries import LEAF_RAISED, OF_ROBOT, RUN_BEGAN, Ending, JournalEntry
+from sar_compiler.journal.journal_entries import (
+    CHANGED,
+    LEAF_RAISED,
+    OF_ROBOT,
+    RUN_BEGAN,
+    STATUS,
+    Ending,
+    JournalEntry,
+)
 from sar_compiler.journal.mission_state import (
     FAILURE,
     RUNNING,
@@ -19,7 +27,7 @@ from sar_compiler.journal.mission_state import (
 )
 from sar_compiler.journal.node_ends import OTHER_END, NodeEnds
 from sar_compiler.journal.recorded_events import is_status
-from sar_compiler.journal.situation import CHANGED, Level
+from sar_compiler.journal.situation import Level
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.runtime.events import Event
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -159,7 +167,7 @@ class Inquiry:
             return
         if not self.state.runs or not _is_of_tree(entry, len(self.state.nodes)):
             return
-        is_of_node = entry.kind == "status"
+        is_of_node = entry.kind == STATUS
         if is_of_node and self._explained.is_next(entry):
             self._end_tick()
         self.state.take(entry)
@@ -284,7 +292,7 @@ def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
 
 def _is_of_tree(entry: JournalEntry, count: int) -> bool:
     """Return whether an entry tells of the tree, which has so many nodes, or the mission, as those of this project do."""
-    return is_status(entry, count) if entry.kind == "status" else entry.kind not in OF_ROBOT
+    return is_status(entry, count) if entry.kind == STATUS else entry.kind not in OF_ROBOT
 
 
 class _NodeKinds(NamedTuple):
@@ -528,7 +536,7 @@ class _History:
             landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
             if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
                 self._in_hand = place
-        if entry.kind != "status":
+        if entry.kind != STATUS:
             return
         self._in_hand_then = self._in_hand
         node = state.nodes[entry.data["node"]]
@@ -648,7 +656,7 @@ def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntr
 def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
     state = MissionState()
     for entry in _of_tree(stream):
-        node = state.nodes[entry.data["node"]] if entry.kind == "status" else None
+        node = state.nodes[entry.data["node"]] if entry.kind == STATUS else None
         before = (node.status, node.label) if node is not None else None
         state.take(entry)
         if node is not None and (node.status, node.label) != before:

@@ -8,17 +8,27 @@ from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
+    BATTERY,
+    BREAKPOINT,
+    CHANGED,
     GOAL_ENDED,
     GOAL_SENT,
+    LACKS,
+    LOG,
+    MAP,
+    PLAN,
+    POSE,
+    PROGRESS,
     PROPERTIES_OWED,
     PROPERTIES_WATCHED,
     PROPERTY_BROKEN,
     RUN_BEGAN,
     RUN_ENDED,
+    STATUS,
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import FAILURE, HALTED, RUNNING, SUCCESS, MissionState, RunProcess
-from sar_compiler.journal.situation import CHANGED, FactTime, Landmark, told_with_giver
+from sar_compiler.journal.situation import FactTime, Landmark, told_with_giver
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
 # A longer log keeps its last lines, and of those before them facts and warnings; a longer trail loses every second point.
@@ -153,9 +163,9 @@ class PageState:
         if mission.facts:
             self._fact = self._add_line("fact", mission.facts.pop().text)
         else:
-            happen = getattr(self, f"_take_{entry.kind}", None)
-            if happen is not None:
-                happen(entry)
+            handle = self._HANDLERS.get(entry.kind)
+            if handle is not None:  # of all other kinds, the mission's state is shown
+                handle(self, entry)
             if entry.kind in self._TIMED:
                 self._times[entry.kind] = mission.now.time
                 self._touched.add("times")
@@ -214,20 +224,20 @@ class PageState:
     def _lists(self) -> tuple[tuple[str, GrowingList], ...]:
         return ("log", self._log), ("trail", self._trail)
 
-    def _take_run_began(self, entry: JournalEntry) -> None:
+    def _on_run_began(self, entry: JournalEntry) -> None:
         self._began, self._times = entry.time, {}
         self._why = None
         self._statuses, self._nodes, self._reset = {}, set(), set()
         node = self._mission.runs[-1].about.get("node")
         self._add_line("fact", f"The run began{f' on {node}' if node else ''}.")
 
-    def _take_run_ended(self, _: JournalEntry) -> None:
+    def _on_run_ended(self, _: JournalEntry) -> None:
         run = self._mission.runs[-1]
         self._add_line(
             "fact", f"The run ended with status {run.status}{f': {run.reason}' if run.reason else '.'}"
         )
 
-    def _take_status(self, entry: JournalEntry) -> None:
+    def _on_status(self, entry: JournalEntry) -> None:
         data, now = entry.data, self._mission.now.time
         number, status, tick = data["node"], str(data["status"]), int(data["tick"])
         if status == "IDLE":  # it is shown, as something former, until there is something else
@@ -256,19 +266,19 @@ class PageState:
         )
         self._nodes.add(number)
 
-    def _take_pose(self, _: JournalEntry) -> None:
+    def _on_pose(self, _: JournalEntry) -> None:
         for pose in self._mission.trail:
             self._trail.append([pose.x, pose.y])
         self._mission.trail.clear()
         if len(points := self._trail.values) > _TRAIL:
             self._trail.renew([*points[:-1:2], points[-1]])
 
-    def _take_log(self, entry: JournalEntry) -> None:
+    def _on_log(self, entry: JournalEntry) -> None:
         self._mission.warnings.clear()
         data = entry.data
         self._add_line(_LEVELS.get(data["level"], "info"), str(data["text"]), data.get("stamp"))
 
-    def _take_changed(self, entry: JournalEntry) -> None:
+    def _on_changed(self, entry: JournalEntry) -> None:
         data = entry.data
         self._touched.update(data.keys() & self._SITUATION)
         keys = [(each["kind"], each["name"]) for each in data.get("landmarks", ())]
@@ -384,7 +394,15 @@ class PageState:
         pose = self._mission.pose
         return None if pose is None else {"x": pose.x, "y": pose.y, "yaw": pose.yaw}
 
-    # What entries of a kind change, and what else is to be done with them.
+    _HANDLERS: ClassVar[Mapping[str, Callable[["PageState", JournalEntry], None]]] = {
+        RUN_BEGAN: _on_run_began,
+        RUN_ENDED: _on_run_ended,
+        STATUS: _on_status,
+        POSE: _on_pose,
+        LOG: _on_log,
+        CHANGED: _on_changed,
+    }
+    # The parts that entries of a kind change.
     _PARTS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         RUN_BEGAN: (
             "run",
@@ -403,19 +421,19 @@ class PageState:
         GOAL_SENT: ("condition",),
         GOAL_ENDED: ("drive", "plan", "condition", "estimate"),
         CHANGED: ("condition", "place", "estimate"),
-        "pose": ("pose",),
-        "plan": ("plan",),
-        "progress": ("drive", "condition", "estimate"),
-        "lacks": ("condition",),
-        "breakpoint": ("condition",),
-        "battery": ("gauges",),
-        "map": ("map",),
+        POSE: ("pose",),
+        PLAN: ("plan",),
+        PROGRESS: ("drive", "condition", "estimate"),
+        LACKS: ("condition",),
+        BREAKPOINT: ("condition",),
+        BATTERY: ("gauges",),
+        MAP: ("map",),
         PROPERTIES_WATCHED: ("properties",),
         PROPERTIES_OWED: ("properties",),
         PROPERTY_BROKEN: ("properties",),
         ASSUMPTION_FAILED: ("properties",),
     }
-    _TIMED = ("pose", "plan", "map")
+    _TIMED = (POSE, PLAN, MAP)
     _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms"))
     # The parts that are replaced as they are, in the order in which they are told.
     _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {

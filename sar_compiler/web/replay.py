@@ -13,7 +13,7 @@ import math
 import os
 import pickle
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +24,6 @@ from sar_compiler.journal.database import JournalFile, StreamPlace, is_locked
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.journal.reserve import SUFFIX
-from sar_compiler.journal.situation import CHANGED
 from sar_compiler.opener import CHECKPOINTS, read_file
 from sar_compiler.resources import cache_folder
 from sar_compiler.web import page_state
@@ -32,9 +31,6 @@ from sar_compiler.web.page_state import PageState, all_changes
 
 Explain = Callable[[Path], Mapping[str, Any] | None]
 """Returns why the mission of a journal has failed, as JSON values; None if it has not."""
-
-AddDisplay = Callable[[Iterable[JournalEntry]], Iterator[JournalEntry]]
-"""Yields the entries of a journal, with such of the kind `changed` behind others where it has none."""
 
 # Robots whose clocks are farther apart have nothing to do with each other, in seconds.
 _APART = 24 * 3600
@@ -56,11 +52,6 @@ class TrackPlace(NamedTuple):
     end: float = 0.0
     began: float = 0.0
     before: float = 0.0
-
-    @property
-    def key(self) -> str:
-        """The run and number of the entry before it, by which the place is found."""
-        return f"{self.entry.run} {self.entry.number}"
 
     def behind(self, entry: JournalEntry) -> "TrackPlace":
         """Return the place behind the next entry."""
@@ -87,7 +78,6 @@ class ReplayTrack:
     Args:
         path: The journal.
         explain: Says why its mission has failed.
-        add_display: Adds what its mission shows, where it does not say that.
 
     Attributes:
         first: The time of the mission's clock at its beginning; None if nothing has begun.
@@ -98,7 +88,7 @@ class ReplayTrack:
         JournalError: If it cannot be read.
     """
 
-    def __init__(self, path: Path, explain: Explain, add_display: AddDisplay) -> None:
+    def __init__(self, path: Path, explain: Explain) -> None:
         self._path = path
         # First of all: it takes away the locks of whoever reads the file in this process.
         self._is_written = is_locked(path)
@@ -106,31 +96,26 @@ class ReplayTrack:
         self.first: float | None = None
         self.why: Mapping[str, Any] | None = None
         self._checkpoints: list[Checkpoint] = []
-        # What the mission shows, behind entries of a journal that does not say it.
-        self._added: dict[str, Mapping[str, Any]] = {}
         self.last = TrackPlace()
         cache = _CacheFile(path)
         if not self._restore(cache.read()):
-            self._make(add_display)
+            self._make()
             self.why = None if self.first is None else explain(path)
-            known = {"first": self.first, "last": self.last, "why": self.why, "added": self._added}
+            known = {"first": self.first, "last": self.last, "why": self.why}
             cache.write(known, self._checkpoints)
         self._state, self._place = PageState(), TrackPlace()
 
-    def _make(self, add_display: AddDisplay) -> None:
+    def _make(self) -> None:
         state, place = PageState(), TrackPlace()
         with JournalFile.reading(self._path) as file:
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
-            for number, entry in enumerate(add_display(file.stream_behind(StreamPlace()))):
+            for number, entry in enumerate(file.stream_behind(StreamPlace())):
                 if self.first is None:
                     self.first = entry.time
                 if number and number % every == 0:
                     state.tell_anew()
                     self._checkpoints.append(Checkpoint(place, _pack(state)))
-                if (entry.run, entry.number) == place.entry[:2]:
-                    self._added[place.key] = entry.data
-                else:
-                    place = place.behind(entry)
+                place = place.behind(entry)
                 state.take(entry)
         self.last = place
 
@@ -139,7 +124,6 @@ class ReplayTrack:
             return False
         known, self._checkpoints = cached
         self.first, self.last, self.why = known["first"], _place(known["last"]), known["why"]
-        self._added = dict(known["added"])
         return True
 
     def at(self, time: float, robot: int) -> PageState:
@@ -180,8 +164,6 @@ class ReplayTrack:
                     break
                 self._state.take(entry)
                 self._place = place
-                if (added := self._added.get(place.key)) is not None:
-                    self._state.take(entry._replace(kind=CHANGED, data=added))
 
 
 class Replay:
@@ -190,7 +172,6 @@ class Replay:
     Args:
         paths: The journals.
         explain: Says why a mission has failed.
-        add_display: Adds what a mission shows, where its journal does not say that.
 
     Attributes:
         end: The length of it, in seconds.
@@ -199,10 +180,8 @@ class Replay:
         JournalError: If one cannot be read.
     """
 
-    def __init__(
-        self, paths: Sequence[Path], explain: Explain = lambda _: None, add_display: AddDisplay = iter
-    ) -> None:
-        self._tracks = [ReplayTrack(path, explain, add_display) for path in paths]
+    def __init__(self, paths: Sequence[Path], explain: Explain = lambda _: None) -> None:
+        self._tracks = [ReplayTrack(path, explain) for path in paths]
         firsts = [track.first for track in self._tracks if track.first is not None]
         begin = min(firsts, default=0.0)
         for track in self._tracks:

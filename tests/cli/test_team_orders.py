@@ -1,15 +1,19 @@
 """Orders to missions in other processes, by the services of their nodes."""
 
+import json
 import socket
 
 import pytest
 
-from sar_compiler.cli.team_orders import TeamOrders, ordering
+from sar_compiler.cli.team_orders import TeamOrders, ordering, run_of
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.mission import VerbError
 from sar_compiler.missions.order_record import OrderRecord
 from sar_compiler.missions.search_and_rescue.orders import VERBS
+from sar_compiler.missions.search_and_rescue.plugin import SearchAndRescue
+from sar_compiler.missions.search_and_rescue.search import Search
+from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.web.page_server import OrderGiver
 from tests.ros.conftest import make_ros, ros
 
@@ -104,3 +108,19 @@ def test_orders_are_carried_out_while_somebody_watches():
     with ordering(pytest.fail) as orders:
         assert orders is not None
         assert [verb.name for verb in orders.know(0, began())][:1] == ["pause"]
+
+
+def test_no_file_is_read_that_a_journal_names(tmp_path):
+    """It may be anybody's; what the run itself has read of a file is among its parameters."""
+    areas = tmp_path / "areas.geojson"
+    square = [[0.001, 0.001], [0.002, 0.001], [0.002, 0.002], [0.001, 0.001]]
+    area = {"properties": {"name": "secret"}, "geometry": {"type": "Polygon", "coordinates": [square]}}
+    areas.write_text(json.dumps({"features": [area]}), encoding="utf-8")
+    georeference = {f"georeference.{name}": 0.0 for name in ("lat", "lon", "heading")}
+    base = {f"base_station.{name}": 0.0 for name in ("x", "y", "yaw")}
+    parameters = {**base, **georeference, "areas_file": str(areas)}
+    assert [*SearchAndRescue().begin(ParameterReader(parameters)).zones.remaining_zones()]
+    entry = began()
+    run = run_of(entry._replace(data={**entry.data, "run": {"parameters": parameters}}))
+    assert isinstance(run, Search)
+    assert [*run.zones.remaining_zones()] == []

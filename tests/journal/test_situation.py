@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.journal_entries import CHANGED, Ending, JournalEntry
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import (
-    CHANGED,
     Alarm,
     Display,
     FactTime,

@@ -19,8 +19,9 @@ from sar_compiler.missions.search_and_rescue.areas import Ground
 from sar_compiler.missions.search_and_rescue.failsafes import NotAborted, NotRecalled
 from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
 from sar_compiler.missions.search_and_rescue.operating import NotHeld
-from sar_compiler.missions.search_and_rescue.orders import COMMAND_GIVEN, COMMANDS, VERBS, CommandSpec
+from sar_compiler.missions.search_and_rescue.orders import COMMANDS, VERBS, CommandSpec
 from sar_compiler.missions.search_and_rescue.search import _SENTENCES, Search
+from sar_compiler.missions.search_and_rescue.search_events import COMMAND_GIVEN
 from sar_compiler.missions.search_and_rescue.search_theory import Area
 from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
 from sar_compiler.runtime.answers import DeclaredAnswers

@@ -13,10 +13,10 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.journal_entries import CHANGED, JournalEntry
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.situation import CHANGED, Landmark, Situation
+from sar_compiler.journal.situation import Landmark, Situation
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.search_and_rescue.record import (

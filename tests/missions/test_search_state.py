@@ -5,9 +5,11 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal_entries import OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import Level
+from sar_compiler.missions.search_and_rescue import search_events
 from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing, SurvivorReport
 from sar_compiler.missions.search_and_rescue.search import Search
 from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
@@ -27,14 +29,40 @@ def shown(search: Search, kind: str) -> list[tuple[Any, ...]]:
 def test_every_fact_of_a_search_reads_as_a_sentence() -> None:
     from sar_compiler.missions.search_and_rescue.search import _SENTENCES
 
-    taken = {
-        name.removeprefix("_take_")
-        for part in (MissionRecord, Sweeps, ZoneManager)
-        for name in dir(part)
-        if name.startswith("_take_")
-    }
+    handled = {*MissionRecord._HANDLERS, *Sweeps._HANDLERS, *ZoneManager._HANDLERS}
     # These are told by who keeps the journal.
-    assert taken - {"run_began", "run_ended", "facts_lost"} == set(_SENTENCES) - {"command_given"}
+    assert handled - {*OF_EVERY_MISSION} == set(_SENTENCES) - {search_events.COMMAND_GIVEN}
+    declared = {value for name, value in vars(search_events).items() if name.isupper()}
+    assert declared == set(_SENTENCES)
+
+
+@pytest.mark.parametrize("is_resumed", [False, True])
+def test_an_event_that_no_search_has_is_refused_when_it_is_written_and_when_a_run_is_resumed(
+    search: Search, tmp_path: Path, is_resumed: bool
+) -> None:
+    place = tmp_path / "search.journal"
+    journal = open_journal(place)
+    if is_resumed:  # as a newer version has written it
+        journal.begin({}, {})
+        journal.note("zone_flooded", zone="a")
+        journal.close()
+        journal = open_journal(place, resume=True)
+        with pytest.raises(JournalError, match="this version knows no event 'zone_flooded'"):
+            search.keep_in(journal)
+    else:
+        search.keep_in(journal)
+        journal.begin({}, {})
+        with pytest.raises(ValueError, match="this version knows no event 'zone_flooded'"):
+            journal.note("zone_flooded", zone="a")
+        assert [each for each in journal.facts() if each.kind == "zone_flooded"] == []
+    journal.close()
+
+
+@pytest.mark.parametrize("kind", OF_EVERY_MISSION)
+def test_events_of_every_mission_leave_a_search_as_it_is(search: Search, kind: str) -> None:
+    before = search.display()
+    search.apply(JournalEntry(1, 1, 0.0, 0.0, kind, {"numbers": {}}))
+    assert search.display() == before
 
 
 def test_zones_have_their_states(search: Search) -> None:

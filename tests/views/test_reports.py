@@ -19,9 +19,12 @@ from lxml import etree
 from xsdata.formats.dataclass.parsers import XmlParser
 
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.journal_entries import CHANGED, OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
-from sar_compiler.missions.displaying import add_displays
+from sar_compiler.journal.situation import Display, beginning, changes_by
+from sar_compiler.missions.search_and_rescue.plugin import SearchAndRescue
+from sar_compiler.missions.search_and_rescue.search import _SENTENCES
+from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.signs import COLOURS, MARKS
 from sar_compiler.views.mission_report import ReportError, report_data, report_text, require_form
 from sar_compiler.views.report_exchange import cot_report
@@ -35,6 +38,22 @@ PNG = base64.b64encode(b"\x89PNG and so on").decode()
 
 ZONES = {f"zone_{letter}": (x, 1.0) for letter, x in (("a", 10.0), ("b", 20.0), ("c", 30.0))}
 FENCE = [0.0, 0.0, 0.0, 9.0, 40.0, 9.0]
+
+
+def with_display(stream):
+    """Yield entries of a search, each fact with the changes of the mission's display behind it, as a run writes them."""
+    for entry in stream:
+        yield entry
+        if entry.kind == "run_began":
+            search, shown = (
+                SearchAndRescue().begin(ParameterReader(entry.data["run"]["parameters"])),
+                Display(),
+            )
+            yield entry._replace(kind=CHANGED, data=beginning(search.kinds, shown := search.display()))
+        elif entry.kind in {*_SENTENCES, *OF_EVERY_MISSION}:
+            search.apply(entry)
+            before, shown = shown, search.display()
+            yield entry._replace(kind=CHANGED, data=changes_by(entry, search.sentence(entry), before, shown))
 
 
 def mission(*told, simulated=False, parameters=VIENNA, ended=True, name=None, wall=1_700_000_000.0):
@@ -74,7 +93,7 @@ def mission(*told, simulated=False, parameters=VIENNA, ended=True, name=None, wa
             else []
         ),
     ]
-    stream = add_displays(
+    stream = with_display(
         JournalEntry(at, 1, wall + at, float(at), kind, data) for at, (kind, data) in enumerate(entries)
     )
     renamed = {"mission": name or "search_and_rescue"}

@@ -16,6 +16,7 @@ from sar_compiler.leaves import (
     robot_estimate,
     sensible,
 )
+from sar_compiler.missions import BATTERY
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
@@ -157,7 +158,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         share = battery_share(message)
         if not self._is_limit_told:  # for the gauge
             self._is_limit_told = True
-            self.record.journal.watch("battery", share=share, at_least=self.at_least)
+            self.record.journal.watch(BATTERY, share=share, at_least=self.at_least)
         low = f"the battery is at {share:.0%}, below {self.at_least:.0%}"
         return self._judge(low if share < self.at_least else "")
 

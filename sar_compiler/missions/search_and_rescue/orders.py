@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.leaves import alive, find_interface, turn_by
 from sar_compiler.missions import Journal, JournalEntry, Verb, VerbField, mission_context
+from sar_compiler.missions.search_and_rescue import search_events
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-COMMAND_GIVEN = "command_given"
-"""The kind of the fact of a command that changes what the mission is at: the name of the `command`, and `by` whom it was given."""
 
 _UNKNOWN_AUTHOR = "the operator"
 
@@ -28,7 +26,7 @@ class OperatorOrders:
         held: Whether the robot is to stand where it is.
         plan_change: How the plan has changed, in words, so that the mission must look at it anew; empty if it has not.
         has_skipped: Whether a zone was skipped in that.
-        journal: Where commands are written (`COMMAND_GIVEN`); those on zones and survivors by who keeps these.
+        journal: Where commands are written (`search_events.COMMAND_GIVEN`); those on zones and survivors by who keeps these.
     """
 
     def __init__(self) -> None:
@@ -45,7 +43,7 @@ class OperatorOrders:
 
     def give(self, command: str) -> None:
         """Give a command that changes what the mission is at: `pause`, `resume`, `go_home` or `abort`."""
-        self.journal.note(COMMAND_GIVEN, command=command, by=self.author)
+        self.journal.note(search_events.COMMAND_GIVEN, command=command, by=self.author)
 
     def change_plan(self, how: str, *, skips: bool = False) -> None:
         """Have the mission look at its plan anew.
@@ -62,7 +60,7 @@ class OperatorOrders:
         Raises:
             LookupError or ValueError: If there is no such command.
         """
-        if fact.kind != COMMAND_GIVEN:
+        if fact.kind != search_events.COMMAND_GIVEN:
             return
         command = fact.data["command"]
         if not _COMMANDS[command].done:
@@ -171,7 +169,7 @@ class CommandSpec(NamedTuple):
 
     verb: Verb
     served_by: tuple[str, ...]
-    fact: str = COMMAND_GIVEN
+    fact: str = search_events.COMMAND_GIVEN
     sentence: Callable[..., str] | None = _said_given
     done: str = ""
 
@@ -193,7 +191,7 @@ COMMANDS = (
             confirm="The current zone will not be searched. Whoever is there is not looked for.",
         ),
         ("NotHeld",),
-        "zone_abandoned",
+        search_events.ZONE_ABANDONED,
         None,
     ),
     CommandSpec(
@@ -211,7 +209,7 @@ COMMANDS = (
             fill=_add_zone,
         ),
         ("NotHeld",),
-        "zone_added",
+        search_events.ZONE_ADDED,
         _said_added,
     ),
     CommandSpec(
@@ -231,7 +229,7 @@ COMMANDS = (
             fill=_add_area,
         ),
         ("PlanSweep",),
-        "area_drawn",
+        search_events.AREA_DRAWN,
         _said_drawn,
     ),
     CommandSpec(
@@ -249,7 +247,7 @@ COMMANDS = (
             fill=_add_hint,
         ),
         ("ChooseZone",),
-        "hint_given",
+        search_events.HINT_GIVEN,
         _said_hint,
     ),
     CommandSpec(
@@ -275,7 +273,7 @@ COMMANDS = (
             fill=_judge,
         ),
         ("NotHeld",),
-        "survivor_judged",
+        search_events.SURVIVOR_JUDGED,
         _said_judged,
     ),
     CommandSpec(

@@ -1,12 +1,21 @@
 """The record of a mission's events, for its summary and its exit status."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar
 
-from sar_compiler.missions import FactTime, Journal, JournalEntry, mission_context, position
+from sar_compiler.missions import (
+    RUN_BEGAN,
+    RUN_ENDED,
+    FactTime,
+    Journal,
+    JournalEntry,
+    mission_context,
+    position,
+)
+from sar_compiler.missions.search_and_rescue import search_events
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 DUPLICATE_RADIUS_M = 3.0
@@ -137,7 +146,6 @@ class KeptReports:
 
     def __init__(self) -> None:
         self._reports: dict[str, SurvivorReport] = {}
-        self._places: dict[str, tuple[float, float]] = {}
 
     def __len__(self) -> int:
         """Return how many reports are kept."""
@@ -154,14 +162,11 @@ class KeptReports:
             LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
         data = fact.data
-        if fact.kind == "survivor_named":
-            self._places[data["survivor"]] = position(data["x"], data["y"])
-        elif fact.kind == "report_kept":
-            # Journals of before have the place with the name alone.
-            place = position(data["x"], data["y"]) if "x" in data else self._places[data["survivor"]]
-            self._reports.setdefault(data["survivor"], SurvivorReport(data["survivor"], *place))
-        elif fact.kind == "report_acknowledged" or (
-            fact.kind == "survivor_judged" and data["standing"] != "confirmed"
+        if fact.kind == search_events.REPORT_KEPT:
+            report = SurvivorReport(data["survivor"], *position(data["x"], data["y"]))
+            self._reports.setdefault(report.survivor_id, report)
+        elif fact.kind == search_events.REPORT_ACKNOWLEDGED or (
+            fact.kind == search_events.SURVIVOR_JUDGED and data["standing"] != "confirmed"
         ):
             self._reports.pop(data["survivor"], None)
 
@@ -192,23 +197,23 @@ class DoneBefore:
 
     def _take(self, fact: JournalEntry) -> None:
         data = fact.data
-        if fact.kind == "zone_searched":
+        if fact.kind == search_events.ZONE_SEARCHED:
             place = None if data["survivor"] is None else position(*data["survivor"])
             self._searches.append((data["zone"], place))
-        elif fact.kind == "survivor_named":
+        elif fact.kind == search_events.SURVIVOR_NAMED:
             self._names.append((data["survivor"], position(data["x"], data["y"])))
             self._survivors.add(data["survivor"])
         elif fact.kind in (
-            "zone_visited",
-            "zone_postponed",
-            "zone_abandoned",
-            "piece_swept",
-            "piece_skipped",
+            search_events.ZONE_VISITED,
+            search_events.ZONE_POSTPONED,
+            search_events.ZONE_ABANDONED,
+            search_events.PIECE_SWEPT,
+            search_events.PIECE_SKIPPED,
         ):
             self._searches.clear()
             self._names.clear()
-        elif fact.kind in ("zone_started", "base_reached"):
-            self.home = fact.kind == "base_reached"
+        elif fact.kind in (search_events.ZONE_STARTED, search_events.BASE_REACHED):
+            self.home = fact.kind == search_events.BASE_REACHED
 
     def has_searched(self, zone_id: str) -> bool:
         """Return whether there is a search of a zone."""
@@ -285,9 +290,8 @@ class MissionRecord:
         Raises:
             ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
-        take = getattr(self, f"_take_{fact.kind}", None)
-        if take is not None:
-            take(FactTime(fact.run, fact.time, fact.wall), **fact.data)
+        if (handle := self._HANDLERS.get(fact.kind)) is not None:
+            handle(self, FactTime(fact.run, fact.time, fact.wall), **fact.data)
 
     @property
     def is_searched(self) -> bool:
@@ -321,7 +325,7 @@ class MissionRecord:
 
     def zone_started(self, zone_id: str) -> None:
         """Note that the robot sets out for a zone."""
-        self.journal.note("zone_started", zone=zone_id)
+        self.journal.note(search_events.ZONE_STARTED, zone=zone_id)
 
     def zone_searched(self, zone_id: str, survivor: tuple[float, float] | None) -> None:
         """Note that a zone was searched.
@@ -330,7 +334,7 @@ class MissionRecord:
             zone_id: The zone.
             survivor: x and y of the survivor that was found, in the frame `map`, metres; None if nobody was.
         """
-        self.journal.note("zone_searched", zone=zone_id, survivor=survivor)
+        self.journal.note(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
         """Note that a search has found somebody where nobody can be; the next answer about the zone takes its place.
@@ -340,11 +344,11 @@ class MissionRecord:
             reason: Why nobody can be there, in words.
         """
         if reason != self.of_zone(zone_id).unplaced:
-            self.journal.note("survivor_unplaced", zone=zone_id, reason=reason)
+            self.journal.note(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
 
     def alarmed(self, reason: str) -> None:
         """Note a reason to cut the mission short, in words."""
-        self.journal.note("alarmed", reason=reason)
+        self.journal.note(search_events.ALARMED, reason=reason)
 
     def home_first(self, zone_id: str, reason: str, to: str = "", **figures: float | None) -> None:
         """Note that the robot comes home, or to a charging place, before it goes on to a zone.
@@ -355,20 +359,22 @@ class MissionRecord:
             to: The charging place; empty for home.
             figures: What was weighed.
         """
-        self.journal.note("home_first", zone=zone_id, reason=reason, **figures, **({"to": to} if to else {}))
+        self.journal.note(
+            search_events.HOME_FIRST, zone=zone_id, reason=reason, **figures, **({"to": to} if to else {})
+        )
 
     def charging_reached(self, place: str) -> None:
         """Note that the robot has arrived at a charging place."""
-        self.journal.note("charging_reached", place=place)
+        self.journal.note(search_events.CHARGING_REACHED, place=place)
 
     def charged(self, share: float) -> None:
         """Note that the battery suffices again, at a share of a full one."""
-        self.journal.note("charged", share=round(share, 4))
+        self.journal.note(search_events.CHARGED, share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Note the assigned name of the survivor at a position (replaces an earlier one)."""
         possibly = self._near(self._place_of(x, y), x, y)
-        self.journal.note("survivor_named", survivor=survivor_id, x=x, y=y, possibly=possibly)
+        self.journal.note(search_events.SURVIVOR_NAMED, survivor=survivor_id, x=x, y=y, possibly=possibly)
 
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
         """Return a survivor by the name; None if nobody has it."""
@@ -390,23 +396,25 @@ class MissionRecord:
             standing: What the operator says.
             same_as: The name of the survivor that it is merged with.
         """
-        self.journal.note("survivor_judged", survivor=survivor_id, standing=standing.value, same_as=same_as)
+        self.journal.note(
+            search_events.SURVIVOR_JUDGED, survivor=survivor_id, standing=standing.value, same_as=same_as
+        )
 
     def report_sent(self, survivor_id: str) -> None:
         """Note that the report of a survivor is about to be sent."""
-        self.journal.note("report_sent", survivor=survivor_id)
+        self.journal.note(search_events.REPORT_SENT, survivor=survivor_id)
 
     def survivor_acknowledged(self, survivor_id: str) -> None:
         """Note that the base station has confirmed the report of a survivor, which need no longer be kept."""
-        self.journal.note("report_acknowledged", survivor=survivor_id)
+        self.journal.note(search_events.REPORT_ACKNOWLEDGED, survivor=survivor_id)
 
     def report_kept(self, report: SurvivorReport) -> None:
         """Note that the report of a survivor is kept, to be delivered later."""
-        self.journal.note("report_kept", survivor=report.survivor_id, x=report.x, y=report.y)
+        self.journal.note(search_events.REPORT_KEPT, survivor=report.survivor_id, x=report.x, y=report.y)
 
     def base_reached(self) -> None:
         """Note that the robot has arrived at the base station."""
-        self.journal.note("base_reached")
+        self.journal.note(search_events.BASE_REACHED)
 
     def was_reported_before(self, survivor_id: str) -> bool:
         """Return whether a survivor was named by an earlier run, and base has confirmed the report."""
@@ -441,12 +449,12 @@ class MissionRecord:
             lacking.append("The robot did not return to the base station.")
         return lacking
 
-    def _take_zone_started(self, at: FactTime, zone: str) -> None:
+    def _on_zone_started(self, at: FactTime, zone: str) -> None:
         known = self.of_zone(zone)
         self._zones[zone] = replace(known, attempts=known.attempts + 1, started=at)
         self.zone, self.home, self.before.home, self.charging_at = zone, False, False, ""
 
-    def _take_zone_searched(self, at: FactTime, zone: str, survivor: Any) -> None:
+    def _on_zone_searched(self, at: FactTime, zone: str, survivor: Any) -> None:
         found = None if survivor is None else FoundSurvivor(zone, *position(*survivor), found_at=at)
         self._zones[zone] = replace(self.of_zone(zone), searched=at, unplaced="")
         if found is not None and not any(
@@ -454,22 +462,22 @@ class MissionRecord:
         ):
             self._survivors.append(found)
 
-    def _take_survivor_unplaced(self, _: FactTime, zone: str, reason: str) -> None:
+    def _on_survivor_unplaced(self, _: FactTime, zone: str, reason: str) -> None:
         self._zones[zone] = replace(self.of_zone(zone), unplaced=str(reason))
 
-    def _take_zone_visited(self, at: FactTime, zone: str) -> None:
+    def _on_zone_visited(self, at: FactTime, zone: str) -> None:
         self.zones_visited = (*self.zones_visited, zone)
-        self._take_zone_postponed(at, zone)
+        self._on_zone_postponed(at, zone)
 
-    def _take_zone_postponed(self, at: FactTime, zone: str, given_up: str = "") -> None:
+    def _on_zone_postponed(self, at: FactTime, zone: str, given_up: str = "") -> None:
         # What is given up stands in the order in which it was.
         self._zones[zone] = replace(self._zones.pop(zone, ZoneRecord()), left=at, given_up=given_up)
         self.zone = ""
 
-    def _take_zone_abandoned(self, at: FactTime, zone: str, attempts: int, reason: str) -> None:
-        self._take_zone_postponed(at, zone, how_given_up(int(attempts), reason))
+    def _on_zone_abandoned(self, at: FactTime, zone: str, attempts: int, reason: str) -> None:
+        self._on_zone_postponed(at, zone, how_given_up(int(attempts), reason))
 
-    def _take_survivor_named(
+    def _on_survivor_named(
         self, at: FactTime, survivor: str, x: Any, y: Any, possibly: str | None = None
     ) -> None:
         x, y = position(x, y)
@@ -478,39 +486,61 @@ class MissionRecord:
             self._survivors.append(FoundSurvivor("", x, y, found_at=at))
         self._survivors[index] = replace(self._survivors[index], survivor_id=survivor, possibly=possibly)
 
-    def _take_survivor_judged(self, _: FactTime, survivor: str, standing: str, same_as: str | None) -> None:
+    def _on_survivor_judged(self, _: FactTime, survivor: str, standing: str, same_as: str | None) -> None:
         said = {"possibly": same_as} if same_as else {}
         self._set(survivor, standing=Standing(standing), **said)
 
-    def _take_report_sent(self, at: FactTime, survivor: str) -> None:
+    def _on_report_sent(self, at: FactTime, survivor: str) -> None:
         self._set(survivor, sent_at=at)
 
-    def _take_report_kept(self, _: FactTime, survivor: str, **_place: object) -> None:
+    def _on_report_kept(self, _: FactTime, survivor: str, **_place: object) -> None:
         self._set(survivor, acknowledged=False, kept=True)
 
-    def _take_report_acknowledged(self, at: FactTime, survivor: str) -> None:
+    def _on_report_acknowledged(self, at: FactTime, survivor: str) -> None:
         self._set(survivor, acknowledged=True, kept=False, acknowledged_at=at)
 
-    def _take_base_reached(self, _: FactTime) -> None:
+    def _on_base_reached(self, _: FactTime) -> None:
         self.home, self.zone, self.charging_at = True, "", ""
 
-    def _take_run_began(self, at: FactTime, **_run: object) -> None:
+    def _on_run_began(self, at: FactTime, **_run: object) -> None:
         self._began, self.zone = self._began or at, ""
 
-    def _take_run_ended(self, _: FactTime, **_run: object) -> None:
+    def _on_run_ended(self, _: FactTime, **_run: object) -> None:
         self.zone = ""
 
-    def _take_home_first(self, _: FactTime, reason: str, to: str = "", **_figures: object) -> None:
+    def _on_home_first(self, _: FactTime, reason: str, to: str = "", **_figures: object) -> None:
         self.homing_for, self.homing_to = str(reason), str(to)
 
-    def _take_charging_reached(self, _: FactTime, place: str) -> None:
+    def _on_charging_reached(self, _: FactTime, place: str) -> None:
         self.charging_at, self.home, self.zone = str(place), False, ""
 
-    def _take_charged(self, _: FactTime, share: float) -> None:  # noqa: ARG002 - as the fact has it
+    def _on_charged(self, _: FactTime, share: float) -> None:  # noqa: ARG002 - as the fact has it
         self.homing_for = ""
 
-    def _take_alarmed(self, _: FactTime, reason: str) -> None:
+    def _on_alarmed(self, _: FactTime, reason: str) -> None:
         self.alarms, self.homing_for = (*self.alarms, str(reason)), ""
+
+    # Other kinds do not change the record.
+    _HANDLERS: ClassVar[Mapping[str, Callable[..., None]]] = {
+        RUN_BEGAN: _on_run_began,
+        RUN_ENDED: _on_run_ended,
+        search_events.ZONE_STARTED: _on_zone_started,
+        search_events.ZONE_SEARCHED: _on_zone_searched,
+        search_events.SURVIVOR_UNPLACED: _on_survivor_unplaced,
+        search_events.ZONE_VISITED: _on_zone_visited,
+        search_events.ZONE_POSTPONED: _on_zone_postponed,
+        search_events.ZONE_ABANDONED: _on_zone_abandoned,
+        search_events.SURVIVOR_NAMED: _on_survivor_named,
+        search_events.SURVIVOR_JUDGED: _on_survivor_judged,
+        search_events.REPORT_SENT: _on_report_sent,
+        search_events.REPORT_KEPT: _on_report_kept,
+        search_events.REPORT_ACKNOWLEDGED: _on_report_acknowledged,
+        search_events.BASE_REACHED: _on_base_reached,
+        search_events.HOME_FIRST: _on_home_first,
+        search_events.CHARGING_REACHED: _on_charging_reached,
+        search_events.CHARGED: _on_charged,
+        search_events.ALARMED: _on_alarmed,
+    }
 
     def _place_of(self, x: float, y: float) -> int:
         """Return the place in the list of who was found last at a position; behind the last one if nobody was."""

@@ -6,6 +6,7 @@ from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.missions import (
+    OF_EVERY_MISSION,
     Alarm,
     Display,
     Figure,
@@ -20,6 +21,7 @@ from sar_compiler.missions import (
     Verb,
     clock_text,
 )
+from sar_compiler.missions.search_and_rescue import search_events
 from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.missions.search_and_rescue.orders import SENTENCES, VERBS, OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import (
@@ -160,9 +162,12 @@ class Search(MissionRun):
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
+        if fact.kind not in _SENTENCES and fact.kind not in OF_EVERY_MISSION:
+            # Also of a journal that a newer version has written: a run resumed without the event would not be that mission.
+            raise ValueError(f"this version knows no event '{fact.kind}'")
         for part in (self.zones, self.kept, self.record, self.orders, self.sweeps):
             part.apply(fact)
-        if fact.kind in ("zone_added", "area_drawn"):
+        if fact.kind in (search_events.ZONE_ADDED, search_events.AREA_DRAWN):
             self._plan |= {zone["id"]: zone for zone in self.zones.remaining_zones()}
 
     def display(self) -> Display:
@@ -436,25 +441,27 @@ _ANY_NUMBER = 1_000_000_000
 
 _SENTENCES: Mapping[str, Callable[..., str]] = {
     **SENTENCES,
-    "zone_chosen": lambda zone: f"chose {zone}",
-    "sweep_planned": _planned,
-    "piece_swept": _piece_swept,
-    "piece_skipped": lambda zone, piece, reason: f"skipped piece {piece + 1} of {zone}: {reason}",
-    "zone_started": lambda zone: f"set out for {zone}",
-    "zone_searched": _searched,
-    "survivor_unplaced": lambda zone, reason: f"somebody in {zone} at no usable position: {reason}",
-    "zone_visited": lambda zone: f"{zone} was visited",
-    "zone_postponed": lambda zone: f"{zone} was postponed",
-    "zone_abandoned": _abandoned,
-    "survivor_named": _named,
-    "report_sent": lambda survivor: f"reported {survivor}",
-    "report_kept": lambda survivor, **_place: f"the report of {survivor} is kept",
-    "report_acknowledged": lambda survivor: f"base has acknowledged {survivor}",
-    "home_first": lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005
-    "charging_reached": lambda place: f"reached charging place {place}",
-    "charged": lambda share: f"the battery is at {share:.0%}, and suffices",
-    "alarmed": lambda reason: f"alarm: {reason}",
-    "base_reached": lambda: "reached the base station",
+    search_events.ZONE_CHOSEN: lambda zone: f"chose {zone}",
+    search_events.SWEEP_PLANNED: _planned,
+    search_events.PIECE_SWEPT: _piece_swept,
+    search_events.PIECE_SKIPPED: lambda zone, piece, reason: f"skipped piece {piece + 1} of {zone}: {reason}",
+    search_events.ZONE_STARTED: lambda zone: f"set out for {zone}",
+    search_events.ZONE_SEARCHED: _searched,
+    search_events.SURVIVOR_UNPLACED: lambda zone, reason: (
+        f"somebody in {zone} at no usable position: {reason}"
+    ),
+    search_events.ZONE_VISITED: lambda zone: f"{zone} was visited",
+    search_events.ZONE_POSTPONED: lambda zone: f"{zone} was postponed",
+    search_events.ZONE_ABANDONED: _abandoned,
+    search_events.SURVIVOR_NAMED: _named,
+    search_events.REPORT_SENT: lambda survivor: f"reported {survivor}",
+    search_events.REPORT_KEPT: lambda survivor, **_place: f"the report of {survivor} is kept",
+    search_events.REPORT_ACKNOWLEDGED: lambda survivor: f"base has acknowledged {survivor}",
+    search_events.HOME_FIRST: lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005
+    search_events.CHARGING_REACHED: lambda place: f"reached charging place {place}",
+    search_events.CHARGED: lambda share: f"the battery is at {share:.0%}, and suffices",
+    search_events.ALARMED: lambda reason: f"alarm: {reason}",
+    search_events.BASE_REACHED: lambda: "reached the base station",
 }
 
 

@@ -2,11 +2,12 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from sar_compiler.missions import Journal, JournalEntry, RasterLayer, mission_context, position
+from sar_compiler.missions.search_and_rescue import search_events
 from sar_compiler.missions.search_and_rescue.areas import Corners, Ground
 from sar_compiler.missions.search_and_rescue.search_theory import pod_of_parallel_sweep
 from sar_compiler.missions.search_and_rescue.zone_manager import Fence, MapPose
@@ -133,7 +134,7 @@ class Sweeps:
         """Note the pieces of a sweep; pieces of an earlier plan that are open are dropped."""
         places = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
         self.journal.note(
-            "sweep_planned", zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=places
+            search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=places
         )
 
     def advance(self, zone: str, obstacles: "ObstacleMap | None", until_pod: float) -> None:
@@ -147,7 +148,7 @@ class Sweeps:
         sweep, raster = self.of(zone), self.raster(zone, obstacles)
         gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.left <= 1 else []
         self.journal.note(
-            "piece_swept",
+            search_events.PIECE_SWEPT,
             zone=zone,
             piece=sweep.done,
             metres=round(self._driven.pop(zone, 0.0), 2),
@@ -161,7 +162,7 @@ class Sweeps:
 
     def skip(self, zone: str, reason: str) -> None:
         """Note that the current piece is left out, and why, in words."""
-        self.journal.note("piece_skipped", zone=zone, piece=self.of(zone).done, reason=reason)
+        self.journal.note(search_events.PIECE_SKIPPED, zone=zone, piece=self.of(zone).done, reason=reason)
 
     def apply(self, fact: JournalEntry) -> None:
         """Change what is so by a fact.
@@ -169,12 +170,11 @@ class Sweeps:
         Raises:
             ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
-        take = getattr(self, f"_take_{fact.kind}", None)
-        if take is not None:
+        if (handle := self._HANDLERS.get(fact.kind)) is not None:
             zone = fact.data["zone"]
-            self._sweeps[zone] = take(self.of(zone), **{**fact.data, "zone": zone})
+            self._sweeps[zone] = handle(self, self.of(zone), **{**fact.data, "zone": zone})
 
-    def _take_area_drawn(
+    def _on_area_drawn(
         self,
         sweep: Sweep,
         zone: str,
@@ -190,7 +190,7 @@ class Sweeps:
         self._rasters.pop(zone, None)
         return sweep
 
-    def _take_sweep_planned(
+    def _on_sweep_planned(
         self, sweep: Sweep, zone: str, pattern: str, spacing: Any, pieces: Sequence[Any]
     ) -> Sweep:
         if zone not in self.grounds:
@@ -199,7 +199,7 @@ class Sweeps:
         planned = replace(sweep, pattern=str(pattern), spacing=_number(spacing))
         return replace(planned, pieces=poses, done=0, passes=sweep.passes + 1, gaps=())
 
-    def _take_piece_swept(
+    def _on_piece_swept(
         self,
         sweep: Sweep,
         zone: str,
@@ -218,8 +218,16 @@ class Sweeps:
         swept = replace(_past(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines)
         return replace(swept, layer=layer, **numbers)
 
-    def _take_piece_skipped(self, sweep: Sweep, zone: str, piece: int, reason: str) -> Sweep:  # noqa: ARG002 - for the reader of the journal
+    def _on_piece_skipped(self, sweep: Sweep, zone: str, piece: int, reason: str) -> Sweep:  # noqa: ARG002 - for the reader of the journal
         return replace(_past(sweep, zone, piece), skipped=sweep.skipped + 1)
+
+    # Other kinds do not change a sweep.
+    _HANDLERS: ClassVar[Mapping[str, Callable[..., Sweep]]] = {
+        search_events.AREA_DRAWN: _on_area_drawn,
+        search_events.SWEEP_PLANNED: _on_sweep_planned,
+        search_events.PIECE_SWEPT: _on_piece_swept,
+        search_events.PIECE_SKIPPED: _on_piece_skipped,
+    }
 
 
 def _past(sweep: Sweep, zone: str, piece: int) -> Sweep:

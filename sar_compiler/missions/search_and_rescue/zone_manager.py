@@ -3,17 +3,19 @@
 import itertools
 import math
 from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import deepcopy
-from typing import TYPE_CHECKING, Any, TypedDict, cast
+from typing import TYPE_CHECKING, Any, ClassVar, TypedDict, cast
 
 from sar_compiler.missions import (
+    FACTS_LOST,
     Journal,
     JournalEntry,
     ParameterReader,
     mission_context,
     position,
 )
+from sar_compiler.missions.search_and_rescue import search_events
 from sar_compiler.missions.search_and_rescue.search_theory import ROUNDING, Area, PoaMap, Tour
 
 if TYPE_CHECKING:
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
 _GEOFENCE = "geofence"
 _LEAST_CORNERS = 3
 _POINT = ("x", "y")
-_LEAVING = ("zone_visited", "zone_postponed", "zone_abandoned")
 
 DETOUR = 1.5
 """How many times as long as the straight line a way is taken to be that nobody has planned."""
@@ -163,7 +164,7 @@ class ZoneManager:
 
     def choose(self, zone_id: str) -> None:
         """Make one of the zones that are left the current one; the others keep their order."""
-        self.journal.note("zone_chosen", zone=zone_id)
+        self.journal.note(search_events.ZONE_CHOSEN, zone=zone_id)
 
     def poa_map(self) -> PoaMap:
         """Return where somebody may be, after the looks so far; with no areas where no probabilities are given."""
@@ -171,7 +172,7 @@ class ZoneManager:
 
     def hint(self, zone_id: str, ratio: float) -> None:
         """Note a hint on a zone: how many times likelier it is if somebody is there than if nobody is."""
-        self.journal.note("hint_given", zone=zone_id, ratio=ratio)
+        self.journal.note(search_events.HINT_GIVEN, zone=zone_id, ratio=ratio)
 
     def nearest(self, x: float, y: float, among: Collection[str] = ()) -> str:
         """Return the zone with probabilities whose pose is nearest to a position; empty if there is none.
@@ -275,7 +276,7 @@ class ZoneManager:
 
     def add(self, zone: Zone) -> None:
         """Put a further zone behind all others."""
-        self.journal.note("zone_added", **zone)
+        self.journal.note(search_events.ZONE_ADDED, **zone)
 
     def draw(self, zone: Zone, ground: "Ground", area: Area | None) -> float:
         """Put a zone with an outline behind all others, or change one that is there.
@@ -293,7 +294,7 @@ class ZoneManager:
         shrunk = room / before if before > room + ROUNDING else 1.0
         places = [list(corner) for corner in ground.polygon]
         self.journal.note(
-            "area_drawn",
+            search_events.AREA_DRAWN,
             zone=zone["id"],
             x=zone["x"],
             y=zone["y"],
@@ -309,12 +310,12 @@ class ZoneManager:
     def advance(self) -> None:
         """Advance to the next zone; past the last one, nothing happens."""
         if self.has_remaining():
-            self.journal.note("zone_visited", zone=self._zones[self._index]["id"])
+            self.journal.note(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])
 
     def postpone(self) -> None:
         """Put the current zone after all other remaining ones; past the last one, nothing happens."""
         if self.has_remaining():
-            self.journal.note("zone_postponed", zone=self._zones[self._index]["id"])
+            self.journal.note(search_events.ZONE_POSTPONED, zone=self._zones[self._index]["id"])
 
     def times_postponed(self) -> int:
         """Return the number of times that the current zone was postponed.
@@ -332,7 +333,7 @@ class ZoneManager:
         """
         if self.has_remaining():
             zone_id, attempts = self._zones[self._index]["id"], self.times_postponed() + 1
-            self.journal.note("zone_abandoned", zone=zone_id, attempts=attempts, reason=reason)
+            self.journal.note(search_events.ZONE_ABANDONED, zone=zone_id, attempts=attempts, reason=reason)
 
     def abandoned_zones(self) -> list[Zone]:
         """Return the abandoned zones, in the order in which they were abandoned."""
@@ -362,22 +363,16 @@ class ZoneManager:
         Raises:
             LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
-        take = getattr(self, f"_take_{fact.kind}", None)
-        if take is not None:
-            take(fact.data)
-        elif fact.kind in _LEAVING:
-            zone = self.current_zone()
-            if fact.data["zone"] != zone["id"]:
-                raise ValueError(f"the zone is then {zone['id']}")
-            self._leave(fact.kind, zone)
+        if (handle := self._HANDLERS.get(fact.kind)) is not None:
+            handle(self, fact.data)
 
-    def _take_zone_chosen(self, data: Mapping[str, Any]) -> None:
+    def _on_zone_chosen(self, data: Mapping[str, Any]) -> None:
         left = [zone["id"] for zone in self.remaining_zones()]
         if data["zone"] not in left:
             raise ValueError(f"{data['zone']} is not left then")
         self._zones.insert(self._index, self._zones.pop(self._index + left.index(data["zone"])))
 
-    def _take_zone_searched(self, data: Mapping[str, Any]) -> None:
+    def _on_zone_searched(self, data: Mapping[str, Any]) -> None:
         if data["zone"] not in self.swept:
             self.looks[data["zone"]] += 1
             if data.get("survivor") is not None:
@@ -385,20 +380,20 @@ class ZoneManager:
         places = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] == data["zone"])
         self._here = next(places, self._here)
 
-    def _take_sweep_planned(self, data: Mapping[str, Any]) -> None:
+    def _on_sweep_planned(self, data: Mapping[str, Any]) -> None:
         self.swept.setdefault(data["zone"], 0.0)
         self._pieces[data["zone"]] = data["pieces"]
 
-    def _take_piece_swept(self, data: Mapping[str, Any]) -> None:
+    def _on_piece_swept(self, data: Mapping[str, Any]) -> None:
         self.swept[data["zone"]] = float(data["pod"])
         x, y, yaw = self._pieces[data["zone"]][data["piece"]]
         self._here = MapPose(x=x, y=y, yaw=yaw)
 
-    def _take_piece_skipped(self, _: Mapping[str, Any]) -> None:
+    def _on_piece_skipped(self, _: Mapping[str, Any]) -> None:
         # It may be the way that has changed.
         self._ways.clear()
 
-    def _take_hint_given(self, data: Mapping[str, Any]) -> None:
+    def _on_hint_given(self, data: Mapping[str, Any]) -> None:
         zone, ratio = data["zone"], float(data["ratio"])
         if zone not in self.areas or not is_ratio(ratio):
             raise ValueError(f"there is no such hint on {zone}")
@@ -406,17 +401,17 @@ class ZoneManager:
         together = self.hints.get(zone, 1.0) * ratio
         self.hints[zone] = min(max(together, 1.0 / _MOST_TOGETHER), _MOST_TOGETHER)
 
-    def _take_base_reached(self, _: Mapping[str, Any]) -> None:
+    def _on_base_reached(self, _: Mapping[str, Any]) -> None:
         self._here = self._base_station
 
-    def _take_charging_reached(self, data: Mapping[str, Any]) -> None:
+    def _on_charging_reached(self, data: Mapping[str, Any]) -> None:
         self._here = self.charging[data["place"]]
 
-    def _take_zone_added(self, data: Mapping[str, Any]) -> None:
+    def _on_zone_added(self, data: Mapping[str, Any]) -> None:
         x, y = position(data["x"], data["y"])
         self._zones.append(Zone(id=data["id"], x=x, y=y, yaw=position(data["yaw"], 0.0)[0]))
 
-    def _take_area_drawn(self, data: Mapping[str, Any]) -> None:
+    def _on_area_drawn(self, data: Mapping[str, Any]) -> None:
         name, (x, y) = data["zone"], position(data["x"], data["y"])
         zone = Zone(id=name, x=x, y=y, yaw=position(data["yaw"], 0.0)[0])
         at = next((at for at, each in enumerate(self._zones) if each["id"] == name), None)
@@ -432,14 +427,14 @@ class ZoneManager:
         others = {other: area._replace(poa=area.poa * shrunk) for other, area in self.areas.items()}
         self.areas = {**others, name: Area(*map(float, data["expected"]))}
 
-    def _take_survivor_named(self, data: Mapping[str, Any]) -> None:
+    def _on_survivor_named(self, data: Mapping[str, Any]) -> None:
         number = data["survivor"].rpartition("_")[2]
         # A leaf of somebody's own may give other names.
         self._survivors = max(self._survivors, int(number) if number.isdecimal() else 0)
         if zone := self._found_at.get(position(data["x"], data["y"])):
             self._found_in[data["survivor"]] = zone
 
-    def _take_survivor_judged(self, data: Mapping[str, Any]) -> None:
+    def _on_survivor_judged(self, data: Mapping[str, Any]) -> None:
         name = data["survivor"]
         is_rejected = data["standing"] == "rejected"
         # The look has ended with what was no find: nobody knows whether it would have found somebody else.
@@ -447,20 +442,46 @@ class ZoneManager:
             self.looks[self._found_in[name]] += -1 if is_rejected else 1
             self._rejected ^= {name}
 
-    def _take_facts_lost(self, data: Mapping[str, Any]) -> None:
+    def _on_facts_lost(self, data: Mapping[str, Any]) -> None:
         self._survivors = max(self._survivors, int(data["numbers"].get("survivor", 0)))
 
-    def _leave(self, kind: str, zone: Zone) -> None:
-        if kind == "zone_visited":
-            self._index += 1
-            return
-        del self._zones[self._index]
-        if kind == "zone_abandoned":
-            self._abandoned.append(zone)
-        else:
-            self._zones.append(zone)
-            self._postponed[zone["id"]] += 1
-            self._ways.clear()
+    def _on_zone_visited(self, data: Mapping[str, Any]) -> None:
+        self._check_current(data["zone"])
+        self._index += 1
+
+    def _on_zone_postponed(self, data: Mapping[str, Any]) -> None:
+        self._check_current(data["zone"])
+        self._zones.append(self._zones.pop(self._index))
+        self._postponed[data["zone"]] += 1
+        self._ways.clear()
+
+    def _on_zone_abandoned(self, data: Mapping[str, Any]) -> None:
+        self._check_current(data["zone"])
+        self._abandoned.append(self._zones.pop(self._index))
+
+    def _check_current(self, zone_id: str) -> None:
+        if zone_id != (current := self.current_zone()["id"]):
+            raise ValueError(f"the zone is then {current}")
+
+    # Other kinds do not change the plan.
+    _HANDLERS: ClassVar[Mapping[str, Callable[["ZoneManager", Mapping[str, Any]], None]]] = {
+        search_events.ZONE_CHOSEN: _on_zone_chosen,
+        search_events.ZONE_SEARCHED: _on_zone_searched,
+        search_events.ZONE_VISITED: _on_zone_visited,
+        search_events.ZONE_POSTPONED: _on_zone_postponed,
+        search_events.ZONE_ABANDONED: _on_zone_abandoned,
+        search_events.SWEEP_PLANNED: _on_sweep_planned,
+        search_events.PIECE_SWEPT: _on_piece_swept,
+        search_events.PIECE_SKIPPED: _on_piece_skipped,
+        search_events.HINT_GIVEN: _on_hint_given,
+        search_events.BASE_REACHED: _on_base_reached,
+        search_events.CHARGING_REACHED: _on_charging_reached,
+        search_events.ZONE_ADDED: _on_zone_added,
+        search_events.AREA_DRAWN: _on_area_drawn,
+        search_events.SURVIVOR_NAMED: _on_survivor_named,
+        search_events.SURVIVOR_JUDGED: _on_survivor_judged,
+        FACTS_LOST: _on_facts_lost,
+    }
 
 
 def _ends(start: MapPose, target: MapPose) -> frozenset[tuple[float, float]]:

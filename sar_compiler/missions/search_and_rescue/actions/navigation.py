@@ -16,6 +16,7 @@ from sar_compiler.leaves import (
     drive_left,
     turn_by,
 )
+from sar_compiler.missions import PROGRESS
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, MapPose, ZoneManager
 
@@ -132,7 +133,7 @@ class NavigateTo(ActionLeaf):
         if self._next_progress is None or self._next_progress.passed:
             self._next_progress = Deadline(_PROGRESS_SEC, self._clock)
             figures = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
-            self.record.journal.watch("progress", target=self._target, **figures)
+            self.record.journal.watch(PROGRESS, target=self._target, **figures)
         return None
 
     def on_result(self, status: int, result: Any) -> Status:
