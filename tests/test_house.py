@@ -205,6 +205,76 @@ def test_a_laptop_without_ros_can(statement):
     assert done.returncode == 0, done.stderr
 
 
+LOOKS_UP = {"getattr", "setattr", "hasattr", "delattr", "attrgetter", "methodcaller"}
+COMPUTED_ELSEWHERE = {"runtime/kernel/branching.py"}
+"""The ports of a Switch: `case_1`, `case_2`, … as many as it has children."""
+
+
+def computed_lookups(tree):
+    """Yield the lines of a module that look an attribute up by a computed text: written there, or in a variable of the function."""
+    for scope in ast.walk(tree):
+        if not isinstance(scope, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda, ast.Module)):
+            continue
+        nodes = [*ast.walk(scope)]
+        # A variable is one of its function.
+        computed = {
+            target.id
+            for node in (() if isinstance(scope, ast.Module) else nodes)
+            if isinstance(node, (ast.Assign, ast.NamedExpr, ast.AnnAssign)) and is_computed_text(node.value)
+            for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+            if isinstance(target, ast.Name)
+        }
+        for node in nodes:
+            if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] in LOOKS_UP:
+                for name in node.args:
+                    if is_computed_text(name) or (isinstance(name, ast.Name) and name.id in computed):
+                        yield node.lineno
+
+
+def is_computed_text(node):
+    """Return whether an expression puts a text together: `f"on_{kind}"`, `"on_" + kind`, `"on_%s" % kind`, `"on_{}".format(kind)`."""
+    if isinstance(node, ast.NamedExpr):
+        return is_computed_text(node.value)
+    if isinstance(node, ast.Call):
+        return ast.unparse(node.func).rpartition(".")[2] in {"format", "join", "replace"}
+    if isinstance(node, ast.BinOp):
+        return any(
+            is_computed_text(side) or (isinstance(side, ast.Constant) and isinstance(side.value, str))
+            for side in (node.left, node.right)
+        )
+    return isinstance(node, ast.JoinedStr)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'getattr(a, f"on_{k}", None)',
+        'getattr(a, "on_" + k)',
+        'getattr(a, k + "_" + k)',
+        'operator.methodcaller("on_%s" % k)',
+        'setattr(a, "on_{}".format(k), 1)',
+        'def f(a, k):\n    name = f"on_{k}"\n    getattr(a, name)',
+        'def f(a, k):\n    name: str = "on_" + k\n    return getattr(a, name)',
+        'if hasattr(a, name := "_".join(k)): ...',
+    ],
+)
+def test_a_lookup_by_a_computed_text_is_found(text):
+    assert [*computed_lookups(ast.parse(text))]
+    assert not [
+        *computed_lookups(ast.parse('def f(a, k):\n    name = NAMES[k]\n    return getattr(a, name, "")'))
+    ]
+
+
+def test_no_attribute_is_looked_up_by_a_computed_text():
+    """Names that are looked up stand in tables, so that a search for them finds them."""
+    found = {
+        str(path.relative_to(PACKAGE))
+        for path in FILES
+        if [*computed_lookups(ast.parse(path.read_text(encoding="utf-8")))]
+    }
+    assert found == COMPUTED_ELSEWHERE
+
+
 MAKES_CODE = "runtime/script_code.py"
 """Makes code of its own, of syntax trees without a word of a file (`tests/runtime/test_script_code.py` looks at them)."""
 
