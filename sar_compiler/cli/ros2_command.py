@@ -11,6 +11,7 @@ from functools import partial
 from ros2cli.command import CommandExtension
 
 from sar_compiler.commands import OK, USAGE
+from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.ros.mission_graph import OrderError, give_order, missions_in_sight, orders_of
 from sar_compiler.ros.serving import spinning_node
 
@@ -48,6 +49,7 @@ class MissionCommand(CommandExtension):
             if name == "order":
                 order.add_argument("order", metavar="ORDER", help="its name, or how that begins")
             order.add_argument("--node", help="the mission's node (default: the only mission)")
+            order.add_argument("--reason", default="", help="why, for the journal")
 
     def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:
         """Do what is asked for, and return the exit status."""
@@ -69,7 +71,7 @@ def _main(verb: str, args: argparse.Namespace) -> int:
     if verb == "list":
         return _list()
     try:
-        print(_give(args.order if verb == "order" else verb, args.node))
+        print(_give(args.order if verb == "order" else verb, args.node, args.reason))
     except OrderError as error:
         print(f"ros2 mission {verb}: {error}", file=sys.stderr)
         return USAGE
@@ -90,7 +92,7 @@ def _list() -> int:
     return OK
 
 
-def _give(name: str, of: str | None) -> str:
+def _give(name: str, of: str | None, reason: str) -> str:
     from sar_compiler.missions.order_record import RemoteSignature
 
     with spinning_node("sar_mission_order") as node:
@@ -112,6 +114,8 @@ def _give(name: str, of: str | None) -> str:
             raise OrderError(
                 f"{full} heeds no order '{name}'; it heeds {', '.join(orders) or 'none without values'}"
             )
-        by = f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}"
+        author = CommandAuthor(f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}", reason)
         signature = RemoteSignature(node, full)
-        return give_order(node, full, meant[0], partial(signature.sign, meant[0], by)) or f"{meant[0]}: done"
+        return (
+            give_order(node, full, meant[0], partial(signature.sign, meant[0], author)) or f"{meant[0]}: done"
+        )

@@ -19,6 +19,7 @@ from sar_compiler.journal.journal_entries import (
     PROPERTIES_OWED,
     PROPERTIES_WATCHED,
     PROPERTY_BROKEN,
+    CommandAuthor,
 )
 from sar_compiler.missions.mission import Verb, VerbError
 from sar_compiler.ros.clock import mission_clock
@@ -109,8 +110,8 @@ class _PropertyOrders:
         due, self._due = self._due, []
         for order in due:
             try:
-                by = f"the property '{order.about}', violated by {order.event}"
-                answer = self._calls.give(order.verb.name, {}, by)
+                author = CommandAuthor(f"the property '{order.about}'", f"violated by {order.event}")
+                answer = self._calls.give(order.verb.name, {}, author)
             except VerbError as error:  # noqa: PERF203 - one of a few
                 if time.monotonic() - order.since < _PATIENCE_SEC:
                     self._due.append(order)

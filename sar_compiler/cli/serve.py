@@ -21,6 +21,7 @@ from sar_compiler.cli.supervision import run_command
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import ADRIFT, FINDINGS, OK, USAGE
 from sar_compiler.errors import SarError
+from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.ros.arguments import parameter_files, split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.parameter_file import read_parameter_file
@@ -224,7 +225,9 @@ def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
     # One after the other, and not in the thread that calls the services.
     orders = ThreadPoolExecutor(1, "orders")
 
-    def give(verb: str, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
+    def give(
+        verb: str, author: CommandAuthor, is_new: Callable[[], bool], refused: Callable[[str], None]
+    ) -> None:
         def take(answer: "Future[tuple[bool, str]]") -> None:
             error = answer.exception()
             was_done, said = (False, str(error)) if error is not None else answer.result()
@@ -234,7 +237,7 @@ def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
         while verb not in calls.available() and is_new():
             time.sleep(_LOOK_SEC)
         try:
-            calls.give(verb, {}, by).add_done_callback(take)
+            calls.give(verb, {}, author).add_done_callback(take)
         except VerbError as error:
             refused(str(error))
 
@@ -243,7 +246,8 @@ def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
         if verb is None:
             refused("it knows no such order")
         else:
-            orders.submit(give, verb, is_new, refused)
+            author = CommandAuthor(by, f"the server was {'de' if wanted else ''}activated")
+            orders.submit(give, verb, author, is_new, refused)
 
     return hold
 

@@ -56,7 +56,7 @@ class TeamOrders:
         """
         if giver.robot not in self._calls:
             raise VerbError("nothing can be ordered of this robot: its mission is not known here")
-        return self._calls[giver.robot][1].give(verb, values, giver.words(self._page))
+        return self._calls[giver.robot][1].give(verb, values, giver.author(self._page))
 
 
 @contextmanager

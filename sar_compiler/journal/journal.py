@@ -16,6 +16,7 @@ from sar_compiler.journal.journal_entries import (
     GOAL_SENT,
     RUN_BEGAN,
     RUN_ENDED,
+    CommandAuthor,
     Ending,
     JournalEntry,
     Row,
@@ -128,7 +129,7 @@ class Journal:
         self.on_recovery: Callable[[str], object] = lambda _: None
         self.leaf_in_hand: Callable[[], Mapping[str, int]] = dict
         # By whom what is noted was ordered, and the kinds that were noted so.
-        self._ordered_by, self._led_to = "", list[str]()
+        self._author, self._led_to = CommandAuthor(), list[str]()
         self._file = file
         self.aside = aside
         self.head = ""
@@ -323,24 +324,25 @@ class Journal:
         return shown._replace(alarms=(*shown.alarms, *self._alarms)) if self._alarms else shown
 
     @contextmanager
-    def ordered_by(self, by: str) -> Iterator[list[str]]:
-        """Carry out an order within it: what is noted says by whom it was given. Yields a list of the kinds, as they are noted."""
-        self._ordered_by, self._led_to = by, []
+    def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
+        """Carry out an order within it: what is noted says by whom it was given, and why. Yields a list of the kinds, as they are noted."""
+        self._author, self._led_to = author, []
         try:
             yield self._led_to
         finally:
-            self._ordered_by = ""
+            self._author = CommandAuthor()
 
     @property
-    def author(self) -> str:
-        """Who has given the command that is being carried out; empty if none is, or it is not known."""
-        return self._ordered_by
+    def author(self) -> CommandAuthor:
+        """Who has given the command that is being carried out; without a name if none is, or it is not known."""
+        return self._author
 
     def _order(self, kind: str) -> Mapping[str, str]:
-        if not self._ordered_by:
+        if not self._author.name:
             return {}
         self._led_to.append(kind)
-        return {"by": self._ordered_by}
+        by, reason = self._author
+        return {"by": by, "reason": reason} if reason else {"by": by}
 
     def keep_number(self, kind: str, number: int) -> None:
         """Remember the highest number in use, such as in names: the next run goes on above it even where facts are lost.

@@ -18,8 +18,8 @@ RUN_ENDED = "run_ended"
 """The kind of its last: `ending`, `status`, `reason`, and the `head` of the journal's chain, where there is one."""
 
 ORDERED = "ordered"
-"""The kind of an order by a service of the mission: its `verb`, its `label`, `by` whom, as far as that is known, the `refusal`, empty if there is
-none, and `is_told`: whether facts tell of it already."""
+"""The kind of an order by a service of the mission: its `verb`, its `label`, `by` whom, as far as that is known, the `reason` and the `refusal`,
+empty if there is none, and `is_told`: whether facts tell of it already."""
 
 PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
 """Kinds of what a run is watched for: once, the `file` and its `properties`, each with its `name` and what is done `if_broken`, and the names `left_out`;
@@ -53,6 +53,26 @@ def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
         return time.strftime(form, time.localtime(wall))
     except (OSError, OverflowError, ValueError):
         return f"{wall:g}"
+
+
+class CommandAuthor(NamedTuple):
+    """By whom a command is given, and why.
+
+    Attributes:
+        name: A person, a program or a property, in words: `Ann (page, 127.0.0.1)`; empty if it is not known.
+        reason: The reason that they have stated; empty for none.
+    """
+
+    name: str = ""
+    reason: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.reason}" if self.reason else self.name
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> "CommandAuthor":
+        """Return the author in the data of an entry: `by` and `reason`."""
+        return cls(str(data.get("by") or ""), str(data.get("reason") or ""))
 
 
 class JournalEntry(NamedTuple):

@@ -33,6 +33,7 @@ from sar_compiler.journal.journal_entries import (
     RUN_BEGAN,
     RUN_ENDED,
     STATUS,
+    CommandAuthor,
     JournalEntry,
 )
 from sar_compiler.journal.situation import (
@@ -43,7 +44,7 @@ from sar_compiler.journal.situation import (
     Situation,
     fact_words,
     position,
-    told_with_giver,
+    with_author,
 )
 
 RUNNING, SUCCESS, FAILURE, HALTED = "RUNNING", "SUCCESS", "FAILURE", "HALTED"
@@ -304,7 +305,7 @@ class MissionState:
         self._starts: dict[int, float] = {}
         self._phase, self._told_drive = "", 0.0
         # Why the phase is so, as the mission says it, and by whom that was ordered.
-        self._why_ordered = "", ""
+        self._why_ordered = "", CommandAuthor()
 
     @classmethod
     def of(cls, stream: Iterable[JournalEntry]) -> "MissionState":
@@ -375,8 +376,8 @@ class MissionState:
     @property
     def order(self) -> str:
         """Why the phase is so, with who has ordered that; empty where nobody has, or it is not known who."""
-        reason, by = self._why_ordered
-        return told_with_giver(reason, by) if by and reason else ""
+        reason, author = self._why_ordered
+        return with_author(reason, author) if author.name and reason else ""
 
     @property
     def gauges(self) -> list[Gauge]:
@@ -486,11 +487,12 @@ class MissionState:
         self.map = data
 
     def _on_ordered(
-        self, verb: str, label: str, by: str, refusal: str = "", *, is_told: bool = False
+        self, verb: str, label: str, by: str, refusal: str = "", reason: str = "", *, is_told: bool = False
     ) -> None:
         if not is_told:
-            data = {"verb": verb, "label": label, "by": by, "refusal": refusal}
-            words = f"{by or 'an operator'}: {label or verb}{f': refused, {refusal}' if refusal else ''}"
+            data = {"verb": verb, "label": label, "by": by, "reason": reason, "refusal": refusal}
+            author = CommandAuthor(by or "an operator", reason)
+            words = f"{with_author(label or verb, author)}{f': refused, {refusal}' if refusal else ''}"
             self.facts.append(KnownFact(self.now, ORDERED, data, words))
 
     def _on_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
@@ -522,7 +524,7 @@ class MissionState:
             self.warnings.append(Told(self.now, str(text), str(node), int(level)))
 
     def _on_changed(
-        self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, by: str = "", **data: Any
+        self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, **data: Any
     ) -> None:
         situation = self.situation
         if kinds is not None:
@@ -531,7 +533,7 @@ class MissionState:
             self.is_told = True
         situation.take(**data)
         if (reason := situation.phase.reason) != self._why_ordered[0]:
-            self._why_ordered = reason, str(by)
+            self._why_ordered = reason, CommandAuthor.of(data)
         self._finish(data.get("landmarks", ()))
         self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
         for name, value in (
@@ -540,7 +542,7 @@ class MissionState:
             if isinstance(value, int | float) and math.isfinite(value):
                 self.courses.setdefault(name, []).append((self.now, value))
         if said and self.facts:
-            self.facts[-1] = self.facts[-1]._replace(text=told_with_giver(str(said), str(by)))
+            self.facts[-1] = self.facts[-1]._replace(text=with_author(str(said), CommandAuthor.of(data)))
 
     _HANDLERS: ClassVar[Mapping[str, Callable[..., None]]] = {
         RUN_BEGAN: _on_run_began,

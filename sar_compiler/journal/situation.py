@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_ENDED, CommandAuthor, JournalEntry
 from sar_compiler.journal.json_values import json_text
 
 _OPERATOR = "the operator"
@@ -232,11 +232,12 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
     return {key: value for key, value in parts.items() if value or (key == "phase" and value is not None)}
 
 
-def told_with_giver(text: str, by: str) -> str:
-    """Return what is told of a command, with who gave it: in place of `the operator`, or before it, unless it is said already."""
-    if not by or by in text:
-        return text
-    return text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"
+def with_author(text: str, author: CommandAuthor) -> str:
+    """Return a sentence about a command with its author, in place of `the operator` or before it, and with the reason at its end."""
+    by, reason = author
+    if by and by not in text:
+        text = text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"
+    return f"{text}: {reason}" if reason and not text.endswith(reason) else text
 
 
 def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:

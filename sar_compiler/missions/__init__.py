@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import PROGRESS as PROGRESS
     from sar_compiler.journal.journal_entries import RUN_BEGAN as RUN_BEGAN
     from sar_compiler.journal.journal_entries import RUN_ENDED as RUN_ENDED
+    from sar_compiler.journal.journal_entries import CommandAuthor as CommandAuthor
     from sar_compiler.journal.journal_entries import JournalEntry as JournalEntry
     from sar_compiler.journal.situation import Alarm as Alarm
     from sar_compiler.journal.situation import Display as Display

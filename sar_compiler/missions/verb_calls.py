@@ -5,11 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.missions.mission import Verb, VerbError
 from sar_compiler.ros.leaves.leaf import find_interface
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+_UNKNOWN = CommandAuthor()
 
 
 class VerbCalls:
@@ -26,7 +29,9 @@ class VerbCalls:
         self,
         node: "Node",
         verbs: Sequence[Verb],
-        sign: Callable[[str, str, Callable[[], None]], object] = lambda _verb, _by, then: then(),
+        sign: Callable[[str, CommandAuthor, Callable[[], None]], object] = lambda _verb, _author, then: (
+            then()
+        ),
         of: str = "~",
     ) -> None:
         self._sign = sign
@@ -40,13 +45,15 @@ class VerbCalls:
         """Return the verbs whose services are there: those that the tree's leaves heed."""
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
-    def give(self, verb: str, values: Mapping[str, Any], by: str = "") -> "Future[tuple[bool, str]]":
+    def give(
+        self, verb: str, values: Mapping[str, Any], author: CommandAuthor = _UNKNOWN
+    ) -> "Future[tuple[bool, str]]":
         """Give an order, from any thread.
 
         Args:
             verb: The name of a verb.
             values: The values that come with it.
-            by: Who orders it; may be empty.
+            author: Who orders it, and why.
 
         Returns:
             Whether it was accepted, and what was said to it; it can be cancelled until it is sent.
@@ -64,7 +71,7 @@ class VerbCalls:
         request = client.srv_type.Request()
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()
-        self._waiting.append(lambda: self._send(known, client, request, answer, by))
+        self._waiting.append(lambda: self._send(known, client, request, answer, author))
         # It has an executor: the services are there once the tree is set up.
         from sar_compiler.ros.executors import call_soon
 
@@ -76,12 +83,17 @@ class VerbCalls:
             self._waiting.popleft()()
 
     def _send(
-        self, verb: Verb, client: Any, request: Any, answer: "Future[tuple[bool, str]]", by: str
+        self,
+        verb: Verb,
+        client: Any,
+        request: Any,
+        answer: "Future[tuple[bool, str]]",
+        author: CommandAuthor,
     ) -> None:
         # Whoever has given up an order has been told that it was not carried out; from here on nobody can.
         if not answer.set_running_or_notify_cancel():
             return
-        self._sign(verb.name, by, lambda: self._call_service(client, request, answer))
+        self._sign(verb.name, author, lambda: self._call_service(client, request, answer))
 
     def _call_service(self, client: Any, request: Any, answer: "Future[tuple[bool, str]]") -> None:
         def take(called: Any) -> None:

@@ -18,10 +18,11 @@ from sar_compiler.journal.journal_entries import (
     RUN_BEGAN,
     RUN_ENDED,
     STATUS,
+    CommandAuthor,
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
-from sar_compiler.journal.situation import Landmark, fact_words, told_with_giver
+from sar_compiler.journal.situation import Landmark, fact_words, with_author
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.signs import IN_TEXT
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -80,7 +81,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
             return ""
         words = f"{node.name} {node.words}"
     elif entry.kind == CHANGED:  # behind each fact stands what it says
-        words = told_with_giver(str(entry.data.get("said") or ""), str(entry.data.get("by") or ""))
+        words = with_author(str(entry.data.get("said") or ""), CommandAuthor.of(entry.data))
     elif entry.kind == ORDERED:
         words = "" if entry.data.get("is_told") else state.facts[-1].text
     else:

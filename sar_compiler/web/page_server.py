@@ -26,11 +26,12 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sar_compiler import signs
 from sar_compiler.errors import SarError
+from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.web.feed import Feed, ReplayFeed, as_json
 
 # Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
-_LONGEST_ORDER, _LONGEST_NAME = 10_000, 60
+_LONGEST_ORDER, _LONGEST_NAME, _LONGEST_REASON = 10_000, 60, 200
 # How long an order may take, in seconds; the page waits somewhat longer (`orders.js`).
 _ANSWER_SEC = 10.0
 
@@ -60,15 +61,17 @@ class OrderGiver(NamedTuple):
         name: What whoever gives it is called; empty if they have not said that.
         robot: The robot's place among those of the page.
         address: The address of the browser.
+        reason: Why; empty if they have not said that.
     """
 
     name: str = ""
     robot: int = 0
     address: str = ""
+    reason: str = ""
 
-    def words(self, page: str) -> str:
-        """Return who gives it on a page, in words."""
-        return f"{self.name or 'an operator'} ({page})"
+    def author(self, page: str) -> CommandAuthor:
+        """Return who gives it on a page."""
+        return CommandAuthor(f"{self.name or 'an operator'} ({page})", self.reason)
 
 
 class Orders(Protocol):
@@ -164,9 +167,11 @@ async def _order(orders: Orders | None, token: str, request: Request) -> Respons
         return _answer(403, _ONLY_LOOKS)
     values = await _values(request)
     robot = _robot(request)
-    by = unquote(request.headers.get("x-operator", ""))[:_LONGEST_NAME]
-    address = request.client.host if request.client else ""
-    giver = OrderGiver("".join(filter(str.isprintable, by)).strip(), robot, address)
+    by, reason = (
+        "".join(filter(str.isprintable, unquote(request.headers.get(header, ""))[:longest])).strip()
+        for header, longest in (("x-operator", _LONGEST_NAME), ("x-reason", _LONGEST_REASON))
+    )
+    giver = OrderGiver(by, robot, request.client.host if request.client else "", reason)
     return await _give_order(orders, request.path_params["verb"], values, giver)
 
 

@@ -25,10 +25,11 @@ from sar_compiler.journal.journal_entries import (
     RUN_BEGAN,
     RUN_ENDED,
     STATUS,
+    CommandAuthor,
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import FAILURE, HALTED, RUNNING, SUCCESS, MissionState, RunProcess
-from sar_compiler.journal.situation import FactTime, Landmark, told_with_giver
+from sar_compiler.journal.situation import FactTime, Landmark, with_author
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
 # A longer log keeps its last lines, and of those before them facts and warnings; a longer trail loses every second point.
@@ -290,7 +291,7 @@ class PageState:
             self._is_new = True
         if self._fact is not None and (said := data.get("said")):
             *when, _ = self._log.values[self._fact]
-            self._log.put(self._fact, [*when, told_with_giver(str(said), str(data.get("by") or ""))])
+            self._log.put(self._fact, [*when, with_author(str(said), CommandAuthor.of(data))])
 
     def _add_line(self, level: str, text: str, stamp: float | None = None) -> int:
         """Add a line to the log, one with a stamp in front of what came later; return its place."""

@@ -1,6 +1,7 @@
 """`ros2 mission`: the commands beside ROS's own, and orders to missions that run somewhere in the graph."""
 
 import argparse
+import queue
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from tests.ros.conftest import make_ros, ros
 from tests.trees import document
+from tests.waiting import SILENCE_SEC
 
 __all__ = ["make_ros", "ros"]
 
@@ -42,8 +44,14 @@ def mission(monkeypatch, capsys):
 
 
 @pytest.fixture
-def robots(ros):
+def authors():
+    return queue.Queue()
+
+
+@pytest.fixture
+def robots(ros, authors):
     """Missions that run: each drives an action, and heeds orders."""
+    from rcl_interfaces.msg import SetParametersResult
     from std_srvs.srv import Trigger
 
     from sar_compiler.ros.sole_mission import SoleMission
@@ -52,9 +60,14 @@ def robots(ros):
     nodes = []
     threads: list[Thread] = []
 
+    def take_author(parameters):
+        authors.put(parameters[0].value)
+        return SetParametersResult(successful=True)
+
     def fly(name, heeds):
-        node = ros.node(name)
+        node = ros.node(name, allow_undeclared_parameters=True)
         nodes.append(node)
+        node.add_on_set_parameters_callback(take_author)
 
         def carry_out(order):
             def answer(_request, response):
@@ -123,6 +136,14 @@ def test_an_order_is_given_and_its_answer_is_told(mission, robots):
     assert mission("pause") == (0, "held\n")
     assert given == [("digger", "pause")]
     assert mission("order", "abort") == (0, "abort: done\n")
+
+
+def test_an_order_says_who_gives_it_and_why_before_it_is_given(mission, robots, authors):
+    robots("digger", HEEDS)
+    assert mission("pause", "--reason", "smoke") == (0, "held\n")
+    by, reason = authors.get(timeout=SILENCE_SEC)
+    assert by.startswith("ros2 mission of ")
+    assert reason == "smoke"
 
 
 def test_an_order_that_is_not_carried_out_fails_and_says_why(mission, robots):

@@ -59,13 +59,14 @@ def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_i
     orders.know(0, began("/robot1/mission"))
     ros.spin_until(lambda: orders.available(1) == ["pause"], "the service of robot2")
     assert orders.available(0) == []
-    answer = orders.give("pause", {}, OrderGiver("Ada", 1))
+    answer = orders.give("pause", {}, OrderGiver("Ada", 1, reason="smoke"))
     ros.spin_until(answer.done, "the answer")
     assert (answer.result(), asked) == ((True, "it stands"), ["pause"])
     by = f"Ada (team page of ops@{socket.gethostname()})"
     (order,) = told
     assert order.kind == "ordered"
-    assert order.data == {"verb": "pause", "label": "Pause", "by": by, "refusal": "", "is_told": False}
+    said = {"by": by, "reason": "smoke", "refusal": ""}
+    assert order.data == {"verb": "pause", "label": "Pause", **said, "is_told": False}
 
 
 def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):

@@ -71,8 +71,8 @@ def test_what_is_done_then_is_ordered_of_the_mission_in_the_property_s_name(abor
     _, _, entries, _ = aborted
     (command,) = [each.data for each in entries if each.kind == "command_given"]
     assert command["command"] == "abort"
-    assert {each.data["by"] for each in entries if "by" in each.data} == {
-        "the property 'nobody is found', violated by DetectSurvivor found"
+    assert {(each.data["by"], each.data["reason"]) for each in entries if "by" in each.data} == {
+        ("the property 'nobody is found'", "violated by DetectSurvivor found")
     }
 
 

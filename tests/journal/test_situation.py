@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import CHANGED, Ending, JournalEntry
+from sar_compiler.journal.journal_entries import CHANGED, CommandAuthor, Ending, JournalEntry
 from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import (
@@ -28,7 +28,7 @@ from sar_compiler.journal.situation import (
     beginning,
     changes,
     fact_words,
-    told_with_giver,
+    with_author,
 )
 from sar_compiler.missions.mission import MissionRun
 
@@ -283,7 +283,10 @@ def test_a_fact_that_cannot_be_is_not_written(tmp_path: Path) -> None:
     ],
 )
 def test_who_gave_an_order_stands_in_the_place_of_the_operator(text, by, told):
-    assert told_with_giver(text, by) == told
+    assert with_author(text, CommandAuthor(by)) == told
+    if by:
+        assert with_author(text, CommandAuthor(by, "smoke")) == f"{told}: smoke"
+        assert with_author(f"{told}: smoke", CommandAuthor(by, "smoke")) == f"{told}: smoke"
 
 
 def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission():

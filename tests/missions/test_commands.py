@@ -11,6 +11,7 @@ from sar_compiler import load
 from sar_compiler.checks.property_watch import PropertyWatch
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.order_record import OrderRecord
 from sar_compiler.missions.search_and_rescue.actions.sweeping import PlanSweep
@@ -28,7 +29,8 @@ from sar_compiler.runtime.answers import DeclaredAnswers
 
 pytestmark = pytest.mark.ros
 
-ANN = "Ann (page, 127.0.0.1)"
+ANN = CommandAuthor("Ann (page, 127.0.0.1)", "the corridor is full of smoke")
+BOB = CommandAuthor("Bob", "the lift is stuck")
 TREE = Path("trees/search_areas_guarded.xml")
 CONDITIONS = {"NotHeld": NotHeld, "NotAborted": NotAborted, "NotRecalled": NotRecalled}
 _DECLARED = {spec.tag: DeclaredAnswers(spec.answers) for spec in SPECS if spec.tag in CONDITIONS}
@@ -65,6 +67,9 @@ class CommandedMission:
                 "PlanSweep", zone_manager=manager, sweeps=search.sweeps, orders=search.orders
             ),
         }
+        self.lines: list[str] = []
+        for leaf in self.leaves.values():
+            leaf.say = leaf.complain = self.lines.append
         simulated = load(TREE).stage().play().simulated
         self.numbers = {
             type_: leaf.number
@@ -88,7 +93,7 @@ class CommandedMission:
         for leaf in self.leaves.values():
             leaf.shutdown()
 
-    def give(self, command: CommandSpec, by: str = ANN) -> tuple[bool, str]:
+    def give(self, command: CommandSpec, by: CommandAuthor = ANN) -> tuple[bool, str]:
         """Give a command as its service would take it, signed; return whether it was accepted, and what was said."""
         verb = command.verb
         name = self.node.resolve_service_name(f"~/{verb.name}")
@@ -142,7 +147,7 @@ def find(mission: CommandedMission) -> None:
 
 
 def pause(mission: CommandedMission) -> None:
-    mission.give(COMMANDS[0], "Bob")
+    mission.give(COMMANDS[0], BOB)
     mission.tick()
 
 
@@ -163,18 +168,20 @@ def test_what_leaves_answer_to_a_command_is_what_proofs_assume_and_has_its_autho
     count = len(mission.state.facts)
     accepted, _ = mission.give(command)
     (said, *_) = mission.state.facts[count:]
-    assert ANN in said.text
+    assert ANN.name in said.text
+    assert ANN.reason in said.text
     failures = [answer for _ in range(2) for answer in mission.tick() if answer[0] == "FAILURE"]
+    assert any(ANN.name in line and ANN.reason in line for line in mission.lines), mission.lines
     assert [alarm.text for alarm in mission.watch.alarms] == []
     if not accepted:
         assert said.kind == "ordered"
     elif command.done and command.verb.name != "resume":
-        by = "Bob" if (command.verb.name, situation) == ("pause", "paused") else ANN
+        by = BOB if (command.verb.name, situation) == ("pause", "paused") else ANN
         assert all(f"{command.done} by {by}" in message for _, _, message in failures), failures
         assert len(failures) == 2
-        assert by in condition(mission.state).text()
+        assert str(by) in condition(mission.state).text()
     elif failures and situation != "paused":
-        assert all(ANN in message for _, _, message in failures)
+        assert all(str(ANN) in message for _, _, message in failures)
 
 
 def test_a_zone_that_is_added_on_the_way_home_is_searched_and_nothing_is_alarmed(

@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.journal_entries import CommandAuthor, Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.missions.order_record import OrderRecord, RemoteSignature
 from sar_compiler.missions.search_and_rescue.orders import VERBS
@@ -94,7 +94,8 @@ def test_an_order_that_is_refused_and_one_that_nothing_is_noted_of_are_told_by_t
 def test_each_order_is_in_the_journal_once(robot):
     robot.sign("pause", "Ada")
     robot.call("pause")
-    told = {"verb": "pause", "label": "Pause", "by": "Ada", "refusal": "", "is_told": True}
+    said = {"by": "Ada", "reason": "", "refusal": ""}
+    told = {"verb": "pause", "label": "Pause", **said, "is_told": True}
     assert [each.data for each in robot.entries if each.kind == "ordered"] == [told]
 
 
@@ -134,6 +135,41 @@ def test_what_somebody_says_is_a_short_line(robot, by, said):
     assert robot.orders == [f"{said}: pause"]
 
 
+@pytest.mark.parametrize(
+    ("said", "order"),
+    [
+        (["Ada", "smoke in the corridor."], "Ada: pause: smoke in the corridor"),
+        (["", "smoke"], f"{A_CALL}: pause: smoke"),
+        (["Ada", ""], "Ada: pause"),
+        (["Ada"], "Ada: pause"),
+        (["Ada", "smoke", "and more"], "Ada: pause: smoke"),
+        (["Ada", "sm\nok\x1b[2Je\u202e"], "Ada: pause: smok[2Je"),
+        (["Ada", "x" * 999], f"Ada: pause: {'x' * 200}"),
+    ],
+)
+def test_who_is_about_to_call_can_say_why(robot, said, order):
+    assert robot.sign("pause", said)
+    robot.call("pause")
+    assert robot.orders == [order]
+    assert robot.reason == f"by {order.replace(': pause', '', 1)}"
+
+
+def test_a_name_alone_and_a_name_with_a_reason_may_follow_each_other(robot):
+    for said in ("Ada", ["Bob", "smoke"], "Eve"):
+        assert robot.sign("pause", said)
+        robot.call("pause")
+    assert robot.orders == ["Ada: pause", "Bob: pause: smoke", "Eve: pause"]
+
+
+def test_the_reason_of_a_refused_order_is_recorded(robot):
+    robot.refusal = "no zone is left"
+    robot.sign("pause", ["Ada", "smoke"])
+    robot.call("pause")
+    assert robot.orders == ["Ada: Pause: smoke: refused, no zone is left"]
+    (order,) = [each.data for each in robot.entries if each.kind == "ordered"]
+    assert (order["by"], order["reason"], order["refusal"]) == ("Ada", "smoke", "no zone is left")
+
+
 def test_other_parameters_sign_nothing(robot):
     from rclpy.parameter import Parameter
 
@@ -160,7 +196,7 @@ def test_what_the_mission_notes_after_an_order_was_not_ordered(robot):
 
 
 def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
-    with robot.journal.ordered_by("Ada"):
+    with robot.journal.ordered_by(CommandAuthor("Ada")):
         robot.search.orders.give("abort")
     robot.journal.end(Ending.OVER, 1, "It has ended here.")
     assert condition(robot.state).text() == "ABORTED: It has ended here. (by Ada)"
@@ -178,10 +214,10 @@ def signing(ros, of):
 
 def test_who_orders_from_another_node_is_heard_before_the_order_which_is_given_once(robot):
     given: list[str] = []
-    signing(robot.ros, "/mission").sign("pause", "Ada", lambda: given.append("pause"))
+    signing(robot.ros, "/mission").sign("pause", CommandAuthor("Ada", "smoke"), lambda: given.append("pause"))
     robot.ros.spin_until(lambda: given, "the order")
     robot.call("pause")
-    assert robot.orders == ["Ada: pause"]
+    assert robot.orders == ["Ada: pause: smoke"]
     robot.ros.spin_for(1.2)
     assert given == ["pause"]
 
@@ -191,7 +227,7 @@ def test_an_answer_that_is_lost_keeps_no_order_from_being_given(ros):
 
     given: list[str] = []
     deaf = Node("deaf", context=ros.context)  # nobody spins it
-    signing(ros, "/deaf").sign("pause", "Ada", lambda: given.append("pause"))
+    signing(ros, "/deaf").sign("pause", CommandAuthor("Ada", "smoke"), lambda: given.append("pause"))
     ros.spin_until(lambda: given, "the order")
     deaf.destroy_node()
     assert given == ["pause"]

@@ -22,9 +22,11 @@ class Crew:
 
     def __init__(self):
         self.given = []
+        self.reasons = []
 
     def give(self, verb, values, giver):
         self.given.append((verb, giver.name))
+        self.reasons.append(giver.reason)
         answer: Future[tuple[bool, str]] = Future()
         answer.set_result((True, "done"))
         return answer
@@ -78,6 +80,19 @@ def test_who_gives_an_order_can_say_who_that_is(patrol, crew, browser):
     browser.wait(lambda: crew.given == [("pause", "Ada ∀")], "the pause")
     browser.open(patrol.server.url)
     assert browser.js("return document.getElementById('by').value") == "Ada ∀"
+
+
+def test_an_order_has_the_reason_that_was_entered_beside_the_buttons_or_in_the_question(
+    patrol, crew, browser
+):
+    browser.type("#reason", "smoke ∀", Keys.TAB)
+    browser.click(".toggle")
+    browser.wait(lambda: crew.reasons == ["smoke ∀"], "the pause")
+    assert browser.js("return document.getElementById('reason').value") == ""
+    browser.click(".stop")
+    browser.type("#ask input[name=reason]", "the lift is stuck")
+    browser.click("#ask .yes")
+    browser.wait(lambda: crew.reasons[-1] == "the lift is stuck", "the end of the mission")
 
 
 def test_a_run_that_has_ended_takes_no_orders_any_more(patrol, browser):

@@ -202,6 +202,23 @@ def test_who_has_the_address_gives_orders(live):
 
 
 @pytest.mark.parametrize(
+    ("sent", "reason"),
+    [
+        ("smoke%20in%20the%20corridor", "smoke in the corridor"),
+        ("sm%0Aok%1B%5B2Je%E2%80%AE", "smok[2Je"),
+        ("x" * 999, "x" * 200),
+        ("%FF%FE", "\ufffd\ufffd"),
+        ("", ""),
+    ],
+)
+def test_an_order_has_the_reason_of_its_header_as_a_short_line(live, sent, reason):
+    operator = Operator()
+    assert live(orders=operator).order("pause", {}, **{"X-Operator": "Ada", "X-Reason": sent})[0] == 200
+    (giver,) = operator.givers
+    assert giver.author("page, 127.0.0.1") == ("Ada (page, 127.0.0.1)", reason)
+
+
+@pytest.mark.parametrize(
     "said", ["", "Bearer ", "Bearer wrong", "Basic {token}", "{token}", "Bearer {token}x"]
 )
 def test_without_the_token_nobody_gives_orders(live, said):

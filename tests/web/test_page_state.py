@@ -171,6 +171,13 @@ def test_a_fact_that_somebody_has_ordered_is_told_with_who_has():
     told = {"verb": "pause", "label": "Pause", "by": "Ada", "is_told": True}
     shown = run_of(("command_given", {"command": "pause", "by": "Ada"}), said, ("ordered", told)).whole()
     assert [line[-1] for line in shown["log"]["values"][1:]] == ["Ada: pause"]
+    why = {"by": "Ada", "reason": "smoke"}
+    entries = (
+        ("command_given", {"command": "pause", **why}),
+        (said[0], {**said[1], **why}),
+        ("ordered", {**told, **why}),
+    )
+    assert [line[-1] for line in run_of(*entries).whole()["log"]["values"][1:]] == ["Ada: pause: smoke"]
 
 
 def test_what_a_node_came_to_is_shown_after_it_was_reset():

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.leaves import alive, find_interface, turn_by
-from sar_compiler.missions import Journal, JournalEntry, Verb, VerbField, mission_context
+from sar_compiler.missions import CommandAuthor, Journal, JournalEntry, Verb, VerbField, mission_context
 from sar_compiler.missions.search_and_rescue import search_events
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME
 
@@ -22,7 +22,7 @@ class OperatorOrders:
     The services are those of the leaves that heed the commands: a tree without them offers none.
 
     Attributes:
-        given: The author of each command that was given and lasts, by the command's name.
+        given: The author and the reason, in words, of each command that was given and lasts, by the command's name.
         held: Whether the robot is to stand where it is.
         plan_change: How the plan has changed, in words, so that the mission must look at it anew; empty if it has not.
         has_skipped: Whether a zone was skipped in that.
@@ -37,13 +37,16 @@ class OperatorOrders:
         self._services: dict[str, tuple[Node, Any]] = {}
 
     @property
-    def author(self) -> str:
-        """Who gives the command that is being carried out, in words: `Ann (page, 127.0.0.1)`, `the property 'home at the end'`."""
-        return self.journal.author or _UNKNOWN_AUTHOR
+    def author(self) -> CommandAuthor:
+        """Who gives the command that is being carried out, and why: `Ann (page, 127.0.0.1)`, `the property 'home at the end'`."""
+        author = self.journal.author
+        return author if author.name else CommandAuthor(_UNKNOWN_AUTHOR)
 
     def give(self, command: str) -> None:
         """Give a command that changes what the mission is at: `pause`, `resume`, `go_home` or `abort`."""
-        self.journal.note(search_events.COMMAND_GIVEN, command=command, by=self.author)
+        self.journal.note(
+            search_events.COMMAND_GIVEN, command=command, by=self.author.name, reason=self.author.reason
+        )
 
     def change_plan(self, how: str, *, skips: bool = False) -> None:
         """Have the mission look at its plan anew.
@@ -68,17 +71,19 @@ class OperatorOrders:
         # A command that is given again while it lasts changes nothing, not even who has given it.
         lasts = self.held if command == "pause" else command != "resume"
         if not (lasts and command in self.given):
-            self.given[command] = str(fact.data["by"])
+            self.given[command] = str(CommandAuthor.of(fact.data))
         # Who is called home, or has ended, is held no more.
         self.held = command == "pause"
 
     def said(self, command: str) -> str:
-        """Return what a command has done, and who has given it: `paused by Ann (page, 127.0.0.1)`."""
+        """Return what a command has done, and who has given it why: `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
         return f"{_COMMANDS[command].done} by {self.given.get(command, _UNKNOWN_AUTHOR)}"
 
     def line(self, command: str, more: str = "") -> str:
         """Return a line for the log about the command that is being carried out."""
-        return f"Command {command} by {self.author}{f': {more}' if more else ''}."
+        by, reason = self.author
+        said = f"Command {command} by {by}{f': {more}' if more else ''}."
+        return f"{said} Reason: {reason}." if reason else said
 
     def offer(self, node: "Node", command: str, answer: Callable[[Any, Any], Any]) -> None:
         """Serve a command on a node, as `~/command`; another leaf may have done so before.
@@ -136,8 +141,8 @@ def _at(x: float, y: float) -> str:
     return f"({x:.2f}, {y:.2f})"
 
 
-def _said_given(command: str, by: str) -> str:
-    return f"{by}: {_COMMANDS[command].verb.label.lower()}"
+def _said_given(command: str, by: str, reason: str = "") -> str:
+    return f"{by}: {_COMMANDS[command].verb.label.lower()}{f': {reason}' if reason else ''}"
 
 
 def _said_added(id: str, x: float, y: float, yaw: float) -> str:  # noqa: A002, ARG001 - as the fact has it

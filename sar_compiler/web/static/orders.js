@@ -26,7 +26,9 @@ export class Orders {
     this.to = html("h2", { class: "to" });
     this.by = html("input", { id: "by", autocomplete: "off", maxlength: 60, value: remembered() });
     this.who = html("label", { class: "by" }, "Your name, for the log ", this.by);
-    place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.more, this.who);
+    this.reason = html("input", { id: "reason", autocomplete: "off", maxlength: 200 });
+    this.why = html("label", { class: "by" }, "Reason, for the log ", this.reason);
+    place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.more, this.who, this.why);
     this.ask = html("dialog", { id: "ask" }, html("form", { method: "dialog" }, html("h2"), html("div"), html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
     document.body.append(this.ask);
     // Not a button that submits: Enter in a field would press the first of these.
@@ -88,7 +90,7 @@ export class Orders {
     this.stop.hidden = !this.of("stop") && !this.of("hold");
     this.buttons = new Map(this.verbs.filter(({ role }) => !role).map((verb) => [verb.name, this.button(verb)]));
     this.more.replaceChildren(...this.buttons.values());
-    this.who.hidden = !this.verbs.length || !this.token;
+    this.who.hidden = this.why.hidden = !this.verbs.length || !this.token;
     if (!this.token) say(this.answer, "To give orders, open the address that the run has printed.");
     else if (this.isKnown && !this.verbs.length) say(this.answer, "This tree takes no orders.");
     else if (!this.answer.dataset.kind) say(this.answer, "");
@@ -127,7 +129,9 @@ export class Orders {
   halt() {
     const [hold, stop] = [this.of("hold"), this.of("stop")];
     const stays = this.isHeld || this.now.has(hold?.name);
+    const reason = this.reason.value;
     if (stays && !this.isHeld) this.give(hold, {});
+    this.reason.value = reason;
     if (stop && this.now.has(stop.name)) this.begin(stop, stays ? "The robot is told to stand still. It stays paused unless the mission is ended here." : "");
   }
 
@@ -154,7 +158,7 @@ export class Orders {
     say(heading, this.stream.isTeam ? `${verb.label}: ${to}` : verb.label);
     say(yes, verb.label);
     say(this.ask.querySelector(".no"), before ? "Stay paused" : "Leave it");
-    body.replaceChildren(...[before, verb.confirm].filter(Boolean).map((text) => html("p", {}, text)), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))));
+    body.replaceChildren(...[before, verb.confirm].filter(Boolean).map((text) => html("p", {}, text)), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))), this.reasonField());
     const outline = verb.fields.find(({ kind }) => kind === "polygon")?.name;
     const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, (READ[kind] ?? String)(fields.get(name).value)]));
     if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read, "Show it on the map", "Click where it is to be; Escape leaves it.", (answer) => this.map.pick(answer), ([x, y]) => ({ x: x.toFixed(2), y: y.toFixed(2) })));
@@ -165,6 +169,13 @@ export class Orders {
     return new Promise((answer) => {
       this.ask.onclose = () => answer(this.ask.returnValue === "yes" ? read() : null);
     });
+  }
+
+  /** A field in the question for the reason, which is the same as beside the buttons. */
+  reasonField() {
+    const field = html("input", { name: "reason", autocomplete: "off", maxlength: 200, value: this.reason.value });
+    field.addEventListener("input", () => (this.reason.value = field.value));
+    return html("label", {}, "Reason, for the log ", field);
   }
 
   /** A button that leaves the question for the map, and comes back to it with what was picked there. */
@@ -200,14 +211,18 @@ export class Orders {
   async give(verb, values, robot = this.stream.chosen) {
     const to = this.addressed(verb, robot);
     this.tell(`${to} …`, "asked");
-    const [text, kind] = await this.send(verb, values, robot);
+    const sent = this.send(verb, values, robot);
+    this.reason.value = "";
+    const [text, kind] = await sent;
     this.tell(`${to}: ${text}`, kind);
   }
 
   /** Give several robots an order each, at once; what they answer is told together. */
   async giveEach(orders) {
     this.tell(`${orders.map(([robot, verb]) => this.addressed(verb, robot)).join("; ")} …`, "asked");
-    const answers = await Promise.all(orders.map(([robot, verb]) => this.send(verb, {}, robot)));
+    const sent = orders.map(([robot, verb]) => this.send(verb, {}, robot));
+    this.reason.value = "";
+    const answers = await Promise.all(sent);
     const told = answers.map(([text], index) => `${this.addressed(orders[index][1], orders[index][0])}: ${text}`);
     this.tell(told.join("; "), answers.some(([, kind]) => kind === "trouble") ? "trouble" : "done");
   }
@@ -221,7 +236,7 @@ export class Orders {
     try {
       const response = await fetch(`orders/${encodeURIComponent(verb.name)}?robot=${robot}`, {
         method: "POST",
-        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}`, "X-Operator": encodeURIComponent(this.by.value.trim()) },
+        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}`, "X-Operator": encodeURIComponent(this.by.value.trim()), "X-Reason": encodeURIComponent(this.reason.value.trim()) },
         body: JSON.stringify(values),
         signal: AbortSignal.timeout(ANSWER_MS),
       });
