@@ -137,12 +137,12 @@ class _Commander:
         self._clients = {name: node.create_client(Trigger, f"/{PLAIN}/{name}") for name in names}
 
     def give(self, name: str, by: str) -> None:
-        """Give a command, signed by its author if there is one."""
+        """Give a command, signed by its author with a reason if there is one."""
         from rclpy.parameter import Parameter
 
         if by:
             signed = self._parameters.srv_type.Request()
-            signed.parameters = [Parameter(f"ordered_by.{name}", value=by).to_parameter_msg()]
+            signed.parameters = [Parameter(f"ordered_by.{name}", value=[by, "smoke"]).to_parameter_msg()]
             self._call(self._parameters, signed)
         client = self._clients[name]
         self._call(client, client.srv_type.Request())
@@ -345,18 +345,22 @@ CAUSES = (
         },
     ),
     # Commands, of operators and of violated properties.
-    _command("a mission that an operator aborts", r"NotAborted\? FAILURE.*aborted.*Ann", "abort", "Ann"),
+    _command(
+        "a mission that an operator aborts", r"NotAborted\? FAILURE.*aborted.*Ann: smoke", "abort", "Ann"
+    ),
     _command("an abort by a service call", r"NotAborted\? FAILURE.*aborted.*service call", "abort"),
-    _command("a robot that an operator calls home", r"NotRecalled\? FAILURE.*home.*Ann", "go_home", "Ann"),
+    _command(
+        "a robot that an operator calls home", r"NotRecalled\? FAILURE.*home.*Ann: smoke", "go_home", "Ann"
+    ),
     _command(
         "a zone that an operator skips",
-        r"NotHeld\? FAILURE \(zone skipped\).*zone_b.*Ann",
+        r"NotHeld\? FAILURE \(zone skipped\).*zone_b.*Ann: smoke",
         "skip_zone",
         "Ann",
     ),
     _command(
         "a pause that never ends",
-        r"NotHeld\? FAILURE \(held\).*paused.*Ann",
+        r"NotHeld\? FAILURE \(held\).*paused.*Ann: smoke",
         "pause",
         "Ann",
         parameters={"time_limit_sec": "60.0"},

@@ -13,6 +13,7 @@ from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
 from sar_compiler.commands import OK, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
+from sar_compiler.journal.refused_start import read_refusal
 from sar_compiler.opener import is_file
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.plain import as_json
@@ -56,6 +57,13 @@ def tell_why(options: argparse.Namespace) -> int:
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.views.why import difference_data, difference_text
 
+    refused = read_refusal(options.journal)
+    if refused is not None and not is_file(options.journal):
+        if options.format == "json":
+            print(as_json({"refused_start": refused._asdict()}))
+        else:
+            print_text(refused.text)
+        return OK
     with JournalFile.reading(options.journal) as file:
         # Nothing in it asks whether it has to end.
         budget = budget_of(options, patience_sec=0.0)
@@ -66,8 +74,11 @@ def tell_why(options: argparse.Namespace) -> int:
     if options.format == "json":
         data = explained.data()
         more = {"difference": difference_data(difference)} if options.against is not None else {}
+        more |= {"refused_start": refused._asdict()} if refused is not None else {}
         print(as_json({**data, **more}))
         return budget.exit_status if budget.is_interrupted else OK
+    if refused is not None:
+        print_text(f"{refused.text}\n\nThe run before:\n")
     print_text(explained.text())
     if options.against is not None:
         print_text(f"\n{difference_text(difference, (str(options.journal), str(options.against)))}")

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
 from sar_compiler.journal.errors import JournalPlaceError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import FACTS_LOST
+from sar_compiler.journal.refused_start import forget_refusal, record_refusal
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.ros.companion import Companion
 from sar_compiler.runtime.walking import pre_order
@@ -21,6 +23,34 @@ if TYPE_CHECKING:
 
     from sar_compiler.ros.engine import Engine
     from sar_compiler.views.why import Inquiry
+
+
+class RunStart:
+    """The start of a run: if it is refused, the reason is kept for `sar-journal why`, because no journal is written then.
+
+    Args:
+        options: The options of the command line.
+
+    Attributes:
+        journal: The journal, once it is open.
+    """
+
+    def __init__(self, options: Namespace) -> None:
+        self._options = options
+        self._place: Path | None = options.journal
+        self.journal: RunJournal | None = None
+
+    def find_place(self, mission: Mission | None, node: "Node") -> None:
+        """Find out which journal the run would write; a simulated run has a new name each time, which nobody would ask about."""
+        if self._place is None and self._options.sim is None and _keeps_by_itself(self._options, mission):
+            self._place = _usual_place(self._options, node.get_fully_qualified_name())
+
+    def refuse(self, error: SarError) -> None:
+        """Keep the reason why the run did not begin, if that is so."""
+        has_begun = self.journal is not None and self.journal.has_begun
+        is_kept = not (self._options.check or self._options.no_journal)
+        if self._place is not None and is_kept and not has_begun:
+            record_refusal(self._place, error.exit_status, str(error))
 
 
 class RunJournal(Companion):
@@ -33,6 +63,7 @@ class RunJournal(Companion):
         path: The tree file.
 
     Attributes:
+        has_begun: Whether the run has begun.
         how_to_see_it_again: Of a simulation, the line that shows it again; else empty.
         journal: The journal. Who listens to it begins at once: what the run does only for those is decided as it goes on.
 
@@ -43,6 +74,7 @@ class RunJournal(Companion):
     def __init__(self, options: Namespace, mission: Mission | None, node: "Node", path: Path) -> None:
         self._node = node
         self._mission = mission
+        self.has_begun = False
         self.journal = _open(options, mission, node)
         self._about: dict[str, object] = {"mission": mission.name if mission is not None else None}
         self._about["simulated"] = options.sim is not None
@@ -139,6 +171,8 @@ class RunJournal(Companion):
         from sar_compiler.ros.clock import mission_clock
 
         self.journal.clock = mission_clock(self._node)
+        self.has_begun = True
+        forget_refusal(self.journal.place)
         if not self.journal.is_wanted:
             self.journal.begin({}, {})
             return
@@ -185,8 +219,7 @@ def _limits(tree: CompiledTree) -> dict[str, float]:
 
 def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
     asked = options.journal is not None or options.resume or options.new or options.supervise is not None
-    by_itself = options.sim is not None or (mission is not None and mission.is_resumable)
-    if options.no_journal or options.check or not (asked or by_itself):
+    if options.no_journal or options.check or not (asked or _keeps_by_itself(options, mission)):
         return Journal()
     from sar_compiler.journal.opening import open_journal
 
@@ -199,6 +232,10 @@ def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
             raise
         node.get_logger().warning(f"No journal is kept, so this mission cannot be resumed: {error}")
         return Journal()
+
+
+def _keeps_by_itself(options: Namespace, mission: Mission | None) -> bool:
+    return options.sim is not None or (mission is not None and mission.is_resumable)
 
 
 def _usual_place(options: Namespace, name: str) -> Path:

@@ -16,12 +16,12 @@ from rclpy.parameter import Parameter
 from sar_compiler.agent.approval import ApprovalCheck
 from sar_compiler.cli.companions import Companions, RunSetup, companions_asked_for
 from sar_compiler.cli.loading import additions, tell_note
-from sar_compiler.cli.run_journal import RunJournal
+from sar_compiler.cli.run_journal import RunJournal, RunStart
 from sar_compiler.cli.run_mission_tree import RouteCheck, TreeRun, end_condition
-from sar_compiler.cli.supervision import NOT_READY, PERIOD_SEC
+from sar_compiler.cli.supervision import PERIOD_SEC
 from sar_compiler.cli.terminal import RunOutput, draws_in_place
-from sar_compiler.commands import print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
+from sar_compiler.errors import SarError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.missions.beginning import begin_run, fixed_parameters, node_name, parse_faults
 from sar_compiler.missions.mission import Mission
@@ -60,8 +60,24 @@ def run_mission(
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
+        NotReadyError: If the simulation has not what the tree needs, or that does not appear in time; the robot has not moved.
         SarError: If the mission, the parameters, the world or the ROS arguments are wrong; the robot has not moved.
     """
+    start = RunStart(options)
+    try:
+        return _run_mission(options, signals, ros, staying, start)
+    except SarError as error:
+        start.refuse(error)
+        raise
+
+
+def _run_mission(
+    options: Namespace,
+    signals: StopSignals,
+    ros: ExitStack,
+    staying: list[Callable[[], object]],
+    start: RunStart,
+) -> int:
     make_engine = find_engine(options.engine)
     asked_for = list(companions_asked_for(options))  # what they lack is said before anything starts
     loaded = Workspace(additions(options), note=tell_note).load(options.tree)
@@ -77,12 +93,13 @@ def run_mission(
             return signals.exit_status
         node = _node(options, mission, context)
         ros.callback(node.destroy_node)
+        start.find_place(mission, node)
         files = parameter_files(options.ros, options.params)
         reader = ParameterReader.of_files(flat_parameters(node), files, node.get_fully_qualified_name())
         run, parameters, notes = begin_run(mission, reader, binding)
         if options.approval is not None:
             options.approval.require_parameters(reader.parameters, reader.files)
-        run_journal = RunJournal(options, mission, node, loaded.path)
+        run_journal = start.journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
         options.supervision.tell_journal(journal.place)
         orders = OrderRecord(node, run.verbs(), journal)
@@ -109,20 +126,16 @@ def run_mission(
         companions.begin(tree, engine)
         for note in notes:
             node.get_logger().warning(in_one_line(note))
-        try:
-            if world is not None:
-                _require_navigation(tree, world)
-            executor = _executor(options, context)
-            ros.callback(executor.shutdown)
-            simulation = ros.enter_context(_simulation(setup, world, faults, executor))
-            if options.supervision.is_there:
-                options.supervision.tell_alive()
-                steady_timer(node, PERIOD_SEC, options.supervision.tell_alive)
-            route = _route_check(setup, tree, world)
-            return TreeRun(setup, end, companions, tree, engine, executor, simulation).run(route)
-        except NotReadyError as error:
-            print_error(f"sar-run: {error}")
-            return NOT_READY
+        if world is not None:
+            _require_navigation(tree, world)
+        executor = _executor(options, context)
+        ros.callback(executor.shutdown)
+        simulation = ros.enter_context(_simulation(setup, world, faults, executor))
+        if options.supervision.is_there:
+            options.supervision.tell_alive()
+            steady_timer(node, PERIOD_SEC, options.supervision.tell_alive)
+        route = _route_check(setup, tree, world)
+        return TreeRun(setup, end, companions, tree, engine, executor, simulation).run(route)
 
 
 def _approval(options: Namespace, loaded: LoadedTree) -> ApprovalCheck:

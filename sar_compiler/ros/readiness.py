@@ -342,6 +342,8 @@ class NotReadyError(SarError):
         waited_sec: The time waited, in seconds; None if waiting could not help.
     """
 
+    exit_status = 3
+
     def __init__(self, missing: Iterable[str], waited_sec: float | None) -> None:
         self.missing = list(missing)
         self.waited_sec = waited_sec

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from sar_compiler.cli.journal_command import main as journal_command
 from tests.processes import Command
 from tests.trees import document
 
@@ -16,6 +17,14 @@ def refused(start, *arguments):
     assert run.end() == 2, run.output
     assert "Navigating" not in run.output
     return run.output
+
+
+def why(journal, capsys):
+    """Return what `sar-journal why` says of a journal, and check that there is none."""
+    assert not journal.exists()
+    capsys.readouterr()
+    assert journal_command(["why", str(journal)]) == 0
+    return capsys.readouterr().out
 
 
 def ended(*arguments, speed=20):
@@ -40,6 +49,17 @@ def test_a_name_that_ros_does_not_allow_is_refused_before_anything_moves(start, 
     tree = tmp_path / "name.xml"
     tree.write_text(document('<NavigateToBase action="a b"/>'), encoding="utf-8")
     assert "failed to resolve name" in refused(start, tree)
+
+
+def test_a_run_that_begins_forgets_the_refusal_of_the_one_before(start, tmp_path, capsys):
+    journal, tree = tmp_path / "m.journal", tmp_path / "tree.xml"
+    tree.write_text(document("<Nothing/>"), encoding="utf-8")
+    refused(start, tree, "--journal", journal)
+    assert "error[unknown-node]" in why(journal, capsys)
+    tree.write_text(document("<AlwaysFailure/>"), encoding="utf-8")
+    assert start("sar-run", tree, "--journal", journal).end() == 1
+    assert journal_command(["why", str(journal)]) == 0
+    assert "did not begin" not in capsys.readouterr().out
 
 
 def test_a_tree_file_that_is_not_there_is_named(start):
@@ -120,7 +140,7 @@ def test_a_file_for_another_node_says_whose_its_sections_are(start, tmp_path):
 
 
 @pytest.mark.parametrize("use", ['Use.action("navigate_to_pose")', "Use.nav2()"])
-def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, use):
+def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, capsys, use):
     (tmp_path / "drives.py").write_text(
         "from py_trees.behaviours import Dummy\nfrom sar_compiler.leaves import Kind, Use, register\n"
         f"@register('Drive', kind=Kind.ACTION, uses=[{use}])\n"
@@ -130,15 +150,20 @@ def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, us
     tree = tmp_path / "tree.xml"
     tree.write_text(document("<Drive/>"), encoding="utf-8")
     path = {"PYTHONPATH": str(tmp_path)}
-    run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", env=path)
+    journal = tmp_path / "m.journal"
+    run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", "--journal", journal, env=path)
     assert run.end() == 3
+    assert "did not begin (status 3): the mission cannot start:\n  Nav2: the world" in why(journal, capsys)
     assert "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map, and" in run.output
     assert "Waiting for" not in run.output
 
 
-def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start):
-    run = start("sar-run", "--ros-args", "-p", "startup_timeout_sec:=1.0")
+def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start, tmp_path, capsys):
+    state = {"XDG_STATE_HOME": str(tmp_path)}
+    run = start("sar-run", "--ros-args", "-p", "startup_timeout_sec:=1.0", env=state)
     assert run.end() == 3
+    (refusal,) = tmp_path.rglob("*-refused")
+    assert "did not begin (status 3): not ready after" in why(refusal.with_suffix(".journal"), capsys)
     for missing in ("amcl_pose", "bt_navigator", "navigate_to_pose", "detect_survivor", "report_survivor"):
         assert missing in run.output
 

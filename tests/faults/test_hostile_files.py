@@ -245,6 +245,10 @@ SURFACES = {
     ),
     "the log beside a journal": Surface(("journal/database.py:JournalFile.read",), journal_with("-wal"), "journal", is_sought=True),
     "the reserve of a journal": Surface(("journal/reserve.py:read_reserve",), journal_with("-reserve"), "journal"),
+    "the refused start beside a journal": Surface(
+        ("journal/refused_start.py:read_refusal",),
+        under("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,
+    ),
     "the cache of a replay": Surface(("web/replay.py:_CacheFile.read",), cached, "journal", is_sought=True),
     "an approval": Surface(("agent/approval.py:_read", "agent/approval.py:_records"), approved, "json"),
     "a module that is trusted": Surface(("project/trust.py:Content.of",), trusted, "python", is_sought=True),
