@@ -120,6 +120,11 @@ class Program(Command):
                     found.append(int(process.name))
         return found
 
+    def wait_for_goal(self, server):
+        """Wait, as long as it is kept from a processor, until a server has accepted a goal."""
+        self.wait_until(lambda: server.of("accepted") or self.is_over, "the goal")
+        assert server.of("accepted"), self.output
+
     def require_gone(self):
         """Wait until no process of it is alive."""
         news = News()
@@ -161,7 +166,9 @@ def start():
 @pytest.fixture
 def busy(request):
     """Keep the processors busy, if that is asked for."""
-    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(request.param)]
+    # As long as this process, also if that is killed.
+    program = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: pass"
+    loops = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(request.param)]
     yield
     for loop in loops:
         loop.kill()
@@ -205,7 +212,7 @@ def test_every_program_of_the_documentation_that_ticks_a_tree_is_ended_by_runnin
 def test_a_program_that_is_ended_with_a_goal_under_way_leaves_nothing(program, serve, name, number, busy):
     server = serve("navigation", goals=[{"drive": None}])
     run = program(NAMED[name])
-    server.wait_for("accepted")
+    run.wait_for_goal(server)
     run.send(number)
     assert run.end() == SIGNALS[number], run.output
     assert server.active == 0, run.output
@@ -228,7 +235,7 @@ def test_a_program_without_running_says_what_it_cannot_cancel_and_cancels_it_apa
 ):
     server = serve("navigation", goals=[{"drive": None}])
     run = program(LONELY[name])
-    server.wait_for("accepted")
+    run.wait_for_goal(server)
     run.send(number)
     run.wait_until(lambda: run.is_over, "the end")
     assert server.active == 0, run.output
@@ -243,7 +250,7 @@ def test_a_program_without_running_says_what_it_cannot_cancel_and_cancels_it_apa
 def test_a_program_whose_goal_does_not_end_says_that_the_robot_may_be_moving(program, serve, number):
     server = serve("navigation", goals=[{"drive": None, "cancel": "ignore"}])
     run = program(SHAPES["spin"].replace("node) as", "node, settle_timeout_sec=1.0) as"))
-    server.wait_for("accepted")
+    run.wait_for_goal(server)
     run.send(number)
     assert run.end() == 4, run.output
     assert "a goal may still be active, and the robot may still be moving: Drive" in run.output
@@ -305,7 +312,7 @@ def test_a_program_that_loads_its_tree_while_ros_is_shut_down_is_told_so_by_rclp
 def test_a_program_that_is_killed_leaves_its_goal_to_a_guardian(program, serve):
     server = serve("navigation", goals=[{"drive": None}])
     run = program(SHAPES["a guardian"])
-    server.wait_for("accepted")
+    run.wait_for_goal(server)
     run.send(signal.SIGKILL)
     server.wait_for("ended", how="cancel")
     run.require_gone()
@@ -338,7 +345,7 @@ def test_a_program_whose_leaf_blocks_ends_with_its_goal(program, serve, tmp_path
     body = f'<Parallel success_count="2" failure_count="2">{DRIVE}<Block/></Parallel>'
     text = BLOCKS + SHAPES["spin"].replace('"mission.xml")', '"mission.xml", nodes=[Block])')
     run = program(text, body)
-    server.wait_for("accepted")
+    run.wait_for_goal(server)
     (tmp_path / "go").touch()
     run.wait_for("blocked")
     run.send(number)
@@ -658,7 +665,7 @@ def foreign(start, serve, tmp_path):
         given = ("--ros-args", "-p", "set_initial_pose:=false", "-p", "settle_timeout_sec:=3.0")
         own = (tmp_path / "tree.xml", "--nodes", "charging", "--journal", tmp_path / "run.journal")
         run = start("sar-run", *own, *options, *given, env={"PYTHONPATH": str(tmp_path)})
-        server.wait_for("accepted")
+        run.wait_for_goal(server)
         return server, run
 
     return begin
