@@ -130,8 +130,9 @@ class FrameSources:
 
     def _two_sources(self, child: str, topic: str) -> str:
         nodes = ros_graph(self._node).publishers(topic)
-        few = len(nodes) <= 2  # noqa: PLR2004 - then these are they
-        who = f"{'' if few else 'two of '}{names_in_words(nodes)}" if nodes else "two publishers"
+        # Which of more than two they are the numbers do not say.
+        among = f"among its {len(nodes)} publishers " if len(nodes) > 2 else ""  # noqa: PLR2004
+        who = f"{among}{names_in_words(nodes)}" if nodes else "two publishers"
         return (
             f"frame '{child}' has two sources on {topic}, {who}: stop one, or give each robot a namespace and transforms of its "
             "own (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"

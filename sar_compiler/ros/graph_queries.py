@@ -5,6 +5,7 @@ answers are what discovery has found until now.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -183,6 +184,15 @@ class RosGraph:
         others = [other for other in spaces if other != space and self._fits_as_well(absent, other, space)]
         return f"{text}, or with {' or '.join(others)} in the place of {space}" if others else text
 
+    def nodes(self) -> "Counter[str]":
+        """Return the full names of all nodes in sight, this one among them, with the number of nodes that have each."""
+        return self._cached(
+            "names",
+            lambda: Counter(
+                f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces()
+            ),
+        )
+
     def publishers(self, topic: str) -> tuple[str, ...]:
         """Return the full names of the other nodes that publish on a topic, each once, in alphabetical order.
 
@@ -312,7 +322,21 @@ class RosGraph:
             # Whose a server is may be known later than the server; until then clients of the name count, too.
             types = types or set(dict(self._node.get_service_names_and_types()).get(service, ()))
             problem = _wrong_type("served", types, endpoint.type_name)
+        problem = problem or self._unheard_service(service)
         return GraphAnswer(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
+
+    def _unheard_service(self, service: str) -> str:
+        """Describe that no request reaches a service, or no answer arrives; empty if they do, or the middleware does not say."""
+        from rclpy.qos import qos_profile_services_default as own
+
+        for topic, hears in ((f"rq{service}Request", True), (f"rr{service}Reply", False)):
+            infos = self._find_infos(topic, hears=hears, is_service=True)
+            pairs = ((own, each.qos_profile) if hears else (each.qos_profile, own) for each in infos)
+            reasons = [_incompatibility(*pair) for pair in pairs]
+            if reasons and all(reasons):
+                what = "no request reaches" if hears else "no answer arrives from"
+                return f"{what} {_node_of(infos[0])} ({reasons[0]}): create its service with qos_profile_services_default"
+        return ""
 
     def _ask_topic(self, endpoint: Endpoint) -> GraphAnswer:
         full = self._node.resolve_topic_name(endpoint.name)
@@ -393,12 +417,13 @@ class RosGraph:
         """Return the publishers (or subscriptions) of other nodes on a topic that this node uses, by its full name."""
         return self._cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
 
-    def _find_infos(self, topic: str, *, hears: bool) -> list[Any]:
+    def _find_infos(self, topic: str, *, hears: bool, is_service: bool = False) -> list[Any]:
         from rclpy.duration import Duration, Infinite
 
         node = self._node
         # rclpy remaps the name here (contrary to what it says, and to `count_publishers`): a foreign name could become another one.
-        infos = (node.get_subscriptions_info_by_topic if hears else node.get_publishers_info_by_topic)(topic)
+        find = node.get_subscriptions_info_by_topic if hears else node.get_publishers_info_by_topic
+        infos = find(topic, no_mangle=is_service)
         for qos in (each.qos_profile for each in infos):
             # The graph says infinite for no limit, which `qos_check_compatible` takes for one.
             if qos.deadline == Infinite:

@@ -15,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.graph_queries import ros_graph
 from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 
 # How long to look for another mission before the first message that changes anything, seconds, from when the last node came
@@ -94,7 +95,7 @@ class SoleMission(Requirement):
         self, node: Node, actions: Iterable[str], *, look_sec: float = LOOK_SEC, claims: bool = True
     ) -> None:
         self._node = node
-        self._look_sec, self._seen = look_sec, Counter[tuple[str, str]]()
+        self._look_sec, self._seen = look_sec, Counter[str]()
         self._looks_since: float | None = time.monotonic()
         self._clear_at = self._looks_since + look_sec
         self._others: dict[str, MissionClaim] = {}
@@ -136,7 +137,7 @@ class SoleMission(Requirement):
 
     def _looks_around(self) -> bool:
         """Return whether a mission may be there that was not heard yet: on a busy machine nodes meet late."""
-        now, nodes = time.monotonic(), Counter(self._node.get_node_names_and_namespaces())
+        now, nodes = time.monotonic(), ros_graph(self._node).nodes()
         if nodes - self._seen:
             self._seen |= nodes
             if self._looks_since is None:
@@ -169,8 +170,7 @@ class SoleMission(Requirement):
         own, now = self._mine.node, time.monotonic()
         if self._named_since is None:
             return
-        names = (f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces())
-        if sum(name == own for name in names) < 2:  # noqa: PLR2004 - this one and another
+        if ros_graph(self._node).nodes()[own] < 2:  # noqa: PLR2004 - this one and another
             self._named_since = math.inf
         elif self._named_since == math.inf:
             self._named_since = now

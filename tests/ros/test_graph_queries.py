@@ -538,6 +538,44 @@ class TestQualityOfService:
         robots.until(lambda: len(graph.ask(endpoint).nodes) == 2, "both publishers")
         assert graph.ask(endpoint).line is None
 
+    @pytest.mark.parametrize(
+        ("qos", "said"),
+        [
+            (
+                {"reliability": "best_effort"},
+                "no answer arrives from /detector (best effort publisher and reliable subscription)",
+            ),
+            (
+                {"durability": "transient_local"},
+                "no request reaches /detector (volatile publisher and transient local subscription)",
+            ),
+            ({}, ""),
+        ],
+    )
+    def test_a_service_whose_requests_or_answers_do_not_arrive_is_named(
+        self, robots: Robots, qos: dict[str, Any], said: str
+    ) -> None:
+        from sar_interfaces.srv import DetectSurvivor
+
+        server = robots.node("/detector")
+        server.create_service(
+            DetectSurvivor, "detect_survivor", lambda _, answer: answer, qos_profile=qos_of(**qos)
+        )
+        graph = robots.graph()
+        line = (
+            f"service detect_survivor: {said}: create its service with qos_profile_services_default"
+            if said
+            else None
+        )
+        robots.until(lambda: graph.ask(DETECTOR).nodes == ("/detector",), "the service")
+        robots.until(lambda: graph.ask(DETECTOR).line == line, str(line))
+
+    def test_all_nodes_in_sight_are_counted_by_their_names(self, robots: Robots) -> None:
+        graph = robots.graph()
+        for name in ("/tb1/amcl", "/tb1/amcl", "/tb2/amcl"):
+            robots.node(name)
+        robots.until(lambda: (graph.nodes()["/tb1/amcl"], graph.nodes()["/tb2/amcl"]) == (2, 1), "the nodes")
+
     def test_a_check_of_a_tree_does_not_pass_over_it(self, robots: Robots) -> None:
         from sar_compiler.ros.graph_queries import declared_endpoints
         from sar_compiler.ros.leaves.by_attributes import RosTopic
@@ -740,6 +778,16 @@ class TestFrames:
             robots.send_transforms(robots.node(name), ("map", "odom"), x=x)
         look = self.where(robots, "map", "odom")
         said = "frame 'odom' has two sources on /tf, /tb1/amcl and /tb2/amcl: stop one"
+        robots.until(lambda: str(look()).startswith(said), said)
+
+    def test_of_three_publishers_of_transforms_it_is_said_that_two_are_the_sources(
+        self, robots: Robots
+    ) -> None:
+        for name, x in (("/tb1/amcl", 1.0), ("/tb2/amcl", 9.0)):
+            robots.send_transforms(robots.node(name), ("map", "odom"), x=x)
+        robots.send_transforms(robots.node("/arm"), ("base_link", "arm"))
+        look = self.where(robots, "map", "odom")
+        said = "frame 'odom' has two sources on /tf, among its 3 publishers /arm, /tb1/amcl and /tb2/amcl: stop one"
         robots.until(lambda: str(look()).startswith(said), said)
 
     def test_nodes_that_publish_other_frames_each_are_no_conflict(self, robots: Robots) -> None:

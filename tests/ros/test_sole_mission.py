@@ -1,6 +1,7 @@
 """Missions that claim the same robot."""
 
 import json
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from sar_compiler.ros.graph_queries import RosGraph
 from sar_compiler.ros.sole_mission import AnotherMissionError, MissionClaim, SoleMission
 from tests.ros.conftest import Ros, Said
 
@@ -44,11 +46,11 @@ def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_comin
 ) -> None:
     node, now = ros.node("first"), [100.0]
     monkeypatch.setattr("sar_compiler.ros.sole_mission.time.monotonic", lambda: now[0])
-    names: list[tuple[str, str]] = []
-    monkeypatch.setattr(node, "get_node_names_and_namespaces", lambda: names)
+    names: list[str] = []
+    monkeypatch.setattr(RosGraph, "nodes", lambda _: Counter(names))
     alone = SoleMission(node, DRIVE, look_sec=1.0)
     for number in range(100):
-        names.append((f"node_{number}", "/"))
+        names.append(f"/node_{number}")
         if alone.missing() is None:
             break
         now[0] += 0.5
