@@ -187,6 +187,20 @@ def free_port():
             return port
 
 
+def listening_addresses(port):
+    """Return the addresses on which this machine listens to a TCP port, as the kernel lists them; 0.0.0.0 for all of IPv4."""
+    lines = [
+        line.split() for table in ("tcp", "tcp6") for line in _read(f"/proc/net/{table}").splitlines()[1:]
+    ]
+    # State 0A is a listener; an address is in hexadecimal digits, its bytes in the machine's order.
+    local = [fields[1].split(":") for fields in lines if fields[3] == "0A"]
+    return {
+        socket.inet_ntoa(bytes.fromhex(address)[::-1]) if len(address) == 8 else address
+        for address, number in local
+        if int(number, 16) == port
+    }
+
+
 def children_of(pid, word=""):
     """Return the children of a process, whichever of its threads has begun them, with a word in their command lines.
 

@@ -9,7 +9,7 @@ import pytest
 from py_trees.behaviours import Running
 from py_trees.common import Status
 
-from sar_compiler.cli.companions import Companions, RunSetup
+from sar_compiler.cli.companions import Companions, RunSetup, companions_asked_for
 from sar_compiler.cli.terminal import RunOutput
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal import Journal
@@ -161,3 +161,23 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     assert end.hurry() == ADRIFT
     assert stage.done == ["cancelled", "closed"]
     assert "what is under way was told to stop" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wanted", [None, True, False])
+@pytest.mark.parametrize("world", [None, "disaster_zone"])
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch, wanted: bool | None, world: str | None, is_kept: bool
+) -> None:
+    made: list[Any] = []
+    monkeypatch.setattr("sar_compiler.ros.guardian.Guardian", lambda *given: made.append(given))
+    options = SimpleNamespace(
+        **dict.fromkeys(("properties", "view", "report", "record", "publish", "groot2"), None),
+        guardian=wanted, sim=world, ros=["--enclave", "/mission"], supervision=SimpleNamespace(signs=None),
+    )  # fmt: skip
+    run: Any = SimpleNamespace(options=options, journal=SimpleNamespace(is_kept=is_kept), node="the node")
+    for make in companions_asked_for(options):
+        make(run)
+    is_usual = is_kept and world is None
+    expected = [("the node", ["--enclave", "/mission"], None)]
+    assert made == (expected if wanted or (wanted is None and is_usual) else [])

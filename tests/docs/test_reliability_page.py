@@ -28,19 +28,6 @@ def test_every_promise_names_its_tests(cells):
     assert [name for name in codes(shown_by) if name not in all_tests()] == []
 
 
-SECURITY = [
-    pytest.param(cells, id=f"{line} {cells[0][:60]}")
-    for heading, line, cells in tables(Path("docs/security.md"))
-    if heading in ("What a file can do", "What the ROS graph can do") and len(cells) == 3
-]
-
-
-@pytest.mark.parametrize("cells", SECURITY)
-def test_every_row_of_what_strangers_can_do_names_the_files_of_its_tests(cells):
-    files = [name for name in codes(cells[-1]) if name.startswith("tests/")]
-    assert files or cells[-1] == "the same"
-
-
 @pytest.mark.parametrize("page", PAGES, ids=str)
 def test_every_test_that_a_page_names_is_there(page):
     text = page.read_text(encoding="utf-8")

@@ -192,6 +192,7 @@ class TestAGuardian:
         assert os.getpgid(guardian) != os.getpgid(run._process.pid)
         os.kill(guardian, signal.SIGINT)
         os.kill(guardian, signal.SIGTERM)
+        os.kill(guardian, signal.SIGHUP)
         run.send(signal.SIGKILL)
         watching.wait_for_goals(stopped)
 

@@ -26,7 +26,7 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.blackboard import Entry
 from sar_compiler.testing import ManualClock
 from tests.monitoring.groot2_client import Client, request
-from tests.processes import free_port
+from tests.processes import free_port, listening_addresses
 from tests.trees import write
 from tests.waiting import SILENCE_SEC
 
@@ -273,6 +273,26 @@ def test_a_request_of_more_than_a_mebibyte_ends_its_connection_and_no_other(stag
     _, client = stage(*main("<AlwaysSuccess/>"))
     client.is_disconnected_by(request("T"), bytes(2**20 + 1))
     assert client.ask("T")
+
+
+@pytest.mark.parametrize("part", [None, b"", b"{}", b"a", b'[{"uid": 1, "result": "SUCCESS"}]'])
+def test_no_request_changes_the_tree(stage, part):
+    tree, client = stage(*main('<Queue answers="RS"/>'), parameters={"a": 1})
+    tree.tick()
+    before = client.statuses(), client.blackboards("Main")
+    for kind in map(chr, range(256)):
+        if kind not in "rt":  # which turn the recording on, and read it
+            client.send(request(kind), *([] if part is None else [part]))
+    assert (client.statuses(), client.blackboards("Main")) == before
+    tree.tick()
+    assert tree.root.status is Status.SUCCESS
+
+
+def test_it_listens_on_this_machine_alone(tmp_path):
+    write(tmp_path / "tree.xml", *main("<AlwaysSuccess/>"), main="Main")
+    tree, port = sar_compiler.load(tmp_path / "tree.xml").compile(), free_port()
+    with closing(Groot2Publisher(tree, port)):
+        assert listening_addresses(port) == listening_addresses(port + 1) == {"127.0.0.1"}
 
 
 def test_there_are_no_breakpoints_to_list_or_remove(stage):

@@ -20,6 +20,7 @@ from sar_compiler.web import page_server
 from sar_compiler.web.feed import ReplayFeed
 from sar_compiler.web.page_server import PORT, PageError, PageServer, Tool
 from sar_compiler.web.replay import Replay
+from tests.processes import listening_addresses
 from tests.waiting import SILENCE_SEC, News
 from tests.web.folding import folded
 
@@ -316,6 +317,10 @@ def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatc
         run.journal.watch("plan", frame="map", points=[[399, 0.0]])
         told = events(run, lambda found: [399.0, 0.0] in known(found).get("plan", ()))
     assert lines(told) == ["The run began on /patrol."]
+
+
+def test_the_page_listens_on_this_machine_alone(live):
+    assert listening_addresses(live().begin().server.port) == {"127.0.0.1"}
 
 
 def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):

@@ -1,0 +1,282 @@
+"""What the pages on security and reliability state is held by tests: each sentence, and each row of a table, names its own here.
+
+A row may name its tests in its last cell instead. A sentence is found by its beginning. Those that state no behaviour of the project
+(advice, definitions, what it does not do) are in `NO_BEHAVIOUR`.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sar_compiler import opener
+from sar_compiler.documents.located import MAX_VALUES
+from sar_compiler.missions.search_and_rescue import areas_file
+from sar_compiler.ros import message_values, parameter_file, signals
+from sar_compiler.sim import occupancy
+from sar_compiler.web import feed, page_server
+from tests.docs.markdown import codes, prose, tables
+from tests.docs.test_reliability_page import all_tests
+
+SECURITY, RELIABILITY = Path("docs/security.md"), Path("docs/reliability.md")
+NO_BEHAVIOUR = {
+    SECURITY: (
+        "`tests/docs/test_claims.py` names",
+        "command line, environment, installed packages",
+        "A path that a tree gives to a leaf",
+        "Everybody with an account",
+        "It does not know what a leaf drives",
+        "If the computer, its container",
+        "Everybody in the ROS domain can call",
+        "ROS 2 has no authentication",
+        "Keep it in a network",
+        "`ROS_DOMAIN_ID` is no protection",
+        "Use SROS 2",
+        "While a mission runs in a rehearsal",
+        "The project's tests do not cover",
+        "Please write to the maintainers",
+    ),
+    RELIABILITY: (
+        "What `sar-run` promises",
+        "What has a †",
+        "*Noticed* is the time",
+        "A process that dies without notice",
+        "the computer is gone",
+        "Security has the limits",
+        "Start the mission and Nav2 with it",
+        "A network that is silent",
+    ),
+}
+HELD_BY = {
+    SECURITY: {
+        "leaves of `--nodes`": (
+            "test_are_imported_when_the_user_names_them_himself", "test_runs_the_modules_beside_the_configuration_and_is_remembered",
+        ),
+        "tree files, palettes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_are_not_imported_by_any_command"),
+        "answers of services and actions": ("test_any_answer_about_a_survivor_and_any_map_are_judged", "test_any_end_of_a_drive_is_a_line"),
+        "All files are read by one opener": ("test_what_others_name_is_read_by_the_opener_alone",),
+        "It holds the file without opening it": (
+            "test_what_is_no_file_is_refused_and_not_waited_for", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read",
+            "test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",
+        ),
+        "A new reader of files": ("test_each_reader_of_files_is_in_the_table_of_hostile_ones",),
+        "a pipe, a device": ("test_what_is_no_file_is_refused_and_not_waited_for",),
+        "a link that leads outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
+        "a folder that is exchanged": ("test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name",),
+        "a name with a zero byte": ("test_a_name_that_no_file_can_have_is_an_error_in_words",),
+        "more bytes than its limit": ("test_a_file_that_grows_while_it_is_read_is_read_to_its_limit", "test_the_numbers_on_the_page_are_those_of_the_code"),
+        "a million elements": (
+            "test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_a_file_with_too_many_elements_is_not_read_to_its_end",
+            "test_the_numbers_on_the_page_are_those_of_the_code",
+        ),
+        "NaN, infinity, bytes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words",),
+        "Pipes of the shell": ("test_the_pipe_of_a_shell_is_read_to_its_end",),
+        "be read by an agent": (
+            "test_reads_nothing_outside_the_folders", "test_lists_no_folder_outside_the_folders",
+            "test_a_file_that_is_exchanged_after_the_check_is_never_read_outside", "test_no_argument_of_any_tool_reads_what_lies_outside",
+        ),
+        "exhaust the machine": (
+            "test_two_run_at_a_time_and_all_are_answered", "test_is_nice_and_limited_in_its_memory",
+            "test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered", "test_a_call_that_takes_too_much_is_an_error_that_says_so",
+        ),
+        "exhaust it by an open editor": (
+            "test_a_check_that_takes_longer_than_it_may_is_reported_and_the_next_file_is_checked",
+            "test_a_request_that_waits_for_a_check_can_be_cancelled", "test_a_command_that_is_cancelled_leaves_no_process",
+        ),
+        "change after somebody": (
+            "test_a_tree_runs_only_as_it_was_approved", "test_another_tree_of_an_approved_file_may_not_start",
+            "test_the_file_that_has_changed_is_named", "test_one_that_is_changed_is_named_with_both_values_and_how_to_approve_it",
+            "test_the_areas_that_a_parameter_names_belong_to_it",
+        ),
+        "be an approval": ("test_approvals_that_others_can_write_do_not_count", "test_a_record_that_others_can_write_does_not_count"),
+        "be a module": (
+            "test_ends_where_a_module_is_exchanged_after_its_hash_was_taken", "test_is_for_the_source_and_not_for_what_is_compiled_beside_it",
+        ),
+        "run code": (
+            "test_no_code_of_a_file_is_ever_evaluated", "test_are_not_imported_from_the_checkout", "test_are_imported_when_they_are_installed",
+            "test_that_are_of_no_package_with_leaves_are_not_imported_though_they_are_installed",
+        ),
+        "name a file elsewhere": (
+            "test_what_lies_outside_is_not_read", "test_a_palette_that_is_linked_from_outside_is_not_read",
+            "test_a_world_names_no_map_outside_its_folder", "test_a_map_names_no_picture_outside_its_folder",
+            "test_a_scenario_compares_its_trace_with_no_file_outside_its_folder", "test_without_a_repository_it_reaches_its_own_folder",
+        ),
+        "grow: entities": (
+            "test_entities_of_a_doctype_are_never_expanded", "test_trees_that_would_grow_beyond_measure_are_a_finding_before_they_are_made",
+        ),
+        "be a journal with views": ("test_what_no_journal_has_is_refused_by_its_name",),
+        "be a journal that is exchanged": (
+            "test_a_journal_that_is_exchanged_after_the_check_is_not_read",
+            "test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waited_for",
+        ),
+        "be a journal with circular": ("test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up",),
+        "be a journal that names": ("test_no_file_is_read_that_a_journal_names",),
+        "be a journal that somebody": (
+            "test_whatever_is_altered_inside_the_chain_is_found_with_the_first_entry_that_is_wrong",
+            "test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it",
+        ),
+        "be a journal with positions": (
+            "test_a_number_that_is_not_finite_is_null_in_every_json", "test_a_fact_with_a_position_that_is_none_is_refused",
+            "test_a_time_that_is_none_is_refused",
+        ),
+        "Reliability has damaged files": ("test_every_promise_names_its_tests",),
+        "Numbers in parameter files": ("test_a_number_that_is_not_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
+        "answer with a survivor": (
+            "test_a_survivor_where_nobody_can_be_is_no_answer", "test_a_survivor_beyond_the_map_is_no_answer",
+            "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_the_numbers_on_the_page_are_those_of_the_code",
+        ),
+        "report a survivor at no position": ("test_does_not_acknowledge_a_report_at_no_position",),
+        "send an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
+        "claim, on `ACTION/_mission`": (
+            "test_one_that_runs_goes_before_one_that_begins_whoever_is_older",
+            "test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way",
+        ),
+        "answer for another goal": (
+            "test_what_is_answered_to_a_question_that_was_given_up_is_ignored", "test_the_late_answer_of_an_old_call_is_ignored",
+        ),
+        "give `sar-run --serve` a goal": (
+            "test_a_client_starts_trees_by_their_names_one_after_the_other", "test_a_payload_that_is_none_is_refused",
+            "test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them",
+        ),
+        "`--groot2` listens": ("test_it_listens_on_this_machine_alone",),
+        "No request changes the tree": ("test_no_request_changes_the_tree",),
+        "A request of more than 1 MiB": ("test_a_request_of_more_than_a_mebibyte_ends_its_connection_and_no_other",),
+        "Ctrl-C, SIGTERM and SIGHUP": (
+            "test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time",
+            "test_the_goal_is_cancelled_and_the_status_is_that_of_a_hangup",
+        ),
+        "A second Ctrl-C or SIGTERM": (
+            "test_it_ends_a_run_whose_leaf_blocks_and_its_goal_is_cancelled", "test_it_ends_a_command_that_blocks_while_it_imports",
+            "test_two_signals_at_once_are_one_request", "test_the_numbers_on_the_page_are_those_of_the_code",
+        ),
+        "After SIGKILL": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
+        "A run with a journal": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "Other runs have one": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "When the mission's process is gone": (
+            "test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled", "test_a_goal_that_does_not_end_is_told_to_be_under_way",
+            "test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels",
+        ),
+        "Ctrl-C and the end of a terminal": ("test_ctrl_c_in_a_terminal_does_not_reach_it",),
+        "The guardian knows the goals": ("test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way",),
+        "`--view web`, `sar-journal replay`": ("test_the_page_listens_on_this_machine_alone",),
+        "everybody who uses this machine": (
+            "test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_not",
+            "test_the_report_of_a_robot_is_a_page_of_its_own_whose_style_is_its_own",
+        ),
+        "everybody who has the printed address": (
+            "test_who_has_the_address_gives_orders", "test_without_the_token_nobody_gives_orders", "test_each_run_has_a_token_of_its_own",
+        ),
+        "a site that is open": (
+            "test_another_page_of_the_browser_is_refused", "test_a_name_that_is_not_this_machine_s_is_refused",
+            "test_the_page_is_its_own_by_each_name_of_this_machine", "test_the_page_is_served_with_a_policy_that_lets_nothing_else_in",
+        ),
+        "a tree, a message or a log line": (
+            "test_texts_from_outside_are_texts", "test_the_page_is_served_with_a_policy_that_lets_nothing_else_in",
+        ),
+        "a program that opens connections": (
+            "test_connections_take_few_of_the_file_descriptors_of_the_mission", "test_a_browser_that_does_not_read_is_let_go_and_comes_again",
+            "test_the_numbers_on_the_page_are_those_of_the_code",
+        ),
+        "somebody who wants files": ("test_nothing_else_can_be_reached",),
+        "Keep the domain on the machine": ("test_the_range_is_this_machine_otherwise",),
+        "`sar-run --sim` and `sar-sim` set it": ("test_the_range_is_this_machine_otherwise", "test_the_range_that_a_user_chose_is_kept"),
+        "The guardian gets the `--enclave`": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+    },
+    RELIABILITY: {
+        "Each promise has a test": ("test_every_promise_names_its_tests",),
+        "A goal has ended when": (
+            "test_a_result_that_is_lost_is_known_by_the_status_topic", "test_a_server_that_was_restarted_does_not_know_the_goal",
+        ),
+        "Otherwise the exit status is 4": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),
+        "A server that answers nothing": (
+            "test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled",
+            "test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not",
+        ),
+        "A mission publishes on": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
+        "The tree says what happens": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
+        "`config/fastdds_profile.xml` makes it two": (
+            "test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed",
+        ),
+        "The others forget a process": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
+    },
+}  # fmt: skip
+PAGES = tuple(HELD_BY)
+
+
+def statements(page: Path) -> list[str]:
+    """Return the sentences of a page's paragraphs and lists, and the first cells of rows that name no test; links by their texts."""
+    found = [_without_links(cells[0]) for _, _, cells in tables(page) if not _names_tests(cells[-1])]
+    paragraphs, current = list[str](), ""
+    for _, line in [*prose(page), (0, "")]:
+        item = re.match(r"[-*] ", line)
+        if not line.strip() or item or line.startswith(("#", "|")):
+            paragraphs.append(current.strip())
+            current = "" if line.startswith(("#", "|")) else line[item.end() if item else 0 :]
+        else:
+            current = f"{current} {line.strip()}"
+    for paragraph in paragraphs:
+        found += filter(None, re.split(r"(?<=[.!?])\s+(?=[A-Z`\[*])", _without_links(paragraph)))
+    return found
+
+
+def _without_links(text: str) -> str:
+    return re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+
+
+def _names_tests(cell: str) -> bool:
+    return cell == "the same" or any(each.startswith("test_") for each in codes(cell))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_statement_is_held_by_a_test_or_states_no_behaviour(page):
+    known = [*HELD_BY[page], *NO_BEHAVIOUR[page]]
+    assert [each for each in statements(page) if not any(each.startswith(start) for start in known)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_beginning_is_that_of_one_statement(page):
+    counts = {
+        start: sum(each.startswith(start) for each in statements(page))
+        for start in (*HELD_BY[page], *NO_BEHAVIOUR[page])
+    }
+    assert {start: count for start, count in counts.items() if count != 1} == {}
+
+
+@pytest.mark.parametrize(
+    ("page", "start"), [(page, start) for page in PAGES for start in HELD_BY[page]], ids=str
+)
+def test_the_tests_of_a_statement_exist(page, start):
+    named = HELD_BY[page][start]
+    assert named
+    assert set(named) - all_tests() == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_row_has_the_cells_of_its_head(page):
+    head, wrong = None, []
+    for number, line in prose(page):
+        cells = len(re.split(r"(?<!\\)\|", line.strip())) if line.startswith("|") else None
+        head = head or cells if cells else None
+        if cells != head:
+            wrong.append(number)
+    assert wrong == []
+
+
+def test_the_numbers_on_the_page_are_those_of_the_code():
+    text = SECURITY.read_text(encoding="utf-8")
+    mebibytes = 2**20
+    for said, number in (
+        ("a tree {} MiB", opener.TREE.limit / mebibytes),
+        ("a file beside a tree {} MiB", opener.DOCUMENT.limit / mebibytes),
+        ("areas {} MiB", areas_file._MOST_BYTES / mebibytes),
+        ("the image of a map {} MiB", opener.IMAGE.limit / mebibytes),
+        ("and {} million pixels", occupancy._MAX_CELLS / 1e6),
+        ("{} values in a file", MAX_VALUES),
+        ("{} names and values in a parameter file", parameter_file._MAX_EVENTS),
+        ("without a map the limit is {} km", message_values.FARTHEST_M / 1000.0),
+        ("{} connections at once", page_server._CONNECTIONS),
+        ("{} MB waiting for each", feed._WAITING / 1e6),
+    ):
+        assert said.format(f"{number:,g}" if number < 1000 else f"{number:,}") in text
+    assert signals._TOGETHER_SEC == 0.5
+    assert "more than half a second later" in text
