@@ -463,7 +463,7 @@ class TreeServer(LanguageServer):
         file = self._open.get(uri)
         if file is None:
             return False
-        chosen = ["--tree", tree_id] if tree_id else []
+        chosen = [f"--tree={tree_id}"] if tree_id else []
         process = await asyncio.create_subprocess_exec(
             *self._command, what, "-", *chosen, *self._options,
             cwd=file.path.parent, env=dependent_environment(),

@@ -171,7 +171,7 @@ def test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is
 ) -> None:
     made: list[Any] = []
     monkeypatch.setattr("sar_compiler.ros.guardian.Guardian", lambda *given: made.append(given))
-    options = SimpleNamespace(
+    options: Any = SimpleNamespace(
         **dict.fromkeys(("properties", "view", "report", "record", "publish", "groot2"), None),
         guardian=wanted, sim=world, ros=["--enclave", "/mission"], supervision=SimpleNamespace(signs=None),
     )  # fmt: skip

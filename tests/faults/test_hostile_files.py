@@ -4,6 +4,7 @@ A surface is a way to have a file read; `SURFACES` has one or more for each read
 of a new reader until it is here. Nothing of a file elsewhere is ever shown, nothing blocks, and nothing ends with a traceback.
 """
 
+import asyncio
 import json
 import os
 import signal
@@ -12,12 +13,14 @@ import sys
 from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+from urllib.parse import quote
 
 import pytest
 
 from sar_compiler import opener
 from sar_compiler.agent.approval import approval_folder
+from sar_compiler.budget import Budget
 from sar_compiler.cli.compile import main as compile_command
 from sar_compiler.cli.journal_command import main as journal_command
 from sar_compiler.cli.sim import main as sim_command
@@ -27,6 +30,8 @@ from sar_compiler.missions import ParameterReader
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.nodes.installed import entry_points
 from sar_compiler.nodes.registry import RegistryError, load_registry
+from sar_compiler.opener import is_file
+from sar_compiler.project import Additions
 from sar_compiler.project.trust import Content
 from sar_compiler.resources import state_folder
 from sar_compiler.runtime.clock import ManualClock
@@ -38,6 +43,8 @@ from tests.trees import document
 from tests.web.folding import fly
 
 TREE = document('<Sequence><Script code="a := 1"/></Sequence>')
+INCLUDING = document("").replace("<Beh", "<include path={}/>\n<Beh", 1)
+LACKING = document('<SubTree ID="Elsewhere"/>')
 SECRET = "root:x:0:0: never shown"  # noqa: S105 - nobody's
 MAP = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 WORLD = "robot: {x: 1, y: 1, radius: 0.2}\nwalls: []\n"
@@ -151,6 +158,38 @@ def metadata(path: str) -> int:
     )(path)
 
 
+def edit(path: str, text: str) -> int:
+    """Have the language server check a text that an editor has open under the name of a file; print its findings, and what it shows."""
+    pytest.importorskip("pygls")  # an extra
+    from pygls.workspace import Workspace
+
+    from sar_compiler.lsp.features import tree_server
+    from sar_compiler.lsp.open_text import Placed
+
+    shown: list[str] = []
+
+    async def session() -> None:
+        server: Any = tree_server("1", Additions(), [], [], Budget)
+        server.protocol._workspace = Workspace(None)
+        # The other side of the conversation is not there.
+        server.window_show_message = lambda params: shown.append(params.message)
+        server.window_log_message = server.text_document_publish_diagnostics = lambda _: None
+        uri = f"file://{quote(str(Path.cwd() / path))}"
+        server.opened(uri, text, 1)
+        if (file := await server.settled(uri)) is not None:
+            shown.extend(str(placed.finding) for placed in (*file.shown, *map(Placed.of, file.elsewhere)))
+        server.closed(uri)
+
+    asyncio.run(session())
+    sys.stdout.write("\n".join(shown))
+    return 1 if shown else 0
+
+
+def typed(path: str) -> int:
+    """Have an editor open a file, whatever that is: what it sends is the text, which nobody reads again."""
+    return edit(path, Path(path).read_bytes().decode(errors="replace") if is_file(path) else TREE)
+
+
 class Surface(NamedTuple):
     """A way to have a file read.
 
@@ -178,7 +217,7 @@ SURFACES = {
     "a tree that is formatted": Surface(("cli/format.py:_format",), command("format", "{}"), "xml"),
     "a tree that is fixed": Surface(("cli/validate.py:_write",), command("validate", "--fix", "{}"), "xml"),
     "an included tree": Surface(
-        (TREES,), named_by("main.xml", document("").replace("<Beh", "<include path={}/>\n<Beh", 1), command("validate", "main.xml")), "xml", has_root=True,
+        (TREES,), named_by("main.xml", INCLUDING, command("validate", "main.xml")), "xml", has_root=True,
     ),
     "a palette": Surface((TREES,), command("validate", "tree.xml", "--model", "{}"), "xml"),
     "a palette of the settings": Surface(
@@ -202,6 +241,19 @@ SURFACES = {
     "settings for all tools": Surface(
         ("checks/configuration.py:configuration_for",),
         under("pyproject.toml", lambda: compile_command(["validate", "tree.xml"])), "toml", is_sought=True,
+    ),
+    "a tree in an editor": Surface((TREES,), typed, "xml", is_sought=True),
+    "an include in an editor": Surface(
+        (TREES,), lambda path: edit("main.xml", INCLUDING.replace("{}", json.dumps(path))), "xml", has_root=True
+    ),
+    "a palette in an editor": Surface(
+        (TREES,), named_by("sar.toml", "models = [{}]\n", lambda _: edit("tree.xml", TREE)), "xml", has_root=True
+    ),
+    "a tree of a set in an editor": Surface(
+        (TREES,), named_by("sar.toml", "[project]\ntrees = [{}]\n", lambda _: edit("lacking.xml", LACKING)), "xml", has_root=True
+    ),
+    "settings in an editor": Surface(
+        ("documents/toml_files.py:read_toml",), under("sar.toml", lambda: edit("tree.xml", TREE)), "toml"
     ),
     "a scenario": Surface(
         (YAML, "checks/simulate/scenario_files.py:read_scenario"), command("simulate", "tree.xml", "--scenario", "{}")
@@ -272,7 +324,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr("sar_compiler.web.replay._LEAST", 9)
     monkeypatch.syspath_prepend(str(work / "site"))
     Path("tree.xml").write_text(TREE, encoding="utf-8")
-    Path("lacking.xml").write_text(document('<SubTree ID="Elsewhere"/>'), encoding="utf-8")
+    Path("lacking.xml").write_text(LACKING, encoding="utf-8")
     Path("mission.xml").write_text(document("<ZonesRemaining/>"), encoding="utf-8")
     (tmp_path / "secret").write_text(f"{SECRET}\n" * 20, encoding="utf-8")
     state_folder().mkdir(parents=True)
@@ -327,7 +379,8 @@ def test_what_is_no_file_is_refused_and_not_waited_for(name, kind, capsys):
 NAMED = [
     name
     for name, surface in SURFACES.items()
-    if not surface.is_sought and name not in ("settings", "the reserve of a journal", "an approval")
+    if not surface.is_sought
+    and name not in ("settings", "settings in an editor", "the reserve of a journal", "an approval")
 ]
 
 

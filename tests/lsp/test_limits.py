@@ -94,3 +94,15 @@ def test_a_request_that_waits_for_a_check_can_be_cancelled(editor, tmp_path):
     assert isinstance(cancelled(editor, lsp.TEXT_DOCUMENT_HOVER, params), JsonRpcRequestCancelled)
     whose = lsp.TextDocumentIdentifier(path.as_uri())
     editor.say(editor.client.text_document_did_close, lsp.DidCloseTextDocumentParams(whose))
+
+
+def test_a_command_is_given_no_option_by_what_an_editor_names(editor, tmp_path):
+    path = tmp_path / "small.xml"
+    write(path, '<BehaviorTree ID="Main">', "<AlwaysSuccess/>", "</BehaviorTree>", main="Main")
+    (tmp_path / "strange.py").write_text("open('imported', 'w')", encoding="utf-8")
+    editor.open(path)
+    for name in ("--nodes=strange", "--output=imported", "-"):
+        params = lsp.ExecuteCommandParams("sar.simulate", arguments=[path.as_uri(), name])
+        assert editor.ask(editor.client.workspace_execute_command_async(params)) is False
+    assert not (tmp_path / "imported").exists()
+    assert any("tree '--nodes=strange'" in each.message for each in editor.logged), editor.logged
