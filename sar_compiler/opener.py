@@ -242,6 +242,11 @@ def admit(path: Path) -> None:
         _confinement = _confinement._replace(folders=(*_confinement.folders, real))
 
 
+def may_read(folder: Path) -> bool:
+    """Return whether this process may read what is in a folder, given with links followed."""
+    return _confinement is None or any(folder.is_relative_to(each) for each in _confinement.folders)
+
+
 def read_file(path: str | Path, kind: FileKind) -> FileContent:
     """Read a file.
 

@@ -21,7 +21,7 @@ _FILE = Path(tempfile.gettempdir()) / "mission.xml"
 
 
 def look(text: str) -> str:
-    """Return the findings of a tree, and its picture where it has no errors."""
+    """Return the findings of a tree, and its picture if the text can be understood at all."""
     tree = _load(text)
     findings = [
         {
@@ -34,8 +34,11 @@ def look(text: str) -> str:
         }
         for each in tree.check()
     ]
-    has_errors = any(each["severity"] == "error" for each in findings)
-    return json.dumps({"findings": findings, "svg": "" if has_errors else svg(tree.preview())})
+    try:
+        picture = svg(tree.sketch())
+    except TreeError:
+        picture = ""
+    return json.dumps({"findings": findings, "svg": picture})
 
 
 def prove(text: str) -> str:
@@ -71,7 +74,7 @@ def play(text: str) -> str:
 
 def _load(text: str) -> LoadedTree:
     _FILE.write_text(text, encoding="utf-8")
-    return sar_compiler.load(_FILE, models=["nav2:jazzy"])
+    return sar_compiler.load(_FILE, models=["nav2:jazzy"], isolated=True)
 
 
 def _nodes(tree: LoadedTree) -> dict[str, list[int]]:

@@ -63,7 +63,7 @@ const told = {
     element("picture").innerHTML = svg;
     element("verdicts").replaceChildren();
     begin([]);
-    enable(svg !== "");
+    enable(svg !== "" && findings.every((each) => each.severity !== "error"));
   },
   prove({ error, states, complete, verdicts = [] }) {
     element("state").textContent = error ?? `${states} states${complete ? "" : ", and there are more"}`;

@@ -54,8 +54,11 @@ def approve_file(arguments: argparse.Namespace) -> int:
         raise SarError("name the tree file to approve (or --list what is approved)")
     if arguments.revoke:
         return _revoke(arguments.file)
-    tree = workspace(arguments).load(arguments.file)
-    return (_propose if arguments.propose else _approve)(tree, arguments)
+    loader = workspace(arguments)
+    tree = loader.load(arguments.file)
+    status = (_propose if arguments.propose else _approve)(tree, arguments)
+    loader.note_use()
+    return status
 
 
 def _list() -> int:

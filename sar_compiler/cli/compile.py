@@ -22,6 +22,7 @@ from sar_compiler.cli.loading import (
     INPUT_HELP,
     add_project_options,
     add_vocabulary_options,
+    report_findings,
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text, painter
@@ -40,14 +41,15 @@ from sar_compiler.errors import SarError
 from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
-    from sar_compiler.compiler import CompiledTree
     from sar_compiler.nodes.registry import Registry
-    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.project import LoadedTree
+    from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+    from sar_compiler.views.sketch import Drawable
 
 PROG = "sar-compile"
 _COMMANDS = {
     "validate": "Report all mistakes in tree files.",
-    "show": "Show the compiled tree.",
+    "show": "Draw a tree, whatever is wrong with its file, and report the findings.",
     "convert": "Write a tree file in another form, and report what is lost.",
     "format": "Write tree files in their canonical form; comments stay.",
     "diff": "Show the differences between two trees, whatever their form.",
@@ -188,22 +190,50 @@ def _show(arguments: argparse.Namespace) -> int:
     if arguments.fold and arguments.format not in _PICTURES:
         print_error(f"{PROG}: --fold is for pictures: --format {', '.join(_PICTURES)}")
         return USAGE
-    # `validate` warns of the doubtful cases.
-    loaded = workspace(arguments).load(arguments.file)
-    text = budget_of(arguments, patience_sec=0.0).run(
-        lambda: _drawing(loaded.preview(arguments.tree), arguments.format, folded=arguments.fold)
-    )
+    loader = workspace(arguments)
+    loaded = loader.load(arguments.file)
+    try:
+        findings, text = budget_of(arguments, patience_sec=0.0).run(lambda: _drawn(loaded, arguments))
+    finally:
+        loader.note_use()
     if arguments.output is None:
-        print(text, end="")
+        print(text, end="", flush=True)
     else:
         from sar_compiler.cli.writing import write_text
 
         write_text(arguments.output, text)
-    return OK
+    return report_findings(findings)
 
 
-def _drawing(tree: "CompiledTree", form: str, *, folded: bool) -> str:
-    """Return a compiled tree in a form of `show`."""
+def _drawn(loaded: "LoadedTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
+    """Return the findings about a file, and the drawing of its tree.
+
+    Raises:
+        TreeError: If there is nothing to draw: the file is malformed, has no tree, or none of the ID that was asked for.
+    """
+    from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
+    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.views.sketch import Sketch
+
+    findings = loaded.check()
+    if loaded.is_malformed:
+        raise TreeError(findings)
+    try:
+        sketch = loaded.sketch(arguments.tree)
+    except UnknownTreeError:
+        raise
+    except TreeError as error:
+        raise TreeError([*findings, *error.findings]) from error
+    others = [each for each in loaded.forest.trees if each != sketch.name]
+    if arguments.tree is None and loaded.forest.main_tree() is None and others:
+        print_error(f"note: this is the tree '{sketch.name}'; --tree shows another: {', '.join(others)}")
+    if isinstance(sketch, Sketch):
+        findings = [*findings, *(each for each in sketch.findings if each not in findings)]
+    return findings, _drawing(sketch, arguments.format, folded=arguments.fold)
+
+
+def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
+    """Return a tree in a form of `show`."""
     if form == "json":
         from sar_compiler.views.outline import outline
         from sar_compiler.views.plain import as_json
@@ -298,10 +328,10 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
     """
     from sar_compiler.nodes.models.from_use import UseOfNodes
     from sar_compiler.nodes.models.palette import palette_of
-    from sar_compiler.tree.gathering import palettes_in, tree_files_in
+    from sar_compiler.tree.gathering import tree_files_in
 
     files = tree_files_in(arguments.from_use)
-    loader = workspace(arguments, found_models=tuple(palettes_in(arguments.from_use, files)))
+    loader = workspace(arguments, folders=(arguments.from_use,))
     uses = UseOfNodes()
     for path in files:
         tree = loader.load_file(path)
@@ -309,6 +339,7 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
             print_error(f"{PROG}: {path} is passed over; `{PROG} validate` says what is wrong with it")
         else:
             uses.add(tree.forest.main, tree.palettes, tree.project.registry)
+    loader.note_use()
     print(palette_of(uses.models(arguments.tag)), end="")
     return OK
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.budget import BudgetSpentError
 from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of
-from sar_compiler.cli.loading import INPUT_HELP, workspace
+from sar_compiler.cli.loading import INPUT_HELP, load_checked
 from sar_compiler.cli.verify import add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.errors import UndecidableError
@@ -49,7 +49,7 @@ def conform_flights(arguments: argparse.Namespace) -> int:
     """
     from sar_compiler.views import compared_flights as views
 
-    tree = workspace(arguments).load(arguments.file)
+    (tree,) = load_checked(arguments, arguments.file)
     # Nothing in it asks whether it has to end.
     budget = budget_of(arguments, patience_sec=0.0)
     flights = [_flight(place, tree, budget, arguments) for place in arguments.journals]

@@ -57,11 +57,11 @@ def _convert(path: Path, arguments: argparse.Namespace) -> "Converted":
     if arguments.to == "btcpp":
         from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp
 
-        tree = workspace(arguments).load(path)
-        project = tree.project
-        return convert_to_btcpp(
-            tree.forest.main, project.registry, project.palettes, project.configuration.btcpp
-        )
+        loader = workspace(arguments)
+        tree = loader.load(path)
+        project, palettes = tree.project, tree.palettes
+        loader.note_use()
+        return convert_to_btcpp(tree.forest.main, project.registry, palettes, project.configuration.btcpp)
     from sar_compiler.tree.conversion import convert
     from sar_compiler.tree.gathering import read_tree_file
 

@@ -3,15 +3,18 @@
 import argparse
 import atexit
 import gc
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.arguments import FOLDER, PALETTE, YAML_FILE, ArgumentKind
-from sar_compiler.commands import print_error
+from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.tree.gc_pause import LARGE, gc_paused
 
 if TYPE_CHECKING:
-    from sar_compiler.project import Additions, Workspace
+    from sar_compiler.project import Additions, LoadedTree, Workspace
+    from sar_compiler.tree.diagnostic import Diagnostic
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
 INPUT_HELP = "a tree file, the name of a shipped tree, or - for standard input"
@@ -20,20 +23,20 @@ PROJECT_OPTIONS = "options that add to the project's configuration"
 """The title of these options in `--help`; the page of the commands says them once."""
 
 
-def add_project_options(parser: argparse.ArgumentParser) -> tuple[argparse.Action, argparse.Action]:
+def add_project_options(parser: argparse.ArgumentParser) -> tuple[argparse.Action, ...]:
     """Add the options that extend a project's configuration; return those that few need."""
-    options, trust = add_vocabulary_options(parser)
+    options, *rare = add_vocabulary_options(parser)
     text = "a further folder that tree files may be included from (besides the file's own); may be repeated"
     folder = options.add_argument(
         "--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text
     )
-    return trust, folder
+    return folder, *rare
 
 
 def add_vocabulary_options(
     parser: argparse.ArgumentParser,
-) -> "tuple[argparse._ArgumentGroup, argparse.Action]":
-    """Add those of these options that decide which nodes there are; return their group, and `--trust`."""
+) -> "tuple[argparse._ArgumentGroup, argparse.Action, argparse.Action]":
+    """Add those of these options that decide which nodes there are; return their group, `--trust` and `--isolated`."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
     add = options.add_argument
     text = "load a module of leaves (installed, or in the current folder); may be repeated"
@@ -47,7 +50,9 @@ def add_vocabulary_options(
         "run the modules of leaves that the project's own configuration names and brings along, now and until "
         "one of them changes"
     )
-    return options, add("--trust", action="store_true", help=text)
+    trust = add("--trust", action="store_true", help=text)
+    text = "ignore the surroundings of a tree file: sar.toml, and the palettes and trees around it that no option names"
+    return options, trust, add("--isolated", action="store_true", help=text)
 
 
 def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
@@ -56,23 +61,48 @@ def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> 
     parser.add_argument("--mission", type=ArgumentKind("mission"), metavar="NAME", help=text)
 
 
-def workspace(
-    arguments: argparse.Namespace, trees: tuple[Path, ...] = (), found_models: tuple[Path, ...] = ()
-) -> "Workspace":
-    """Return the workspace that loads trees by the options of a command.
-
-    Args:
-        arguments: The options.
-        trees: Tree files, in which a tree is sought that one of them lacks.
-        found_models: Palettes that lie in the folders of the tree files.
-    """
+def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
+    """Return the workspace that loads trees by the options of a command; *added* are further fields of `Additions`."""
     # The collector would look several times through what is imported, and find nothing; so it would afterwards and at the end.
     with gc_paused(LARGE):
         from sar_compiler.project import Workspace
     atexit.register(gc.freeze)
 
-    added = additions(arguments)._replace(trees=trees, found_models=found_models)
-    return Workspace(added, note=tell_note)
+    return Workspace(additions(arguments)._replace(**added), note=tell_note)
+
+
+def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[LoadedTree]":
+    """Load trees for a command that does more than to report findings; report those without errors on standard error.
+
+    Args:
+        arguments: The options of the command.
+        names: The paths of tree files, or the names of shipped trees.
+
+    Raises:
+        TreeError: If there are errors; carries all findings.
+        UnreadableFileError: If a file does not exist or cannot be read.
+    """
+    from sar_compiler.tree.diagnostic import Severity, TreeError
+
+    loader = workspace(arguments)
+    trees = [loader.load(name) for name in names]
+    for tree in trees:
+        findings = tree.check()
+        loader.note_use()
+        if any(each.severity is Severity.ERROR for each in findings):
+            raise TreeError(findings)
+        report_findings(findings)
+    return trees
+
+
+def report_findings(findings: "Sequence[Diagnostic]") -> int:
+    """Print findings on standard error, each place as `validate --all` does; return the exit status: that of findings for errors."""
+    from sar_compiler.cli.terminal import findings_as_text
+    from sar_compiler.tree.diagnostic import Severity
+
+    if findings:
+        print(findings_as_text(findings, sys.stderr), file=sys.stderr)
+    return FINDINGS if any(each.severity is Severity.ERROR for each in findings) else OK
 
 
 def additions(arguments: argparse.Namespace) -> "Additions":
@@ -81,7 +111,10 @@ def additions(arguments: argparse.Namespace) -> "Additions":
 
     models, folders = tuple(arguments.model), tuple(arguments.include_path)
     mission = getattr(arguments, "mission", None)  # which not every command needs
-    return Additions(tuple(arguments.nodes), models, folders, arguments.trust, mission=mission)
+    isolated = arguments.isolated
+    return Additions(
+        tuple(arguments.nodes), models, folders, arguments.trust, mission=mission, is_isolated=isolated
+    )
 
 
 def tell_note(text: str) -> None:

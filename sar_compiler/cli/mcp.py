@@ -61,6 +61,7 @@ def serve_agent(arguments: argparse.Namespace) -> int:
         vocabulary=[
             *(f"--nodes={each}" for each in arguments.nodes),
             *(f"--model={each}" for each in models),
+            *(["--isolated"] if arguments.isolated else []),
         ],
         includes=[f"--include-path={each}" for each in folders],
         named=[*models, *folders],

@@ -6,7 +6,7 @@ import functools
 import time
 
 from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of, count, tick_period
-from sar_compiler.cli.loading import INPUT_HELP, workspace
+from sar_compiler.cli.loading import INPUT_HELP, load_checked
 from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_error, print_text
 from sar_compiler.errors import UndecidableError
@@ -48,7 +48,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
     try:
         with contextlib.closing(progress):
             predict = functools.partial(
-                workspace(arguments).load(arguments.file).predict,
+                load_checked(arguments, arguments.file)[0].predict,
                 arguments.properties,
                 answers=arguments.answers,
                 facts=facts_given(arguments.set),

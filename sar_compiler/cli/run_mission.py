@@ -80,8 +80,10 @@ def _run_mission(
 ) -> int:
     make_engine = find_engine(options.engine)
     asked_for = list(companions_asked_for(options))  # what they lack is said before anything starts
-    loaded = Workspace(additions(options), note=tell_note).load(options.tree)
+    loader = Workspace(additions(options), note=tell_note)
+    loaded = loader.load(options.tree)
     binding = loaded.binding(options.tree_id)
+    loader.note_use()
     options.approval = _approval(options, loaded) if options.approved else None
     require_classes(binding)
     mission = loaded.mission(binding)

@@ -127,6 +127,7 @@ class Runs:
 
         workspace = Workspace(additions(self._options), note=tell_note)
         found = [each for name in self._options.serve for each in self._trees_of(workspace, name)]
+        workspace.note_use()
         self._trees = {each.tree_id: each for each in found}
         for each in found:
             if self._trees[each.tree_id] is not each:

@@ -120,6 +120,8 @@ def _passed_on(options: argparse.Namespace) -> Iterator[str]:
         ("--include-path", options.include_path),
     ):
         yield from (part for value in values for part in (name, str(value)))
+    if options.isolated:
+        yield "--isolated"
     if options.mission is not None:
         yield from ("--mission", options.mission)
     if options.trust:

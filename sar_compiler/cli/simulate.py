@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import TREE_INPUT, YAML_FILE, add_budget, add_tree_id, budget_of, count, seed
-from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_params, add_project_options, workspace
+from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_params, add_project_options, load_checked
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.opener import is_folder
@@ -58,7 +58,7 @@ def simulate_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.checks.simulate.running import Coverage
     from sar_compiler.views.runs import PlayedScenario
 
-    stage = workspace(arguments).load(arguments.file).stage(arguments.tree, arguments.params)
+    stage = load_checked(arguments, arguments.file)[0].stage(arguments.tree, arguments.params)
     stage.binding()
     coverage, budget, played = Coverage(), budget_of(arguments), list[PlayedScenario]()
     files = scenario_files(arguments.scenario)

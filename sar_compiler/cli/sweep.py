@@ -26,7 +26,7 @@ from sar_compiler.cli.arguments import (
     probability,
     seed,
 )
-from sar_compiler.cli.loading import FILE_HELP, FORMAT_HELP, add_project_options, additions, workspace
+from sar_compiler.cli.loading import FILE_HELP, FORMAT_HELP, add_project_options, additions, load_checked
 from sar_compiler.cli.simulate import scenario_files, script
 from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.cli.writing import write_text
@@ -131,7 +131,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
     from sar_compiler.opener import SCENARIO
     from sar_compiler.project.swept import ScenarioRuns, change_scenario, content_of
 
-    tree = workspace(arguments).load(arguments.file)
+    (tree,) = load_checked(arguments, arguments.file)
     stage = tree.stage(arguments.tree)
     stage.binding()
     content = content_of(tree)

@@ -25,7 +25,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, is_folder, read_file
 from sar_compiler.tree.content import bytes_of, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
-from sar_compiler.tree.gathering import find_tree, palettes_in, tree_files_in
+from sar_compiler.tree.gathering import find_tree, tree_files_in
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.plain import count_text
 
@@ -77,6 +77,7 @@ def validate_files(arguments: argparse.Namespace) -> int:
     with suppress(BudgetSpentError):
         budget.run(validation.look)
     validation.leave()
+    validation.note_use()
     validation.print_findings()
     if validation.unchecked:
         print_error(f"sar-compile: {budget.reason} ({count_text(validation.unchecked, 'file')} not checked)")
@@ -133,7 +134,7 @@ class _Validation:
         self._work = 0
         self._raising: set[object] = set()
         self._found_in_folders: set[Path] = set()
-        self._found_models: list[Path] = []
+        self._folders: list[Path] = []
         # Of several links to a file, and of a file that is also in a folder, the first counts.
         files: dict[Path, Path] = {}
         for name in arguments.files:
@@ -142,8 +143,6 @@ class _Validation:
         self._files = tuple(files.values())
         self._places = frozenset(files)
         self._workspace = self._new_workspace()
-        if self._found_models:
-            tell_note(f"nodes are described by {', '.join(map(str, self._found_models))}")
 
     def _find_files(self, name: str) -> Iterator[Path]:
         """Yield the files that an argument names."""
@@ -153,9 +152,7 @@ class _Validation:
                 if not files:
                     self._tell(f"there is no tree file in {name}")
                 self._found_in_folders.update(files)
-                self._found_models += palettes_in(Path(name), files)
-                # Whoever names a folder means all that is in it.
-                self.arguments.include_path.append(Path(name))
+                self._folders.append(Path(name))
                 yield from files
             else:
                 yield find_tree(name)
@@ -169,9 +166,9 @@ class _Validation:
             print_error(f"sar-compile: {why}")
 
     def _new_workspace(self) -> "Workspace":
-        # A file by itself is no set.
-        found = tuple(self._found_models)
-        return workspace(self.arguments, self._files[1:] and self._files, found)
+        # One file or folder by itself is no set: what is around it is found with its surroundings.
+        trees = self._files if self.arguments.files[1:] else ()
+        return workspace(self.arguments, trees=trees, names=self._files, folders=tuple(self._folders))
 
     def mend(self) -> None:
         """Apply all possible fixes to the files; what is wrong otherwise is found when they are looked at."""
@@ -204,6 +201,10 @@ class _Validation:
     def unchecked(self) -> int:
         """How many files were not checked to the end."""
         return len(self._files) - self._done
+
+    def note_use(self) -> None:
+        """Report which palettes and trees around the files were used."""
+        self._workspace.note_use()
 
     def leave(self) -> None:
         """Keep the findings as they are, whatever a check that was left behind still finds."""

@@ -24,7 +24,7 @@ from sar_compiler.cli.loading import (
     add_mission,
     add_params,
     add_project_options,
-    workspace,
+    load_checked,
 )
 from sar_compiler.cli.terminal import ProgressLine, painter
 from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error
@@ -136,8 +136,7 @@ def _verify_into(
     arguments: argparse.Namespace,
 ) -> None:
     """Verify one tree after the other by the same properties, until the budget is spent."""
-    space = workspace(arguments)
-    trees = [space.load(file) for file in files]
+    trees = load_checked(arguments, *files)
     properties = arguments.properties
     if properties is None and len(trees) > 1:
         defaults = (tree.default_properties(arguments.tree) for tree in trees)

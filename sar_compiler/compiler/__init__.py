@@ -557,6 +557,11 @@ class CompiledTree:
         return "\n".join([head, *(f"    {line}" for line in shown)])
 
     @property
+    def name(self) -> str:
+        """The ID of the tree."""
+        return self.instance.tree.name
+
+    @property
     def board(self) -> Board:
         """Its entries on the blackboard."""
         return self.instance.scope.board

@@ -42,6 +42,10 @@ def tree_server(
 
 
 def _add_texts(server: TreeServer) -> None:
+    @server.feature(lsp.INITIALIZED)
+    def initialized(_params: lsp.InitializedParams) -> None:
+        server.open_folders(server.workspace.folders)
+
     @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
     def opened(params: lsp.DidOpenTextDocumentParams) -> None:
         document = params.text_document

@@ -26,11 +26,12 @@ from sar_compiler.lsp.names import NamedThing, Spot, name_at
 from sar_compiler.lsp.offers import offers_at, page_of_tag, place_in
 from sar_compiler.lsp.open_text import OpenText, Placed
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.opener import TREE, FileIdentity, read_file
 from sar_compiler.process_end import dependent_environment
 from sar_compiler.project import Additions, LoadedTree, Workspace
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
-from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.gathering import parse_tree
 from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_before
 from sar_compiler.tree.retyped import TextReader
 
@@ -94,6 +95,7 @@ class TreeServer(LanguageServer):
         self._open: dict[str, OpenText] = {}
         self._texts: Mapping[Path, str] = {}  # those that a check goes by
         self._reader = TextReader()
+        self._unchanged: dict[Path, tuple[FileIdentity | None, TreeFile]] = {}
         self._loader = self._new_loader()
         self._wanted: dict[str, None] = {}
         self._work: asyncio.Task[None] | None = None
@@ -109,6 +111,12 @@ class TreeServer(LanguageServer):
             self._log(lsp.MessageType.Info, text)
 
         return Workspace(self._additions, self._read, note, checks_again=True)
+
+    def open_folders(self, uris: Iterable[str]) -> None:
+        """Let the files in the folders that are open in the editor belong together."""
+        folders = [path for uri in uris if (path := to_fs_path(uri)) is not None]
+        self._additions = self._additions._replace(folders=tuple(map(Path, folders)))
+        self.renew()
 
     def _tell(self, problem: str) -> None:
         """Have it shown, once, why nothing can be said of a file, from the thread of the checks."""
@@ -126,8 +134,17 @@ class TreeServer(LanguageServer):
         text = self._texts.get(real_path(path))
         if text is None:
             self._reader.forget(str(path))
-            return read_tree_file(path)
+            return self._read_unless_unchanged(path)
         return self._reader.read(text, str(path))
+
+    def _read_unless_unchanged(self, path: Path) -> TreeFile:
+        """Read a file that is not open: it is sought for a tree after each change of one that is."""
+        content = read_file(path, TREE)
+        identity, tree_file = self._unchanged.get(path, (None, None))
+        if tree_file is None or identity != content.identity:
+            tree_file = parse_tree(content.data, str(path))
+            self._unchanged[path] = content.identity, tree_file
+        return tree_file
 
     # Texts
 
@@ -230,7 +247,7 @@ class TreeServer(LanguageServer):
         tree = None
         try:
             tree = loader.load_file(path)
-            return tree, tree.check()
+            findings = tree.check()
         except TreeError as error:
             return tree, [*error.findings]
         except SarError as error:
@@ -238,6 +255,8 @@ class TreeServer(LanguageServer):
             return tree, []
         except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the file
             return tree, [failure_of_file(path, error)]
+        loader.note_use()
+        return tree, findings
 
     async def _in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
         """Return the result of some work on a file; None, and report why, if it takes more than its budget."""
@@ -495,9 +514,9 @@ def _depends(file: OpenText, path: Path) -> bool:
     tree = file.tree
     if tree is None:
         return False
-    files = (*tree.forest.files, *tree.forest.others)
-    return tree.project.tree_set is not None or any(
-        real_path(Path(each.source.path)) == real_path(path) for each in files
+    tree_set = tree.forest.tree_set  # that of the check; the project has another one by now
+    return (tree_set is not None and tree_set.is_read) or any(
+        real_path(Path(each.source.path)) == real_path(path) for each in tree.forest.files
     )
 
 

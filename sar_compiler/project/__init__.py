@@ -15,23 +15,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.checks import check_beginning, check_context, check_palettes, context_of, first_of_each
-from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.attributes import CONDITIONS
-from sar_compiler.nodes.binding.bound import Binding, Collector
+from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
-from sar_compiler.nodes.models import described_specs, enums_file, read_models, supplements
+from sar_compiler.nodes.models import described_specs, enums_file, supplements, undescribed_tags
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
-from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
+from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, is_own_word, load_registry
 from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, admit, is_there, read_file
+from sar_compiler.project.surroundings import FilesAround, FileSurroundings, find_surroundings
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, real_path
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, TreeError
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
-from sar_compiler.tree.gathering import files_meant, find_tree, palettes_beside, read_tree_file
+from sar_compiler.tree.gathering import files_meant, find_tree, read_tree_file
 from sar_compiler.tree.model import Element, FileBeginning, TreeFile
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from sar_compiler.project.simulated import Simulated
     from sar_compiler.ros.parameter_reader import ParameterReader
     from sar_compiler.runtime.events import Event
+    from sar_compiler.views.sketch import Drawable
 
 
 class Additions(NamedTuple):
@@ -67,8 +68,9 @@ class Additions(NamedTuple):
         registry: The registered nodes; None for the installed and named ones.
         trees: Further tree files, in which a tree is sought that a file lacks.
         mission: The name of the mission, whatever the leaves of a tree require; None to choose it by them.
-        found_models: Palettes that nobody has named and that lie in the folders of the trees: what nobody else describes, the
-            nearest one does.
+        folders: Folders that the user has named; the files in them belong together, as those of a repository do.
+        names: Tree files as the user has named them, for findings in them.
+        is_isolated: Whether the surroundings of a file are ignored: configuration, palettes and trees around it.
     """
 
     nodes: tuple[Named, ...] = ()
@@ -78,7 +80,9 @@ class Additions(NamedTuple):
     registry: Registry | None = None
     trees: tuple[Path, ...] = ()
     mission: str | None = None
-    found_models: tuple[Path, ...] = ()
+    folders: tuple[Path, ...] = ()
+    names: tuple[Path, ...] = ()
+    is_isolated: bool = False
 
     @property
     def palettes(self) -> tuple[str, ...]:
@@ -92,6 +96,9 @@ class Project:
     Attributes:
         configuration: Their configuration.
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
+        files_around: The palettes and tree files around them that nobody has named.
+        used_palettes: Those of these palettes that were used, by their paths.
+        used_trees: Those of these tree files that were used, by their paths.
         additions: The user's additions.
         tree_set: The files in which a tree is sought that a file lacks; None if there are none.
         memory: What was found out by checks before; None where nothing is to be kept.
@@ -99,15 +106,16 @@ class Project:
 
     def __init__(
         self,
-        configuration: Configuration,
-        checkout: Path,
+        surroundings: FileSurroundings,
         additions: Additions,
         read: Read,
         memory: Memory | None = None,
     ) -> None:
-        self.configuration = configuration
-        self.checkout = checkout
+        self.configuration, self.checkout, self.files_around = surroundings
         self.additions = additions
+        self.used_palettes: dict[Path, None] = {}
+        self.used_trees: dict[Path, None] = {}
+        self._names = {real_path(each): each for each in additions.names}
         self.tree_set: TreeSet | None = None
         self.memory = memory
         self._read = read
@@ -115,7 +123,7 @@ class Project:
 
     def renew_set(self) -> None:
         """Have the files of the set read anew, by who asks for a tree next."""
-        if self.configuration.trees or self.additions.trees:
+        if self.configuration.trees or self.additions.trees or self.files_around.folder is not None:
             is_declared = bool(self.configuration.trees)
             self.tree_set = TreeSet(self._set_files, self._read, self.include_path, is_declared=is_declared)
 
@@ -194,24 +202,32 @@ class Project:
             raise TreeError([Diagnostic("setting-not-found", str(error), source, span)]) from error
 
     @functools.cached_property
-    def _found_palettes(self) -> tuple[TreeFile, ...]:
-        """The palettes that nobody has named; one that is malformed is spoken of as a file."""
+    def _palettes_around(self) -> tuple[TreeFile, ...]:
+        """The palettes that nobody has named; one that is malformed is reported as a file."""
         found = []
-        for path in self.additions.found_models:
+        for path in self.files_around.palettes:
             with contextlib.suppress(TreeError, UnreadableFileError):
                 found.append(read_tree_file(path))
         return tuple(found)
 
-    def palettes_for(self, files: Sequence[TreeFile]) -> tuple[TreeFile, ...]:
-        """Return the palettes for a file with all that it includes: those that nobody has named supplement the others."""
-        own = [_real_path(each) for each in files]
-        named = [each for each in self.palettes if _real_path(each) not in own]
-        found = [each for each in self._found_palettes if _real_path(each) not in own]
-        if not found:
-            return tuple(named)
+    def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
+        """Return the palettes for a file: those that are named, and for nodes that nothing else describes the nearest ones around it.
 
-        nearest = sorted(found, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
-        return (*named, *supplements(nearest, named))
+        Raises:
+            TreeError, UnreadableFileError: As `palettes`.
+        """
+        own = [_real_path(each) for each in forest.files]
+        named = tuple(each for each in self.palettes if _real_path(each) not in own)
+        tags = undescribed_tags([*forest.files, *forest.others], named)
+        wanted = {tag for tag in tags if tag not in self.registry or is_own_word(tag)}
+        if not wanted:
+            return named
+
+        around = [each for each in self._palettes_around if _real_path(each) not in own]
+        nearest = sorted(around, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
+        found = list(supplements(nearest, wanted))
+        self.used_palettes |= dict.fromkeys(Path(each.source.path) for each in found)
+        return (*named, *found)
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
@@ -226,11 +242,10 @@ class Project:
             TreeError: If a palette has mistakes, or the configuration names modules that are not trusted.
             UnreadableFileError: If a palette cannot be read.
         """
-        if not self.palettes:
-            return self.registry
         if any(each.severity is Severity.ERROR for each in self.findings):
             raise TreeError(self.findings)
-        return Registry([*self.registry.specs(), *described_specs(self.palettes, self.registry)])
+        described = described_specs([*self.palettes, *self._palettes_around], self.registry)
+        return Registry([*self.registry.specs(), *described]) if described else self.registry
 
     def _set_files(self) -> Iterator[Path]:
         """Yield the tree files that belong together.
@@ -239,17 +254,33 @@ class Project:
             UnreadableFileError: If a file or a folder that the configuration names does not exist or cannot be read.
         """
         yield from self.additions.trees
+        if not self.configuration.trees:
+            yield from (self._names.get(real_path(each), each) for each in self.files_around.trees)
         for folder, pattern in self.configuration.trees:
             for path in map(as_written, files_meant(folder, pattern)):
                 if not is_there(path):
                     read_file(path, TREE)  # says why
-                if real_path(path).is_relative_to(self.checkout):
-                    yield NamedPath.within(path, (self.checkout,))
+                place = real_path(path)
+                if place.is_relative_to(self.checkout):
+                    yield self._names.get(place) or NamedPath.within(path, (self.checkout,))
+
+    def note_use(self, forest: Forest) -> None:
+        """Note which files around were used for trees that a file lacks."""
+        if self.configuration.trees:
+            return
+        given = {*map(real_path, self.additions.trees), *self._names}
+        used = {Path(home.main.source.path): home.place for home in forest.homes.values()}
+        self.used_trees |= dict.fromkeys(path for path, place in used.items() if place not in given)
 
     @property
     def include_path(self) -> tuple[Path, ...]:
         """The further folders that may be included from."""
-        return (*self.additions.include_path, *self.configuration.include_path)
+        root = self.files_around.root
+        return (*self.additions.include_path, *self.configuration.include_path, *([root] if root else []))
+
+
+_MOST_NAMED = 5
+"""The number of files that a note names."""
 
 
 def _real_path(tree_file: TreeFile) -> Path:
@@ -271,7 +302,8 @@ class Workspace:
     read: Read = read_tree_file
     note: Callable[[str], None] = lambda _text: None
     checks_again: bool = False
-    _projects: dict[tuple[Path | None, Path], Project] = field(default_factory=dict, init=False)
+    _projects: dict[tuple[Path | None, ...], Project] = field(default_factory=dict, init=False)
+    _files_around: dict[tuple[Path | None, ...], FilesAround] = field(default_factory=dict, init=False)
     _noted: set[str] = field(default_factory=set, init=False)
 
     def load(self, tree: str | Path) -> "LoadedTree":
@@ -310,13 +342,14 @@ class Workspace:
         def pass_over(foreign: Path) -> None:
             self._note(f"{foreign} is passed over: it belongs neither to you nor to the owner of {path}")
 
-        configuration = configuration_for(path, pass_over)
-        folder = (configuration.path or real_path(path)).parent
-        checkout = repository_of(folder) or folder
-        key = (configuration.path, checkout)
+        folders, is_isolated = self.additions.folders, self.additions.is_isolated
+        found = find_surroundings(path, folders, pass_over, is_isolated=is_isolated)
+        configuration, checkout, files = found
+        key = (configuration.path, checkout, files.folder, files.root)
         if key not in self._projects or self._projects[key].configuration != configuration:
             memory = Memory() if self.checks_again else None
-            self._projects[key] = Project(configuration, checkout, self.additions, self.read, memory)
+            around = self._files_around.setdefault((files.folder, files.root), files)
+            self._projects[key] = Project(found._replace(files=around), self.additions, self.read, memory)
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self._note(
                     f"the leaves of '{entry_point.value}' are passed over: {place} says that they are installed, "
@@ -328,6 +361,17 @@ class Workspace:
         """Have the files of all sets read anew: some have changed."""
         for project in self._projects.values():
             project.renew_set()
+
+    def note_use(self) -> None:
+        """Note which palettes and trees around the files that were looked at have been used, though nobody has named them."""
+        projects = self._projects.values()
+        palettes = dict.fromkeys(path for each in projects for path in each.used_palettes)
+        trees = dict.fromkeys(path for each in projects for path in each.used_trees)
+        for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
+            if paths:
+                more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""
+                listed = ", ".join(map(str, sorted(paths)[:_MOST_NAMED]))
+                self._note(f"{what} {listed}{more}")
 
     def _note(self, text: str) -> None:
         if text not in self._noted:
@@ -358,6 +402,7 @@ class LoadedTree:
         self._read = read
         try:
             self._forest = load_forest(path, read, project.include_path, project.tree_set)
+            project.note_use(self._forest)
         except TreeError as error:
             self._malformed, self._beginning = error.findings, error.beginning
 
@@ -365,11 +410,11 @@ class LoadedTree:
         return f"<{type(self).__name__} {self.path}>"
 
     def _repr_svg_(self) -> str | None:
-        """Return a picture for a notebook; None, so that it shows the text, if the tree has errors."""
+        """Return a picture for a notebook; None, so that it shows the text, if the file is malformed."""
         from sar_compiler.views.drawing import svg
 
         try:
-            return svg(self.preview())
+            return svg(self.sketch())
         except TreeError:
             return None
 
@@ -408,7 +453,7 @@ class LoadedTree:
             return self._findings_before()
         decide = self.project.configuration.decide
         found = check_context(self.context)
-        return decide(first_of_each(decide(_naming_palettes(found))))
+        return decide(first_of_each(decide(found)))
 
     @functools.cached_property
     def context(self) -> CheckContext:
@@ -430,7 +475,7 @@ class LoadedTree:
             UnreadableFileError: If a palette does not exist or cannot be read.
             TreeError: If the file, or a palette that somebody has named, is malformed.
         """
-        return self.project.palettes_for(self.forest.files)
+        return self.project.palettes_for(self.forest)
 
     def _findings_before(self) -> list[Diagnostic]:
         """Return the findings about a malformed file: where it is that, and what is wrong before."""
@@ -444,7 +489,8 @@ class LoadedTree:
             forest = load_forest(self.path, read, project.include_path, project.tree_set)
             found = [each for each in found if each.severity is Severity.ERROR]
             cut = min(each.span for each in found)
-            found += check_beginning(beginning, cut, forest, project.registry, project.palettes)
+            palettes = project.palettes_for(forest)
+            found += check_beginning(beginning, cut, forest, project.registry, palettes)
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
@@ -668,6 +714,34 @@ class LoadedTree:
 
         return preview_tree(self.binding(tree_id))
 
+    def sketch(self, tree_id: str | None = None) -> "Drawable":
+        """Return a tree of the file for a drawing, whatever is wrong with the file.
+
+        A tree without errors is compiled as by `preview`. Of any other, unknown nodes have no meaning, and subtrees that are
+        nowhere are folded.
+
+        Args:
+            tree_id: The tree in the file; by default the one that the file executes, or the first that no other one uses.
+
+        Raises:
+            TreeError: If there is no such tree, the file is malformed, or its project's configuration has mistakes.
+        """
+        from sar_compiler.nodes.binding.tree_ids import find_main_tree
+        from sar_compiler.views.sketch import sketch_tree
+
+        forest = self.forest
+        candidates = (*forest.executable, *forest.main.trees)
+        element = forest.main_tree(tree_id) or (candidates[0] if candidates and tree_id is None else None)
+        if element is None:
+            find_main_tree(forest, tree_id)
+        is_main = element is forest.main_tree(tree_id)
+        try:
+            return self.preview(tree_id if is_main or element is None else element.attributes.get("ID"))
+        except TreeError as error:
+            trees = self.context.bound.trees
+            sketch = sketch_tree(next(each for each in trees if each.element is element), trees)
+            return replace(sketch, findings=error.findings)
+
     def simulate(
         self,
         *,
@@ -849,37 +923,6 @@ class LoadedTree:
         return verify_tree(self, binding, properties, facts, start, search, answers)
 
 
-def _naming_palettes(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
-    """Yield findings; those about unknown nodes name the palette in the folder of their file that describes the node.
-
-    It is not taken without being named: what a file means would depend on what happens to lie beside it.
-    """
-    described = functools.cache(_palettes_by_tag)
-    for finding in findings:
-        source, span = finding.source, finding.span
-        if finding.code == "unknown-node":
-            start, end = (source.offset(*place) for place in (span[:2], span[2:]))
-            palette = described(Path(source.path)).get(source.text[start:end].lstrip("<"))
-            if palette is not None:
-                hint = f"{palette.name} beside this file describes it: --model {palette}"
-                cause = finding.common_cause and Cause(
-                    f"these are nodes of {palette}", finding.common_cause.subject
-                )
-                yield replace(finding, suggestion=None, hint=hint, common_cause=cause)
-                continue
-        yield finding
-
-
-def _palettes_by_tag(tree_file: Path) -> Mapping[str, Path]:
-    """Return the nodes that palettes beside a file describe, with the palette."""
-    found: dict[str, Path] = {}
-    for path in palettes_beside(tree_file):
-        with contextlib.suppress(TreeError, UnreadableFileError):
-            for tag in read_models([read_tree_file(path)], Collector()).nodes:
-                found.setdefault(tag, path)
-    return found
-
-
 def load(
     tree: str | Path,
     *,
@@ -888,6 +931,7 @@ def load(
     include_path: Iterable[str | Path] = (),
     registry: Registry | None = None,
     mission: str | None = None,
+    isolated: bool = False,
 ) -> LoadedTree:
     """Load a tree file, with the settings of its project's configuration.
 
@@ -898,6 +942,7 @@ def load(
         include_path: Further folders that the file may include from.
         registry: The registered nodes, instead of the installed ones, *nodes* and palettes that are installed.
         mission: The name of the mission, whatever the leaves require; by default it is chosen by them.
+        isolated: Whether the surroundings of the file are ignored: configuration, palettes and trees around it.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -911,6 +956,8 @@ def load(
                 f"{name} is the text '{several}'; write several or one in brackets: {name}=['{several}']"
             )
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
-    additions = Additions(tuple(nodes), palettes, folders, registry=registry, mission=mission)
+    additions = Additions(
+        tuple(nodes), palettes, folders, registry=registry, mission=mission, is_isolated=isolated
+    )
     # The frames between are `_note`, `project_of` and the two `load`.
     return Workspace(additions, note=lambda text: warnings.warn(text, stacklevel=6)).load(tree)

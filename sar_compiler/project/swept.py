@@ -142,7 +142,7 @@ _replays = functools.lru_cache(maxsize=16)(_Replays)
 
 def content_of(tree: LoadedTree) -> str:
     """Return a checksum of the texts of a tree, of what it includes, and of its palettes."""
-    files = [*tree.forest.files, *tree.project.palettes]
+    files = [*tree.forest.files, *tree.forest.others, *tree.palettes]
     return hashlib.sha256("\0".join(file.source.text for file in files).encode()).hexdigest()
 
 

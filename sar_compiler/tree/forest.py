@@ -169,6 +169,11 @@ class TreeSet:
     unreadable: list[str] = field(default_factory=list)
     _references: dict[int, tuple[Element, ...]] = field(default_factory=dict)
 
+    @property
+    def is_read(self) -> bool:
+        """Whether files of it have been read: what was found in a file may depend on each of them."""
+        return "forests" in self.__dict__
+
     @functools.cached_property
     def forests(self) -> Mapping[Path, Forest]:
         """Each file with what it includes, by its path with links followed.
@@ -271,9 +276,8 @@ class _SetSearch:
         tree_id = reference.attributes[attribute]
         having = [(self.forest.place, home)] if tree_id in home.trees else self._having(tree_id, reference)
         if not having:
-            # It may be in one of those.
-            self.findings += self.tree_set.findings
-            for reason in self.tree_set.unreadable:
+            self.findings += [each for each in self.tree_set.findings if tree_id in each.source.text]
+            for reason in self.tree_set.unreadable if self.tree_set.is_declared else ():
                 message = f"the tree '{tree_id}' may be in a file of the set: {reason}"
                 self.findings.append(reference.finding("unreadable-include", message, value=attribute))
             return
@@ -293,12 +297,15 @@ class _SetSearch:
             self.found.setdefault(id(target), (target, first))
 
     def _having(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
-        """Return the files that have a tree; only those beside the file of the reference, if there are any."""
+        """Return the files that have a tree; of several, those that share the longest path with the file of the reference."""
         having = [each for each in self.tree_set.having(tree_id) if each[0] != self.forest.place]
         if tree_id in self.forest.trees:
             having.insert(0, (self.forest.place, self.forest))
         here = real_path(Path(reference.source.path)).parent
-        return [each for each in having if each[0].parent == here] or having
+        if not having:
+            return having
+        shared = [len(os.path.commonpath([here, place.parent])) for place, _ in having]
+        return [each for each, length in zip(having, shared, strict=True) if length == max(shared)]
 
 
 class _Loader:

@@ -1,9 +1,10 @@
 """Reading of tree files in any form, and finding those that are meant: by path or name, and in folders, by how they begin."""
 
 import glob
+import itertools
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from sar_compiler import resources
@@ -77,7 +78,10 @@ _FIRST_ELEMENT = re.compile(rb"(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+
 _FIRST_KEY = re.compile(rb"(?:\s|#[^\n]*\n|---|%[^\n]*\n)*\{?\s*[\"']?root[\"']?\s*:")
 _ROOT_ATTRIBUTES = re.compile(rb"\b(?:BTCPP_format|main_tree_to_execute)\b")
 _SECTIONS = re.compile(rb"\b(?:BehaviorTree|TreeNodesModel|include)\b")
-_MODEL, _TREE = re.compile(rb"<TreeNodesModel\b"), re.compile(rb"<BehaviorTree\b")
+_MODEL, _TREE = (
+    re.compile(rb"<%s\b|^[ \"']*(?:- *)?%s[\"']?\s*:" % (tag, tag), re.MULTILINE)
+    for tag in (b"TreeNodesModel", b"BehaviorTree")
+)
 _PROJECT = ".btproj"
 """The ending of Groot2's projects."""
 _ALONE = (b"BehaviorTree", b"TreeNodesModel")
@@ -94,40 +98,30 @@ def tree_files_in(folder: Path) -> list[Path]:
     return sorted(path for path in _files_in(folder) if is_tree_file(path))
 
 
-def palettes_in(folder: Path, trees: Iterable[Path]) -> list[Path]:
-    """Return the files in a folder and below it that only describe nodes, and Groot2's projects that do.
+def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
+    """Return files in a folder that may be tree files or palettes by their names, in the order of their paths.
+
+    What cannot be read is passed over.
 
     Args:
         folder: The folder.
-        trees: The tree files in it, as `tree_files_in` returns them.
-
-    Raises:
-        UnreadableFileError: If a folder or a file cannot be read.
+        most: How many files of any kind are looked at.
+        is_whole: Whether folders in it are looked into, as `tree_files_in` does.
     """
-    projects = [path for path in _files_in(folder) if _is_project(path) and is_file(path)]
-    palettes = [path for path in trees if _describes(path) and not _has(path, _TREE)]
-    return sorted([*palettes, *filter(_describes, projects)])
+    found = itertools.islice(_files_in(folder, is_whole=is_whole, is_sought=True), most)
+    return sorted(path for path in found if path.suffix.lower() in (*FORMS, _PROJECT) and is_file(path))
 
 
-def palettes_beside(tree_file: Path) -> list[Path]:
-    """Return the palettes, as `palettes_in`, in the folder of a tree file itself, as far as they can be read."""
+def is_palette(path: Path) -> bool:
+    """Return whether a file only describes nodes, or is a project of Groot2's that does; False if it cannot be read."""
+    if path.suffix.lower() not in (*FORMS, _PROJECT):
+        return False
     try:
-        beside = [path for path in folder_entries(tree_file.parent) if is_file(path) and path != tree_file]
-        return [path for path in beside if _describes(path) and (_is_project(path) or not _has(path, _TREE))]
-    except (OSError, UnreadableFileError):
-        return []
-
-
-def _is_project(path: Path) -> bool:
-    return path.suffix.lower() == _PROJECT
-
-
-def _describes(path: Path) -> bool:
-    return path.suffix.lower() in (".xml", _PROJECT) and _has(path, _MODEL)
-
-
-def _has(path: Path, what: re.Pattern[bytes]) -> bool:
-    return what.search(read_file(path, TREE).data.replace(b"\0", b"")) is not None
+        data = read_file(path, TREE).data.replace(b"\0", b"")
+    except UnreadableFileError:
+        return False
+    is_alone = path.suffix.lower() == _PROJECT or not _TREE.search(data)
+    return is_alone and _MODEL.search(data) is not None
 
 
 def files_meant(folder: Path, pattern: str) -> list[Path]:
@@ -154,13 +148,27 @@ def files_meant(folder: Path, pattern: str) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def is_tree_file(path: Path) -> bool:
-    """Return whether a file has the ending and the outermost element, or key, of a tree file."""
+def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
+    """Return whether a file has the ending and the outermost element, or key, of a tree file.
+
+    Args:
+        path: The file.
+        is_sought: Whether one that cannot be read is none: nobody has named it.
+
+    Raises:
+        UnreadableFileError: If it cannot be read.
+    """
     form = FORMS.get(path.suffix.lower())
     if form is None or not is_file(path):
         return False
+    try:
+        beginning = read_file(path, _BEGINNING).data
+    except UnreadableFileError:
+        if is_sought:
+            return False
+        raise
     # A byte order mark, and the zero bytes of UTF-16, do not matter here.
-    data = read_file(path, _BEGINNING).data.lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
+    data = beginning.lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
     if form is Form.YAML:
         return _FIRST_KEY.match(data) is not None and _SECTIONS.search(data) is not None
     first = _FIRST_ELEMENT.match(data)
@@ -183,7 +191,7 @@ def is_of_another_kind(text: str, form: Form) -> bool:
     return tag not in (b"root", *_ALONE) and _ROOT_ATTRIBUTES.search(attributes) is None
 
 
-def _files_in(folder: Path) -> Iterator[Path]:
+def _files_in(folder: Path, *, is_whole: bool = True, is_sought: bool = False) -> Iterator[Path]:
     waiting, seen = [folder], set()
     while waiting:
         here = waiting.pop()
@@ -191,11 +199,17 @@ def _files_in(folder: Path) -> Iterator[Path]:
         if place in seen:
             continue
         seen.add(place)
-        for entry in folder_entries(here):
+        try:
+            entries = folder_entries(here)
+        except UnreadableFileError:
+            if is_sought:
+                continue
+            raise
+        for entry in entries:
             if entry.name.startswith("."):
                 continue
             if is_folder(entry):
-                waiting += [] if entry.name in SKIPPED else [entry]
+                waiting += [entry] if is_whole and entry.name not in SKIPPED else []
             else:
                 yield entry
 

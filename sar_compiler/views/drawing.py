@@ -1,4 +1,4 @@
-"""Drawings of a compiled tree: in Graphviz' language, as a flowchart of Mermaid, and as a picture in SVG.
+"""Drawings of a tree: in Graphviz' language, as a flowchart of Mermaid, and as a picture in SVG.
 
 All formats share one list of nodes. In the picture, children stand side by side below their parent where there is room, else one
 below the other, indented: a small tree looks as in a book, and a wide one stays narrow. Lengths are in pixels.
@@ -18,14 +18,16 @@ from xml.sax.saxutils import escape
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.compiler import CompiledTree, Origin
+from sar_compiler.compiler import Origin
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.signs import COLOURS, DECORATORS, literal
+from sar_compiler.tree.model import SUBTREE_TAG
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.plain import plain, speakable
+from sar_compiler.views.sketch import Drawable, is_unknown
 
 # Characters of a label and of the line below it; a title has the whole of them.
 _LONGEST = 40
@@ -41,6 +43,7 @@ class Shape(Enum):
     DECORATOR = "decorator"
     CONDITION = "condition"
     ACTION = "action"
+    UNKNOWN = "unknown"
 
     @property
     def colour(self) -> str:
@@ -79,8 +82,8 @@ class DrawnNode(NamedTuple):
         return f"{self.sign} {self.name}".lstrip()
 
 
-def drawn_nodes(tree: CompiledTree, *, folded: bool = False) -> list[DrawnNode]:
-    """Return the nodes of a compiled tree for a drawing, in pre-order.
+def drawn_nodes(tree: Drawable, *, folded: bool = False) -> list[DrawnNode]:
+    """Return the nodes of a tree for a drawing, in pre-order.
 
     Args:
         tree: The tree.
@@ -104,7 +107,7 @@ def drawn_nodes(tree: CompiledTree, *, folded: bool = False) -> list[DrawnNode]:
     return [each._replace(is_subtree=False) for each in drawn] if folded else drawn
 
 
-def _inside_subtrees(tree: CompiledTree) -> Iterator[Behaviour]:
+def _inside_subtrees(tree: Drawable) -> Iterator[Behaviour]:
     """Yield what is in a subtree of the tree that is shown."""
     for each in pre_order(tree.root):
         if tree.origins[each.id].bound.subtree is not None:
@@ -137,10 +140,13 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, 
     """Return what a drawn node is from its shape on."""
     bound = origin.bound
     tag, element = bound.spec.tag, bound.element
-    shape, sign = (Shape.DECORATOR, _OTHER) if is_wrapper else _shape_and_sign(bound)
+    if is_wrapper:
+        shape, sign = Shape.DECORATOR, _OTHER
+    else:
+        shape, sign = (Shape.UNKNOWN, "?") if is_unknown(bound) else _shape_and_sign(bound)
     written = origin.attributes if is_wrapper else _attributes(bound)
     attributes = " ".join(f"{key}={_value(plain(value))}" for key, value in written.items())
-    says_tag = is_wrapper or bound.subtree is not None or bound.spec.semantics.with_memory
+    says_tag = is_wrapper or bound.element.tag == SUBTREE_TAG or bound.spec.semantics.with_memory
     details = attributes if says_tag or name in (tag, f"{tag}?") else f"{tag} {attributes}"
     title = f"{element.file_and_line} <{tag}> {name} {attributes}"
     return (
@@ -162,7 +168,7 @@ def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
     if kind.is_leaf:
         return (Shape.CONDITION if kind is Kind.CONDITION else Shape.ACTION), ""
     if kind is Kind.DECORATOR:
-        sign = _SUBTREE if bound.subtree is not None else _REPEATS if semantics.repeats else _OTHER
+        sign = _SUBTREE if bound.element.tag == SUBTREE_TAG else _REPEATS if semantics.repeats else _OTHER
         return Shape.DECORATOR, sign
     if semantics.order is Order.TOGETHER:
         return Shape.PARALLEL, "⇉"
@@ -203,13 +209,14 @@ _DOT_SHAPES = {
     Shape.DECORATOR: "ellipse",
     Shape.CONDITION: "ellipse",
     Shape.ACTION: "ellipse",
+    Shape.UNKNOWN: "box",
 }
 
 
-def dot(tree: CompiledTree, *, folded: bool = False) -> str:
-    """Return a compiled tree as a digraph; subtrees are clusters, or single nodes if they are folded."""
+def dot(tree: Drawable, *, folded: bool = False) -> str:
+    """Return a tree as a digraph; subtrees are clusters, or single nodes if they are folded."""
     lines = [
-        f"digraph {_quote(in_one_line(tree.instance.tree.name))} {{",
+        f"digraph {_quote(in_one_line(tree.name))} {{",
         "  ordering=out;",
         '  graph [fontname="sans-serif", style=dashed];',
         '  node [fontname="sans-serif", fontsize=9, style=filled];',
@@ -244,6 +251,7 @@ _BRACKETS = {
     Shape.DECORATOR: ("([", "])"),
     Shape.CONDITION: ("(", ")"),
     Shape.ACTION: ("[", "]"),
+    Shape.UNKNOWN: ("[", "]"),
 }
 _ON_SHAPES = f"stroke:{COLOURS['halted'].light},color:{COLOURS['text'].light}"
 # Everything that is a sign of Mermaid's, of Markdown's or of HTML's somewhere.
@@ -256,8 +264,8 @@ _MOST_EDGES, _LONGEST_CHART = 499, 50_000
 _EDGE = " --> "
 
 
-def mermaid(tree: CompiledTree, *, folded: bool = False) -> str:
-    """Return a compiled tree as a flowchart from top to bottom; subtrees are boxes, or single nodes if they are folded."""
+def mermaid(tree: Drawable, *, folded: bool = False) -> str:
+    """Return a tree as a flowchart from top to bottom; subtrees are boxes, or single nodes if they are folded."""
     nodes = drawn_nodes(tree, folded=folded)
     shapes = sorted({node.shape for node in nodes}, key=list(Shape).index)
     lines = [
@@ -343,13 +351,13 @@ class Block:
         return self.top + self.high
 
 
-def svg(tree: CompiledTree, *, folded: bool = False) -> str:
-    """Return a compiled tree as a picture, with subtrees as single nodes if they are folded."""
+def svg(tree: Drawable, *, folded: bool = False) -> str:
+    """Return a tree as a picture, with subtrees as single nodes if they are folded."""
     nodes = drawn_nodes(tree, folded=folded)
     blocks = _place_blocks(nodes)
     width, height = (math.ceil(size + 2 * _MARGIN) for size in (blocks[0].width, blocks[0].height))
     size = f'width="{width}" height="{height}"'
-    title = f"{in_one_line(tree.instance.tree.name)}, {len(nodes)} {'node' if len(nodes) == 1 else 'nodes'}"
+    title = f"{in_one_line(tree.name)}, {len(nodes)} {'node' if len(nodes) == 1 else 'nodes'}"
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}" role="img">',
         f"<title>{_text(title)}</title>",
@@ -455,7 +463,12 @@ def _node(node: DrawnNode, block: Block) -> str:
         texts.append(f'<text class="details" x="{middle:.0f}" y="{y + 30.5:g}">{_text(node.details)}</text>')
     outline = _outline(node.shape, round(x), round(y), round(block.wide), round(block.high))
     title = f"<title>{_text(node.title)}</title>"
-    return f'<g class="node {node.shape.value}">{title}<path d="{outline}"/>{"".join(texts)}</g>'
+    dashes, shape = (
+        (' stroke-dasharray="3 2"', "action unknown")
+        if node.shape is Shape.UNKNOWN
+        else ("", node.shape.value)
+    )
+    return f'<g class="node {shape}">{title}<path d="{outline}"{dashes}/>{"".join(texts)}</g>'
 
 
 def _outline(shape: Shape, x: int, y: int, wide: int, high: int) -> str:

@@ -1,34 +1,33 @@
-"""A compiled tree as plain data, which `show --format json` prints and golden tests compare, and as text."""
+"""A tree as plain data, which `show --format json` prints and golden tests compare, and as text."""
 
 from collections.abc import Callable
 from typing import Any
 
 import py_trees
 from py_trees.behaviour import Behaviour
-from py_trees.composites import Composite
 
-from sar_compiler.compiler import CompiledTree
+from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.views.plain import plain
+from sar_compiler.views.sketch import Drawable, class_of, is_unknown
 
 # These are keys of their own in the outline, where readers expect them.
 _OWN_KEYS = ("memory", "policy")
 
 
-def outline(tree: CompiledTree) -> dict[str, Any]:
-    """Return a compiled tree as nested dictionaries of JSON values.
+def outline(tree: Drawable) -> dict[str, Any]:
+    """Return a tree as nested dictionaries of JSON values.
 
     Each node has its `class`, `name`, `attributes` (values and references as resolved), `children`, and
-    its `file` and `line`; `memory` and `policy` only if its class has them.
+    its `file` and `line`; `memory` and `policy` only if its class has them. The class of an unknown node is None.
     """
     return _outline(tree, tree.root)
 
 
-def _outline(tree: CompiledTree, behaviour: Behaviour) -> dict[str, Any]:
+def _outline(tree: Drawable, behaviour: Behaviour) -> dict[str, Any]:
     origin = tree.origins[behaviour.id]
     element = origin.bound.element
-    cls = type(behaviour)
-    node: dict[str, Any] = {"class": f"{cls.__module__}.{cls.__qualname__}", "name": behaviour.name}
+    node: dict[str, Any] = {"class": class_of(behaviour), "name": behaviour.name}
     node.update({key: plain(origin.attributes[key]) for key in _OWN_KEYS if key in origin.attributes})
     node["attributes"] = {
         key: plain(value) for key, value in origin.attributes.items() if key not in _OWN_KEYS
@@ -52,7 +51,7 @@ def ascii_tree(root: Behaviour) -> str:
     return _drawn(py_trees.display.ascii_tree, root)
 
 
-def with_tags(drawing: str, tree: CompiledTree) -> str:
+def with_tags(drawing: str, tree: Drawable) -> str:
     """Add to the drawing of a tree what its leaves and decorators are, where their names do not say it."""
     lines, behaviours = drawing.rstrip("\n").split("\n"), list(pre_order(tree.root))
     if len(behaviours) != len(lines):  # a constructor has given a name of several lines
@@ -60,15 +59,16 @@ def with_tags(drawing: str, tree: CompiledTree) -> str:
     return "".join(f"{line}{_tag(each, tree)}\n" for line, each in zip(lines, behaviours, strict=True))
 
 
-def _tag(behaviour: Behaviour, tree: CompiledTree) -> str:
+def _tag(behaviour: Behaviour, tree: Drawable) -> str:
     bound = tree.origins[behaviour.id].bound
     tag = bound.spec.tag
     # A wrapper that an attribute asks for has a name of its own; a composite has its sign.
-    is_other = behaviour.name != bound.name or isinstance(behaviour, Composite)
+    sign = " ?" if is_unknown(bound) else ""
+    is_other = behaviour.name != bound.name or bound.spec.kind is Kind.CONTROL
     if is_other or behaviour.name in (tag, f"{tag}?"):
-        return ""
+        return f" {sign}" if sign else ""
     called = bound.element.attributes["ID"] if bound.subtree is not None else behaviour.name
-    return f"  <{tag}>" if called == behaviour.name else f'  <{tag} ID="{called}">'
+    return f"  <{tag}>{sign}" if called == behaviour.name else f'  <{tag} ID="{called}">{sign}'
 
 
 def _drawn(draw: Callable[[Behaviour], str], root: Behaviour) -> str:

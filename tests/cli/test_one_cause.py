@@ -87,7 +87,9 @@ def test_a_palette_in_a_folder_describes_the_nodes_of_its_trees_and_is_named(cap
     write("ws/arm_tree_nodes.xml", palette_of("Grasp"))
     status, _, err = run(capsys, "ws")
     assert (status, err.splitlines()[0]) == (0, "note: nodes are described by ws/arm_tree_nodes.xml")
-    assert run(capsys, "ws/trees/a.xml")[0] == 1
+    said = (0, "ws/trees/a.xml: no findings\n", "note: nodes are described by ws/arm_tree_nodes.xml\n")
+    assert run(capsys, "ws/trees/a.xml") == said
+    assert run(capsys, "--isolated", "ws/trees/a.xml")[0] == 1
 
 
 def test_a_project_of_groot2_describes_nodes_as_well(capsys):

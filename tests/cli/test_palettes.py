@@ -39,22 +39,20 @@ def test_a_palette_is_a_correct_file(capsys, palette):
 @pytest.mark.parametrize("name", ["turtle_tree_nodes.xml", "robot.btproj"])
 @pytest.mark.parametrize("body", ["<Fly/>", '<Action ID="Fly"/>'])
 @pytest.mark.parametrize("command", ["validate", "simulate"])
-def test_a_palette_beside_a_file_that_is_named_alone_is_named(capsys, tree, name, body, command):
+def test_a_palette_beside_a_file_describes_its_nodes_and_is_named(capsys, tree, name, body, command):
     palette = Path(tree).with_name(name)
     palette.write_text(RIGHT, encoding="utf-8")
     Path(tree).write_text(document(body), encoding="utf-8")
-    status, out, err = run(capsys, command, tree)
-    assert status != 0
-    assert f"{name} beside this file describes it: --model {palette}" in out + err
-    assert run(capsys, "validate", "--model", str(palette), tree)[0] == 0
-    assert run(capsys, "validate", str(Path(tree).parent))[0] == 0
+    status, _, err = run(capsys, command, tree)
+    assert (status, err) == (0, f"note: nodes are described by {palette}\n")
+    assert run(capsys, command, "--isolated", tree)[0] == 1
 
 
 @pytest.mark.parametrize("text", ["<root>", document("<Fly/>"), RIGHT.replace("Fly", "Swim"), ""])
 def test_what_does_not_describe_a_node_is_not_named_for_it(capsys, tree, text):
     Path(tree).with_name("other.xml").write_text(text, encoding="utf-8")
-    status, out, _ = run(capsys, "validate", tree)
-    assert (status, "beside this file" in out) == (1, False)
+    status, _, err = run(capsys, "validate", tree)
+    assert (status, "described by" in err) == (1, False)
 
 
 def test_a_palette_has_no_tree_to_show(capsys, palette):

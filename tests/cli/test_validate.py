@@ -208,8 +208,8 @@ def test_each_file_is_looked_at_with_its_own_projects_palettes(folder, capsys):
     for name in ("one", "two"):
         (folder / name).mkdir()
         (folder / name / "tree.xml").write_text(document("<OpenDoor/>"), encoding="utf-8")
-    (folder / "nodes.xml").write_text(PALETTE, encoding="utf-8")
-    (folder / "one" / "sar.toml").write_text('models = ["../nodes.xml"]\n', encoding="utf-8")
+    (folder / ".nodes.xml").write_text(PALETTE, encoding="utf-8")
+    (folder / "one" / "sar.toml").write_text('models = ["../.nodes.xml"]\n', encoding="utf-8")
     status, out, _ = run(capsys, "one/tree.xml", "two/tree.xml")
     assert status == 1
     assert out.splitlines()[0].startswith("two/tree.xml:3:1: error[unknown-node]")

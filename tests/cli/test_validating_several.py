@@ -51,7 +51,8 @@ def test_files_of_a_folder_may_include_each_other(capsys):
     text = document('<SubTree ID="Home"/>').replace("<Beh", '<include path="../home.xml"/><Beh')
     write("ws/deep/main.xml", text.replace("<root", '<root main_tree_to_execute="Main"'))
     assert run(capsys, "ws") == (0, "", "no findings in 2 files\n")
-    assert "error[include-outside]" in run(capsys, "ws/deep")[1]
+    assert run(capsys, "ws/deep/main.xml") == (0, "ws/deep/main.xml: no findings\n", "")
+    assert "error[include-outside]" in run(capsys, "--isolated", "ws/deep")[1]
 
 
 def test_a_folder_without_findings_is_counted(capsys):
@@ -96,7 +97,12 @@ def test_the_files_are_one_set(capsys):
     write("trees/home.xml", document("<NavigateToBase/>", "Home"))
     assert run(capsys, "main.xml", "trees/home.xml")[0] == 0
     assert run(capsys, ".") == (0, "", "no findings in 2 files\n")
-    assert run(capsys, "main.xml")[0] == 1
+    assert run(capsys, "main.xml") == (
+        0,
+        "main.xml: no findings\n",
+        "note: trees are taken from trees/home.xml\n",
+    )
+    assert run(capsys, "--isolated", "main.xml")[0] == 1
 
 
 def test_a_mistake_that_several_files_come_to_is_said_once(capsys):

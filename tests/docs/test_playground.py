@@ -33,11 +33,13 @@ def nodes_of(picture):
     return [title.partition("&gt; ")[2].split(" ")[0] for title in titles]
 
 
-def test_a_slip_is_found_where_it_is_with_what_was_meant_and_there_is_no_picture():
-    [finding] = ask("look", SHIPPED.read_text().replace(*SLIP))["findings"]
+def test_a_typo_is_found_where_it_is_with_what_was_meant_and_is_in_the_picture():
+    seen = ask("look", SHIPPED.read_text().replace(*SLIP))
+    [finding] = seen["findings"]
     assert (finding["line"], finding["column"], finding["code"]) == (16, 9, "unknown-node")
     assert finding["suggestion"] == "DetectSurvivor"
-    assert ask("look", SHIPPED.read_text().replace(*SLIP))["svg"] == ""
+    assert f">? {SLIP[1].strip('</>')}</text>" in seen["svg"]
+    assert ask("look", "<root>")["svg"] == ""
 
 
 def test_in_a_browser_for_which_there_is_no_lxml_the_rules_speak_without_the_schema(monkeypatch):
@@ -101,7 +103,9 @@ def test_in_node_the_same_is_said_as_here(playground, tmp_path):
     assert right["proof"] == ask("prove", text)
     assert right["run"] == ask("play", text)
     assert nodes_of(right["svg"]) == nodes_of(ask("look", text)["svg"])
-    assert refused == ask("look", wrong.read_text())
+    expected = ask("look", wrong.read_text())
+    assert refused["findings"] == expected["findings"]
+    assert nodes_of(refused["svg"]) == nodes_of(expected["svg"])
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):

@@ -228,7 +228,7 @@ SURFACES = {
         named_by("sar.toml", "[project]\ntrees = [{}]\n", command("validate", "lacking.xml")), "xml", has_root=True,
     ),
     "a palette that lies beside a tree": Surface(
-        ("tree/gathering.py:palettes_beside", "tree/gathering.py:_has"),
+        ("tree/gathering.py:is_palette",),
         under("beside.xml", lambda: compile_command(["validate", "tree.xml"])), "xml", is_sought=True,
     ),
     "a tree in a folder": Surface(
@@ -308,6 +308,7 @@ SURFACES = {
     "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
 }  # fmt: skip
 ELSEWHERE = {
+    "lsp/server.py:TreeServer._read_unless_unchanged": "tests/lsp/test_projects.py: a tree of the set that is no file",
     "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",
 }
 """Readers that no command line reaches, and who tries them."""

@@ -19,7 +19,7 @@ class Editor:
         messages: What was shown so far.
     """
 
-    def __init__(self, *options):
+    def __init__(self, *options, folder=None):
         self.published: list[lsp.PublishDiagnosticsParams] = []
         self.logged: list[lsp.LogMessageParams] = []
         self.messages: list[lsp.ShowMessageParams] = []
@@ -31,12 +31,13 @@ class Editor:
         self.client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(self._keep(self.published))
         self.client.feature(lsp.WINDOW_LOG_MESSAGE)(self._keep(self.logged))
         self.client.feature(lsp.WINDOW_SHOW_MESSAGE)(self._keep(self.messages))
-        self.ask(self._start(options))
+        self.ask(self._start(options, folder))
 
-    async def _start(self, options):
+    async def _start(self, options, folder):
         await self.client.start_io(str(BIN / "sar-compile"), "lsp", *options)
         capabilities = lsp.ClientCapabilities()
-        await self.client.initialize_async(lsp.InitializeParams(capabilities))
+        folders = [lsp.WorkspaceFolder(folder.as_uri(), folder.name)] if folder else None
+        await self.client.initialize_async(lsp.InitializeParams(capabilities, workspace_folders=folders))
         self.client.initialized(lsp.InitializedParams())
 
     def _keep(self, kept):
@@ -69,6 +70,11 @@ class Editor:
         item = lsp.TextDocumentItem(path.as_uri(), "xml", 1, written)
         self.say(self.client.text_document_did_open, lsp.DidOpenTextDocumentParams(item))
         return self.wait_for(path, 1)[0]
+
+    def close_file(self, path):
+        """Close a file; nothing is waited for."""
+        whose = lsp.TextDocumentIdentifier(path.as_uri())
+        self.say(self.client.text_document_did_close, lsp.DidCloseTextDocumentParams(whose))
 
     def change(self, path, version, *changes):
         """Change a text by pieces, each as what is before, what goes, and what comes; return all that is published for it."""

@@ -5,6 +5,9 @@ from lsprotocol import types as lsp
 
 from tests.cli.test_what_is_not_installed import run_without
 from tests.lsp.editor import Editor
+from tests.lsp.test_same_as_validate import shown, validated
+from tests.project.random_repositories import Repository
+from tests.project.test_one_truth import COUNT
 from tests.trees import write
 
 USING = ['<include path="lib.xml"/>', '<BehaviorTree ID="Main">', '<SubTree ID="Part"/>', "</BehaviorTree>"]
@@ -140,3 +143,43 @@ def test_without_the_extra_the_command_names_it():
     assert status == 2
     assert "the language server takes a library that is not here" in said
     assert "pip install 'sar_compiler[lsp]'" in said
+
+
+@pytest.mark.parametrize("seed", range(COUNT))
+def test_an_editor_shows_what_validate_reports_whatever_is_around_a_file(editor, seed, tmp_path, capsys):
+    for path in Repository(tmp_path / "repository", seed).trees:
+        published = editor.open(path)
+        editor.close_file(path)
+        assert shown(published) == validated(path, capsys), path
+
+
+def test_a_palette_around_a_file_is_named_in_the_log(editor, project):
+    main, _ = project
+    nodes = main.parent / "nodes.xml"
+    write(main, '<BehaviorTree ID="Main">', "<Fly/>", "</BehaviorTree>")
+    write(nodes, '<TreeNodesModel><Action ID="Fly"/></TreeNodesModel>')
+    assert codes(editor.open(main)) == []
+    wanted = f"nodes are described by {nodes}"
+    editor.wait_until(lambda: any(each.message == wanted for each in editor.logged), "no palette is named")
+
+
+def test_a_file_that_is_not_open_is_read_again_when_it_has_changed(editor, project):
+    main, library = project
+    write(main, *USING[1:], main="Main")
+    assert codes(editor.open(main)) == []
+    write(library, PART.replace('"Part"', '"Piece"'))
+    editor.replace(main, 2, main.read_text(encoding="utf-8") + "\n")
+    wait_for_codes(editor, main, "unknown-tree")
+    library.unlink()
+    library.mkdir()
+    editor.replace(main, 3, main.read_text(encoding="utf-8"))
+    wait_for_codes(editor, main, "unknown-tree")
+
+
+def test_the_folder_that_is_open_is_the_project_of_files_without_a_repository(tmp_path):
+    path = tmp_path / "trees" / "main.xml"
+    write(path, '<BehaviorTree ID="Main">', "<Fly/>", "</BehaviorTree>")
+    write(tmp_path / "models" / "nodes.xml", '<TreeNodesModel><Action ID="Fly"/></TreeNodesModel>')
+    editor = Editor(folder=tmp_path)
+    assert codes(editor.open(path)) == []
+    editor.close()

@@ -108,8 +108,9 @@ class TestLoading:
         write(folder, document("<Fly/>", main="B"), "shared/b.xml")
         text = document('<SubTree ID="B"/>').replace("<Beh", '<include path="../shared/b.xml"/><Beh')
         path = write(folder, text.replace("<root", '<root main_tree_to_execute="Main"'), "trees/a.xml")
-        assert load(path, models=[str(palette)], include_path=[str(folder / "shared")]).check() == []
-        assert {each.code for each in load(path).check()} == {"include-outside"}
+        added = load(path, models=[str(palette)], include_path=[str(folder / "shared")], isolated=True)
+        assert added.check() == []
+        assert {each.code for each in load(path, isolated=True).check()} == {"include-outside"}
 
     def test_what_is_wrong_with_a_palette_is_part_of_what_is_wrong(self, folder):
         text = '<root><TreeNodesModel><Action ID="Sequence"/></TreeNodesModel></root>'
@@ -150,7 +151,7 @@ class TestProjects:
     def test_what_the_user_adds_comes_before_the_configuration_s(self, folder):
         write(folder, 'models = ["b.xml"]\ninclude-path = ["b"]\n', "sar.toml")
         project = Workspace(Additions(include_path=(Path("a"),))).load(write(folder, SLEEPS)).project
-        assert project.include_path == (Path("a"), folder / "b")
+        assert project.include_path == (Path("a"), folder / "b", folder)
 
 
 class TestSettings:
@@ -278,9 +279,10 @@ def test_what_a_command_prints_is_what_a_program_gets(capsys):
     assert isinstance(load("search_and_rescue").preview().root, py_trees.composites.Selector)
 
 
-def test_a_notebook_draws_a_tree_that_has_no_errors(tmp_path):
+def test_a_notebook_draws_each_tree_that_can_be_parsed(tmp_path):
     assert (load("search_and_rescue")._repr_svg_() or "").startswith("<svg ")
-    assert load(write(tmp_path, document("<Nope/>")))._repr_svg_() is None
+    assert "? Nope" in (load(write(tmp_path, document("<Nope/>")))._repr_svg_() or "")
+    assert load(write(tmp_path, "<root>"))._repr_svg_() is None
 
 
 def test_a_script_may_use_a_list_twice_and_statuses_of_py_trees():

@@ -52,9 +52,10 @@ def test_the_tree_is_compiled_with_the_subtrees_of_the_other_files(folder, name,
     assert names.count("NavigateToZone") == 1
 
 
-def test_without_them_it_is_not(folder):
+def test_a_file_that_is_isolated_is_without_them(folder):
+    write(folder, "sar.toml", TREES)
     with pytest.raises(TreeError, match="there is no tree 'Out'"):
-        compiled("main.xml")
+        load("main.xml", isolated=True).compile()
 
 
 @pytest.mark.parametrize("command", ["validate", "show", "simulate", "verify"])

@@ -1,6 +1,6 @@
 """Nodes that are only described: reading and writing of a `TreeNodesModel`."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -192,17 +192,32 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
                 yield from (child for child in section.children if child.tag != METADATA_TAG)
 
 
-def supplements(palettes: Iterable[TreeFile], named: Iterable[TreeFile]) -> Iterator[TreeFile]:
-    """Yield palettes with the nodes that neither those that are named nor those before them describe.
+def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
+    """Return the tags of nodes in files that neither the model of the same file nor a palette describes."""
+    tags: set[str] = set()
+    for tree_file in files:
+        described = {*map(_described_name, _descriptions([tree_file]))}
+        elements = (each for tree in tree_file.trees for child in tree.children for each in child.iterate())
+        tags |= {
+            each.attributes.get("ID", each.tag) if each.tag in _KINDS else each.tag for each in elements
+        } - described
+    return tags - {SUBTREE_TAG, *map(_described_name, _descriptions(palettes))}
 
-    What they say of subtrees is left out: it is of the trees of some file, and another may have one of that name.
+
+def supplements(palettes: Iterable[TreeFile], tags: Collection[str]) -> Iterator[TreeFile]:
+    """Yield those of palettes that describe some nodes, with these descriptions and their enumerations.
+
+    Of several the first one describes a node. What they say of subtrees is left out: it is of the trees of some file, and another
+    may have one of that name.
     """
-    known = {SUBTREE_TAG, *map(_described_name, _descriptions(named))}
+    wanted = {*tags}
     for palette in palettes:
-        new = [each for each in _descriptions([palette]) if _described_name(each) not in known]
-        known.update(map(_described_name, new))
-        section = replace(palette.root, tag=MODEL_TAG, attributes={}, children=tuple(new))
-        yield replace(palette, root=replace(palette.root, children=(section,)), is_named=False)
+        new = [each for each in _descriptions([palette]) if _described_name(each) in wanted]
+        wanted.difference_update(map(_described_name, new))
+        enums = [each for each in _descriptions([palette]) if each.tag == ENUM_TAG]
+        section = replace(palette.root, tag=MODEL_TAG, attributes={}, children=(*new, *enums))
+        if new:
+            yield replace(palette, root=replace(palette.root, children=(section,)), is_named=False)
 
 
 def _described_name(description: Element) -> str:

@@ -1,0 +1,141 @@
+"""The surroundings of a tree file: its configuration, and the palettes and trees around it that nobody has named.
+
+Every command, the language server and the tools of agents find them here, so that what is known of a file does not depend on who
+asks. Files around are read only where a file uses a node that nobody describes, or a tree that it lacks; and a command says which
+ones were used.
+"""
+
+import functools
+import os
+import stat
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.checks.configuration import (
+    NOTHING_DECIDED,
+    Configuration,
+    configuration_for,
+    repository_of,
+)
+from sar_compiler.opener import NamedPath, is_there, may_read
+from sar_compiler.resources import shipped_root
+from sar_compiler.tree.content import as_written, real_path
+from sar_compiler.tree.gathering import files_around, is_palette, is_tree_file
+
+_PACKAGE = "package.xml"
+_MOST_FILES = 20_000
+"""Of larger folders, only so many files are looked at."""
+
+
+class FilesAround:
+    """The tree files and palettes below a folder, of which each is looked at once, and only when one is sought.
+
+    Links that lead out of the folder, and files of other users than the folder's, are left out.
+
+    Args:
+        folder: The folder, with links followed; None for no files.
+        is_root: Whether it is the root of a project, so that folders in it are looked into, and files in it may include each other.
+    """
+
+    def __init__(self, folder: Path | None, *, is_root: bool = True) -> None:
+        self.folder = folder
+        self.root = folder if is_root else None
+
+    @functools.cached_property
+    def _files(self) -> list[Path]:
+        if self.folder is None:
+            return []
+        folder, owners = self.folder, {0, *_owner(self.folder)}
+        if hasattr(os, "geteuid"):
+            owners.add(os.geteuid())
+        found = files_around(folder, most=_MOST_FILES, is_whole=self.root is not None)
+        return [NamedPath.within(as_written(path), (folder,)) for path in found if {*_owner(path)} <= owners]
+
+    @functools.cached_property
+    def trees(self) -> tuple[Path, ...]:
+        """The tree files, in the order of their paths."""
+        return tuple(path for path in self._files if is_tree_file(path, is_sought=True))
+
+    @functools.cached_property
+    def palettes(self) -> tuple[Path, ...]:
+        """The files that only describe nodes, and Groot2's projects, in the order of their paths."""
+        return tuple(path for path in self._files if is_palette(path))
+
+
+def _owner(path: Path) -> Iterable[int]:
+    with suppress(OSError):
+        yield path.stat().st_uid
+
+
+NOTHING_AROUND = FilesAround(None)
+
+
+class FileSurroundings(NamedTuple):
+    """What is around a tree file.
+
+    Attributes:
+        configuration: The configuration that counts for it.
+        checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
+        files: The tree files and palettes around it.
+    """
+
+    configuration: Configuration
+    checkout: Path
+    files: FilesAround
+
+
+def find_surroundings(
+    path: Path,
+    folders: Iterable[Path] = (),
+    passed_over: Callable[[Path], None] = lambda _path: None,
+    *,
+    is_isolated: bool = False,
+) -> FileSurroundings:
+    """Return the surroundings of a tree file.
+
+    The files around are those of its repository. Without a repository they are those of the folder of its configuration, of its ROS
+    package, or of the current folder if the file is in it: of the outermost of these. Of any other file they are those in its own
+    folder. A folder that the user names, and that is around all this, counts instead. None is one that this process may not read.
+
+    Args:
+        path: The tree file.
+        folders: Folders that the user has named, or that an editor has open.
+        passed_over: As for `configuration_for`.
+        is_isolated: Whether there is to be neither configuration nor files around.
+
+    Raises:
+        TreeError: If the configuration that counts has mistakes.
+        UnreadableFileError: If it cannot be read.
+    """
+    place = real_path(path)
+    if is_isolated:
+        return FileSurroundings(NOTHING_DECIDED, repository_of(place.parent) or place.parent, NOTHING_AROUND)
+    configuration = configuration_for(path, passed_over)
+    folder = (configuration.path or place).parent
+    repository = repository_of(folder)
+    checkout = repository or folder
+    if place.is_relative_to(shipped_root() / "trees"):
+        return FileSurroundings(configuration, checkout, NOTHING_AROUND)
+    if repository is not None and may_read(repository):
+        marked = [repository]
+    else:
+        marked = [*_roots_of(place, configuration)]
+    marked += [each for each in map(real_path, folders) if place.is_relative_to(each)]
+    around = [each for each in marked if place.is_relative_to(each) and may_read(each)]
+    root = min(around, key=lambda each: len(each.parts), default=None)
+    files = FilesAround(root) if root is not None else FilesAround(place.parent, is_root=False)
+    return FileSurroundings(configuration, checkout, files)
+
+
+def _roots_of(place: Path, configuration: Configuration) -> Iterable[Path]:
+    """Yield the folders that may be the root of a project without a repository."""
+    if configuration.path is not None:
+        yield configuration.path.parent
+    yield from (each for each in place.parents if is_there(each / _PACKAGE))
+    here = real_path(Path.cwd())
+    # What lies in these belongs to several projects, or to several people.
+    shared = here in (Path(here.anchor), real_path(Path.home())) or here.stat().st_mode & stat.S_IWOTH
+    if not shared:
+        yield here

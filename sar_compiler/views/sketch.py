@@ -1,0 +1,227 @@
+"""A tree to be drawn, made of the parsed file alone: as much of it as is understood, whatever is wrong with it.
+
+A drawing shows behaviours of py_trees with their origins. A compiled tree has them. Of a file with errors, stand-ins have them here:
+what is not understood is a node without a meaning, and a subtree that is in no file, or in itself, is folded.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+from uuid import UUID
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import OneShotPolicy, ParallelPolicy, Status
+from py_trees.composites import Parallel, Selector
+from py_trees.composites import Sequence as SequenceNode
+from py_trees.decorators import Decorator, OneShot
+
+from sar_compiler.compiler import Origin
+from sar_compiler.nodes.binding.attributes import KIND_TAGS
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
+from sar_compiler.nodes.semantics import Order
+from sar_compiler.nodes.spec import Kind, NodeSpec, Role, Signature
+from sar_compiler.runtime.language_nodes import Conditions
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.model import SUBTREE_TAG, Element
+
+_STOCK = "py_trees.composites."
+
+
+class Drawable(Protocol):
+    """What can be drawn: a compiled tree, or a `Sketch`."""
+
+    @property
+    def root(self) -> Behaviour:
+        """The behaviour at its root."""
+
+    @property
+    def origins(self) -> Mapping[UUID, Origin]:
+        """Where each behaviour comes from, by its id."""
+
+    @property
+    def name(self) -> str:
+        """Its ID."""
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A tree with stand-ins for its behaviours; it cannot be ticked.
+
+    Attributes:
+        root: The behaviour at its root.
+        origins: Where each behaviour comes from, by its id.
+        name: Its ID.
+        findings: Why it cannot be compiled.
+    """
+
+    root: Behaviour
+    origins: Mapping[UUID, Origin]
+    name: str
+    findings: tuple[Diagnostic, ...] = ()
+
+
+class SketchedNode(Behaviour):
+    """A behaviour in a sketch that is no stock composite; any number of children may be below it.
+
+    Attributes:
+        class_name: The import path of the class that it stands for; None if there is none.
+    """
+
+    def __init__(self, name: str, class_name: str | None = None) -> None:
+        Behaviour.__init__(self, name)
+        self.class_name = class_name
+
+    def tip(self) -> None:
+        """Return nothing: it is never ticked."""
+
+    def update(self) -> Status:
+        """Return INVALID: it is never ticked."""
+        return Status.INVALID
+
+
+class SketchedDecorator(SketchedNode, Decorator):
+    """A decorator in a sketch."""
+
+
+class UnknownSpec(NodeSpec):
+    """The meaning of a tag that has none."""
+
+
+def is_unknown(bound: BoundNode) -> bool:
+    """Return whether a node has no meaning, or has not been given the tag that was probably meant."""
+    return isinstance(bound.spec, UnknownSpec)
+
+
+def class_of(behaviour: Behaviour) -> str | None:
+    """Return the import path of the class that a behaviour is an instance of, or stands for; None if there is none."""
+    return behaviour.class_name if isinstance(behaviour, SketchedNode) else _path_of(type(behaviour))
+
+
+def _path_of(cls: type) -> str:
+    return f"{cls.__module__}.{cls.__qualname__}"
+
+
+def sketch_tree(tree: BoundTree, others: Iterable[BoundTree]) -> Sketch:
+    """Return a tree for a drawing, with its subtrees in place.
+
+    Args:
+        tree: The tree.
+        others: All trees that were bound with it.
+    """
+    known = {id(bound.element): bound for each in (tree, *others) for bound in each.nodes}
+    return _Sketching(known).sketch(tree)
+
+
+class _Sketching:
+    def __init__(self, known: Mapping[int, BoundNode]) -> None:
+        self._known = known
+        self._origins: dict[UUID, Origin] = {}
+        self._count = 0
+
+    def sketch(self, tree: BoundTree) -> Sketch:
+        # Each element waits for its place with the behaviour above it, its level, and the trees around it.
+        top = SketchedNode(tree.name)
+        waiting: list[tuple[Element, Behaviour, int, frozenset[int]]] = []
+        self._put(tree.element.children or [tree.element], top, 1, frozenset({id(tree)}), waiting)
+        while waiting:
+            element, above, level, around = waiting.pop()
+            bound = self._known.get(id(element))
+            if bound is None or not _is_as_written(bound):
+                bound = _unknown(element)
+            behaviour = self._with_wrappers(bound, above)
+            inner = bound.subtree
+            if inner is not None and self._fits(inner, level, around):
+                self._put(inner.element.children, behaviour, level + 1, around | {id(inner)}, waiting)
+            elif inner is None and element.tag != SUBTREE_TAG and element is not tree.element:
+                self._put(element.children, behaviour, level + 1, around, waiting)
+        root = top.children[0] if len(top.children) == 1 else top
+        if root is top:
+            self._origins[top.id] = Origin(_unknown(tree.element), {})
+        else:
+            root.parent = None
+        return Sketch(root, self._origins, tree.name)
+
+    @staticmethod
+    def _put(
+        elements: Sequence[Element],
+        above: Behaviour,
+        level: int,
+        around: frozenset[int],
+        waiting: list[tuple[Element, Behaviour, int, frozenset[int]]],
+    ) -> None:
+        waiting.extend((each, above, level, around) for each in reversed(elements))
+
+    def _fits(self, tree: BoundTree, level: int, around: frozenset[int]) -> bool:
+        """Return whether there is room for a subtree in its place."""
+        is_deep = level + tree.nesting + tree.wrappers > MAX_LEVELS
+        return not is_deep and id(tree) not in around and self._count + len(tree.nodes) <= MAX_NODES
+
+    def _with_wrappers(self, bound: BoundNode, above: Behaviour) -> Behaviour:
+        """Put a stand-in for a node below another one, in those for its conditions and its OneShot."""
+        self._count += 1
+        if bound.oneshot is not None:
+            policy = {"policy": OneShotPolicy[bound.oneshot]}
+            above = self._wrapper(bound, OneShot, policy, above)
+        if bound.conditions:
+            scripts = {name: script.text for name, script in bound.conditions.items()}
+            above = self._wrapper(bound, Conditions, scripts, above)
+        return self._below(above, _stand_in(bound), Origin(bound, dict(_attributes(bound))))
+
+    def _wrapper(
+        self, bound: BoundNode, cls: type, attributes: Mapping[str, object], above: Behaviour
+    ) -> Behaviour:
+        stand_in = SketchedDecorator(f"{bound.name}{cls.__name__}", _path_of(cls))
+        return self._below(above, stand_in, Origin(bound, attributes))
+
+    def _below(self, above: Behaviour, behaviour: Behaviour, origin: Origin) -> Behaviour:
+        above.children.append(behaviour)
+        behaviour.parent = above
+        self._origins[behaviour.id] = origin
+        return behaviour
+
+
+def _is_as_written(bound: BoundNode) -> bool:
+    """Return whether a node has been given the tag that it is bound as, and not one like it."""
+    return bound.element.tag == SUBTREE_TAG or _tag(bound.element) == bound.spec.tag
+
+
+def _unknown(element: Element) -> BoundNode:
+    tag = _tag(element)
+    spec = UnknownSpec(tag, None, Kind.ACTION, signature=Signature(described={}))
+    return BoundNode(element, spec, element.attributes.get("name") or tag)
+
+
+def _tag(element: Element) -> str:
+    """Return the tag of a node, which the explicit form has in its ID."""
+    return element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
+
+
+def _stand_in(bound: BoundNode) -> Behaviour:
+    spec, name = bound.spec, bound.name
+    path = spec.class_path.replace(":", ".")
+    if spec.kind is Kind.DECORATOR:
+        return SketchedDecorator(name, path or None)
+    if spec.kind.is_leaf or (path and not path.startswith(_STOCK)):
+        return SketchedNode(name, path or None)
+    if spec.semantics.order is Order.TOGETHER:
+        return Parallel(name, ParallelPolicy.SuccessOnAll())
+    of_stock = Selector if spec.semantics.is_selector else SequenceNode
+    return of_stock(name, memory=not bound.is_reactive)
+
+
+def _attributes(bound: BoundNode) -> Iterator[tuple[str, object]]:
+    """Yield what a node was given: values as far as they are understood, and texts as they are written."""
+    written = bound.element.attributes
+    if is_unknown(bound):
+        yield from ((name, text) for name, text in written.items() if name not in ("name", "ID"))
+        return
+    for name, parameter in bound.spec.parameters.items():
+        if parameter.role is Role.ATTRIBUTE:
+            if name in bound.keys:
+                yield name, f"{{{bound.keys[name]}}}"
+            elif name in bound.values or name in written:
+                yield name, bound.values.get(name, written.get(name))
+            elif parameter.direction is None:
+                yield name, bound.spec.fixed.get(name, parameter.default)
+    yield from ((name, target.name) for name, target in bound.references.items())

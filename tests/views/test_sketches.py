@@ -1,0 +1,201 @@
+"""Every file that can be parsed is drawn, whatever is wrong with it, in each format of `show`."""
+
+import json
+import re
+import tempfile
+import warnings
+from pathlib import Path
+
+import pydot
+import pytest
+from hypothesis import given, settings
+from lxml import etree
+
+from sar_compiler import TreeError, load
+from sar_compiler.cli.compile import _drawing
+from sar_compiler.tree.gathering import tree_files_in
+from sar_compiler.views.sketch import Sketch, sketch_tree
+from tests.chance import rounds
+from tests.cli.running import run
+from tests.docs.test_findings import CODES, page_of
+from tests.fuzz.random_trees import wrong_tree_texts
+from tests.lsp.test_same_as_validate import WRITTEN
+from tests.trees import document
+
+SVG = "{http://www.w3.org/2000/svg}"
+FORMS = ("unicode", "ascii", "json", "svg", "dot", "mermaid")
+FILES = [
+    path
+    for folder in ("trees", "examples", "tests")
+    for path in tree_files_in(Path(folder))
+    if b"BehaviorTree" in path.read_bytes()
+]
+
+
+def texts():
+    """Yield the texts of tree files that the tests and the pages of findings have, with an ending."""
+    for text, ending in WRITTEN.values():
+        yield text if isinstance(text, str) else text.decode("utf-8", "replace"), ending
+    for code in CODES:
+        for block in page_of(code).sections["Bad"]:
+            if block.language in ("xml", "yaml") and "BehaviorTree" in block.text:
+                yield block.text, f".{block.language}"
+
+
+def names_in(outline):
+    yield outline["name"]
+    for child in outline["children"]:
+        yield from names_in(child)
+
+
+def drawings_of(tree):
+    """Draw a tree in each format, and see that each is one of its language, and that all have the same nodes."""
+    sketch = tree.sketch()
+    drawn = {form: _drawing(sketch, form, folded=False) for form in FORMS}
+    count = len(list(names_in(json.loads(drawn["json"]))))
+    assert len(drawn["unicode"].splitlines()) == len(drawn["ascii"].splitlines()) == count
+    assert len([*etree.fromstring(drawn["svg"].encode()).iter(f"{SVG}g")]) == count
+    assert len(re.findall(r":::\w+$", drawn["mermaid"], re.MULTILINE)) == count
+    assert len(re.findall(r"^ *n\d+ \[label=", drawn["dot"], re.MULTILINE)) == count
+    return drawn
+
+
+@pytest.mark.parametrize("path", FILES, ids=str)
+def test_each_file_of_the_project_is_drawn_in_each_format(path):
+    drawings_of(load(path))
+
+
+def test_each_text_of_the_tests_and_the_pages_that_can_be_parsed_is_drawn_in_each_format(tmp_path):
+    drawn = sketched = 0
+    for text, ending in texts():
+        path = tmp_path / f"tree{ending}"
+        path.write_text(text, encoding="utf-8", newline="")
+        tree = load(path, isolated=True)
+        if tree.is_malformed or not tree.forest.main.trees:
+            continue
+        drawings_of(tree)
+        drawn += 1
+        sketched += isinstance(tree.sketch(), Sketch)
+    assert drawn > 140
+    assert sketched > 80
+
+
+@settings(max_examples=rounds(50))
+@given(wrong_tree_texts())
+def test_a_tree_that_is_wrong_by_chance_is_drawn_in_each_format(text):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "tree.xml"
+        path.write_text(text, encoding="utf-8")
+        drawings_of(load(path, isolated=True))
+
+
+@pytest.mark.parametrize("path", [each for each in FILES if each.parent.name == "trees"], ids=str)
+def test_a_file_without_errors_is_drawn_alike_whether_it_is_compiled_or_not(path):
+    tree = load(path)
+    compiled, trees = tree.sketch(), tree.context.bound.trees
+    sketch = sketch_tree(next(each for each in trees if each.name == compiled.name), trees)
+    assert not isinstance(compiled, Sketch)
+    for form in FORMS:
+        assert _drawing(sketch, form, folded=False) == _drawing(compiled, form, folded=False)
+
+
+WRONG = """\
+<Sequence name="top">
+  <Fly name="up" to="{x}"><AlwaysSuccess/><Control ID="Hover"/></Fly>
+  <Inverter><AlwaysSuccess/><AlwaysFailure/></Inverter>
+  <SubTree ID="Gone" at="{x}"/>
+  <SubTree ID="Main"/>
+  <AlwaysSuccess _skipIf="x == 1" oneshot="ON_COMPLETION"><AlwaysFailure/></AlwaysSuccess>
+  <NavigateToBse/>
+</Sequence>
+"""
+DRAWN = """\
+{-} top
+    --> up  <Fly> ?
+        --> AlwaysSuccess
+        --> Hover  ?
+    -^- Inverter
+        --> AlwaysSuccess
+        --> AlwaysFailure
+    -^- Gone  <SubTree>
+    -^- Main  <SubTree>
+    -^- AlwaysSuccessOneShot
+        -^- AlwaysSuccessConditions
+            --> AlwaysSuccess
+                --> AlwaysFailure
+    --> NavigateToBse  ?
+"""
+
+
+@pytest.fixture
+def wrong(tmp_path):
+    path = tmp_path / "wrong.xml"
+    path.write_text(document(WRONG), encoding="utf-8")
+    return path
+
+
+def test_unknown_nodes_have_a_question_mark_and_missing_subtrees_are_folded(wrong, capsys):
+    status, out, err = run(capsys, "show", wrong)
+    assert (status, out) == (1, DRAWN)
+    assert err.count("error[unknown-node]") == 3
+    assert all(f"error[{code}]" in err for code in ("unknown-tree", "recursive-tree", "too-many-children"))
+
+
+def test_a_box_with_a_question_mark_is_dashed_in_a_picture(wrong, capsys):
+    status, out, _ = run(capsys, "show", "--format", "svg", wrong)
+    assert status == 1
+    picture, inside = etree.fromstring(out.encode()), {"s": SVG.strip("{}")}
+    unknown = "//s:g[contains(@class, 'unknown')][s:path/@stroke-dasharray]/s:text[1]/text()"
+    assert picture.xpath(unknown, namespaces=inside) == ["? up", "? Hover", "? NavigateToBse"]
+    assert len(picture.xpath("//s:path[@stroke-dasharray]", namespaces=inside)) == 3
+
+
+def test_graphviz_reads_a_drawing_with_unknown_nodes(wrong, capsys):
+    _, out, _ = run(capsys, "show", "--format", "dot", wrong)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        graphs = pydot.graph_from_dot_data(out) or []
+    assert len(graphs[0].get_edges()) == len(DRAWN.splitlines()) - 1
+
+
+def test_an_unknown_node_has_no_class_and_its_attributes_as_they_are_written(wrong, capsys):
+    _, out, _ = run(capsys, "show", "--format", "json", wrong)
+    fly, *_, near = json.loads(out)["children"]
+    assert (fly["class"], fly["name"], fly["attributes"], fly["line"]) == (None, "up", {"to": "{x}"}, 4)
+    assert near["class"] is None
+
+
+def test_of_several_trees_the_first_that_no_other_uses_is_drawn_and_the_others_are_named(tmp_path, capsys):
+    path = tmp_path / "two.xml"
+    bodies = (("Part", "AlwaysSuccess"), ("One", 'SubTree ID="Part"'), ("Two", "AlwaysFailure"))
+    trees = "".join(f'<BehaviorTree ID="{name}"><{tag}/></BehaviorTree>' for name, tag in bodies)
+    path.write_text(f'<root BTCPP_format="4">{trees}</root>', encoding="utf-8")
+    status, out, err = run(capsys, "show", path)
+    assert (status, out.splitlines()[0]) == (0, "-^- Part  <SubTree>")
+    assert err.startswith("note: this is the tree 'One'; --tree shows another: Part, Two\n")
+    assert run(capsys, "show", "--tree", "Two", path) == (0, "--> AlwaysFailure\n", "")
+
+
+def test_a_tree_with_nothing_in_it_is_one_box(tmp_path):
+    path = tmp_path / "empty.xml"
+    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="Main"/></root>', encoding="utf-8")
+    assert drawings_of(load(path))["unicode"] == "--> BehaviorTree  ?\n"
+
+
+@pytest.mark.parametrize("text", ["<root>", '<root BTCPP_format="4"/>'])
+def test_where_there_is_no_tree_nothing_is_drawn(tmp_path, text):
+    path = tmp_path / "none.xml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(TreeError):
+        load(path).sketch()
+
+
+def test_subtrees_that_make_too_many_nodes_are_folded(tmp_path, monkeypatch):
+    monkeypatch.setattr("sar_compiler.views.sketch.MAX_NODES", 50)
+    each = "".join(
+        f'<BehaviorTree ID="T{number}"><Sequence><SubTree ID="T{number + 1}"/><SubTree ID="T{number + 1}"/></Sequence></BehaviorTree>'
+        for number in range(20)
+    )
+    path = tmp_path / "many.xml"
+    path.write_text(f'<root BTCPP_format="4" main_tree_to_execute="T0">{each}</root>', encoding="utf-8")
+    assert 40 < len(drawings_of(load(path))["unicode"].splitlines()) < 120
