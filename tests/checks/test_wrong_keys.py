@@ -273,7 +273,6 @@ RIGHT = {
         '<Sequence><Script code="wait := 5"/><Timeout duration="{wait}"><Sleep msec="9"/></Timeout></Sequence>'
     ),
     "a port that is both": '<CountUp times="{n}"/>',
-    "a name of an enumeration": '<Sequence><Script code="s := 1"/><ScriptCondition code="s == RED"/></Sequence>',
     "a key that is asked for first": (
         '<Selector><CheckBlackboardVariableExists variable_name="place"/><Find at="{place}"/></Selector>'
     ),
@@ -431,4 +430,27 @@ def test_the_output_of_a_leaf_of_a_palette_writes_a_key_and_its_input_does_not()
 
 def test_a_key_that_only_the_leaves_of_palettes_read_may_come_from_their_program():
     assert beside('<Drive gear="{a}"/>\n<Look seen="{b}"/>') == []
-    assert beside('<Drive gear="{a}"/>\n<Look seen="{a}"/>') == []
+
+
+@pytest.mark.parametrize(
+    ("body", "finding"),
+    [
+        ('<Drive gear="{a}"/>\n<Look seen="{a}"/>', ("read-before-write", "info", 4)),
+        ('<Look seen="{a}"/>\n<Drive gear="{ a}"/>', ("unwritten-key", "warning", 5)),
+        (
+            '<Look seen="{goal_pose}"/>\n<Drive gear="{goal_poes}"/>\n<Drive gear="{goal_poes}"/>',
+            ("unwritten-key", "info", 5),
+        ),
+        ('<Look seen="{s}"/>\n<Script code="RED += 1"/>', ("unwritten-key", "info", 5)),
+        ('<Look seen="{s}"/>\n<ScriptCondition code="s == RED"/>', ("unwritten-key", "info", 5)),
+    ],
+)
+def test_what_is_wrong_with_a_key_beside_a_palette_is_never_silent(body, finding):
+    assert beside(body) == [finding]
+
+
+def test_a_name_that_may_be_an_enumeration_is_mentioned_with_that_reason():
+    body = '<Sequence><Script code="s := 1"/><ScriptCondition code="s == RED"/></Sequence>'
+    (finding,) = check(forest_of(document(body)), REGISTRY)
+    assert finding.severity is Severity.INFO
+    assert finding.message.endswith("unless C++ code registers it as an enumeration")

@@ -92,30 +92,33 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
         yield _unwritten_finding(use, entry, near)
         return
     is_open = board.is_open and not _is_name_of_key(use)
-    if is_open or _may_be_enumeration(use, enums) or not context.is_main(board.top.tree):
+    if is_open or not context.is_main(board.top.tree):
         return
-    if not board.is_foreign:
+    if _may_be_enumeration(use, entry, enums):
+        unless = "unless C++ code registers it as an enumeration"
+        yield from _doubt([_unwritten_finding(use, entry, None)], unless)
+    elif not board.is_foreign:
         yield _unwritten_finding(use, entry, None)
-        return
-    # What only other programs' nodes read, those programs may well write.
-    own = next((each for each in readers if not each.bound.spec.is_foreign), None)
-    if own is not None:
-        yield from _doubt([_unwritten_finding(own, entry, None)])
+    else:
+        # What only other programs' nodes read, those programs may well write, unless it is like a key of the tree.
+        own = next((each for each in readers if not each.bound.spec.is_foreign), use if near else None)
+        if own is not None:
+            yield from _doubt([_unwritten_finding(own, entry, near)])
 
 
-def _is_explained(use: EntryAccess, board: EntryTable, enums: Collection[str]) -> bool:
+def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enums: Collection[str]) -> bool:
     """Return whether a name that is read is a declared enumeration, or is reported by another rule."""
-    if enums and _may_be_enumeration(use, enums):
+    if enums and _may_be_enumeration(use, entry, enums):
         return True
     # `check_scripts` asks whether == is meant, and `check_subtrees` finds the attribute that means nothing.
     is_assignment = use.access.kind is AccessKind.CHANGE and is_condition(use.bound, use.access.attribute)
     return is_assignment or _is_given_another(use, board)
 
 
-def _doubt(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+def _doubt(findings: Iterable[Diagnostic], unless: str = "unless C++ code does") -> Iterator[Diagnostic]:
     """Yield findings one level milder: beside nodes of other programs, something that no file shows may write a key."""
     for finding in findings:
-        yield replace(finding, message=f"{finding.message}, unless C++ code does", severity=Severity.INFO)
+        yield replace(finding, message=f"{finding.message}, {unless}", severity=Severity.INFO)
 
 
 def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None) -> Diagnostic:
@@ -166,7 +169,9 @@ def _how_to_give(use: EntryAccess, key: str) -> str:
 
 
 def _is_slip(entry: EntryAccesses, near: str) -> bool:
-    """Return whether a key is used only once, and so similar to another one that it must be a misspelling."""
+    """Return whether a key must be a misspelling of another one: blanks apart it is that, or it is used once and very similar."""
+    if entry.key.strip() == near:
+        return True
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
     numbered = entry.key.rstrip("0123456789") == near.rstrip("0123456789")
     close = likeness(entry.key, near) >= _CLOSE
@@ -193,17 +198,16 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
     return near if near is not None and likeness(key.strip(), near) >= _LIKE else None
 
 
-def _may_be_enumeration(use: EntryAccess, enums: Collection[str]) -> bool:
-    """Return whether a name in a script may be an enumeration's: one that is declared, or any in capitals if none is."""
-    if use.access.place is None or use.access.kind is not AccessKind.READ:
+def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collection[str]) -> bool:
+    """Return whether a name that scripts only read may be an enumeration's: one that is declared, or any in capitals if none is."""
+    if use.access.place is None or use.access.kind is not AccessKind.READ or entry.of(AccessKind.CHANGE):
         return False
     return use.access.key in enums if enums else use.access.key[0].isupper()
 
 
 def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for use in entry.of(AccessKind.READ):
-        # Another program's node may do without a value.
-        if not use.bound.spec.is_foreign and entry.ordered_writers.all_after(use):
+        if entry.ordered_writers.all_after(use):
             writer = entry.writers[0]
             message = (
                 f"{use.access.attribute}: '{use.access.key}' is read here before it can have been written: "
