@@ -32,8 +32,6 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     states, steps = count_text(found.states, "state"), count_text(found.steps, "step")
     yield f"{states}{'' if found.complete else ' and more'}, {steps} between them, {seconds:.1f} s"
     rows = [("success", _percent(found.success)), ("an end", _percent(found.ends))]
-    if found.fails.high:
-        rows.append(("an error", _percent(found.fails)))
     rows += [("time", _time(found))] if found.time_sec else []
     rows += [("time to success", _seconds(found.success_sec))] if found.success_sec else []
     rows += [(name, _percent(chance)) for name, chance in found.properties.items()]
@@ -91,7 +89,6 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
     data = {
         "success": numbers(prediction.success),
         "end": numbers(prediction.ends),
-        "error": numbers(prediction.fails),
         "properties": {name: numbers(chance) for name, chance in prediction.properties.items()},
         "time_sec": numbers(prediction.time_sec),
         "success_sec": numbers(prediction.success_sec),

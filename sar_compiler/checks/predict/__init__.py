@@ -64,7 +64,6 @@ class Prediction:
     Attributes:
         success: The chance that a run ends with the root SUCCESS.
         ends: The chance that a run ends.
-        fails: The chance that a tick raises an error.
         properties: The chance that each property is kept, by its name.
         time_sec: The expected time of the runs that end, seconds; None if that is not known, or none does. Where chances are not
             known, from the one to the other of the times with which success is least and most likely.
@@ -82,7 +81,6 @@ class Prediction:
 
     success: Between
     ends: Between
-    fails: Between
     properties: Mapping[str, Between]
     time_sec: Between | None
     success_sec: Between | None
@@ -121,7 +119,7 @@ def predict(
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree's runs cannot be gone through.
+        UndecidableError: If the tree's runs cannot be gone through, or a tick of one raises an error.
     """
     _require_few_ticks(simulated, period_sec)
     prepared = Prepared.of(simulated)
@@ -137,6 +135,7 @@ def predict(
 
     budget.publish(lambda: nothing)
     graph = explore(stepper.steps, max_states, report)
+    _require_no_error(graph, simulated)
     nothing = replace(
         nothing,
         states=len(graph.states),
@@ -163,6 +162,18 @@ def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
             )
 
 
+def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
+    """Require that no tick raises: nothing is known of what comes after it.
+
+    Raises:
+        UndecidableError: If one does.
+    """
+    if graph.error is not None and graph.error.error is not None:
+        raise UndecidableError(
+            f"a tick raises an error: {simulated.explain(graph.error.error)} (`sar-compile verify` shows the run)"
+        )
+
+
 def _rounded_up(seconds: float) -> str:
     """Return a number of seconds, rounded up to two digits, as an option takes it."""
     digits = 1 - math.floor(math.log10(seconds))
@@ -186,7 +197,6 @@ def _nothing_known(properties: Properties) -> Prediction:
     return Prediction(
         success=_ANYTHING,
         ends=_ANYTHING,
-        fails=_ANYTHING,
         properties=dict.fromkeys(properties.names, _ANYTHING),
         time_sec=None,
         success_sec=None,
@@ -278,7 +288,6 @@ class _Reckoning:
             ("unknown", self._unknown),
             ("success", lambda: weighed.bounds(self._succeeded, unknown)),
             ("ends", lambda: weighed.bounds(self._ends, unknown)),
-            ("fails", lambda: weighed.fails(unknown)),
             ("properties", self._properties_kept),
             ("time_sec", lambda: self._time_sec(self._ends)),
             ("success_sec", lambda: self._time_sec(self._succeeded)),

@@ -68,9 +68,7 @@ class EndTick(NamedTuple):
 
 
 class WeighedGraph:
-    """What a search has found, with how likely each step is.
-
-    Behind the places stands one more, to which all steps lead that raise an error.
+    """What a search has found, with how likely each step is. No tick may raise an error.
 
     Args:
         graph: The states and steps; `going_on` of what these do has the number of a weight.
@@ -78,7 +76,7 @@ class WeighedGraph:
     """
 
     def __init__(self, graph: Graph, chances: Chances) -> None:
-        self._states, self._error = len(graph.states), graph.places
+        self._states, self._count = len(graph.states), graph.places
         self._choices = chances.choices
         steps = _steps_of(graph)
         labels = np.array([waits[0] for waits in graph.waits] or [0])[steps[2]]
@@ -86,33 +84,16 @@ class WeighedGraph:
         answers, shares = weights[:, 1].astype(np.int64), weights[:, 2]
         # The last choice is that of a place where there is nothing to choose.
         self._low, self._high, self._middle = _tables([choice.bounds for choice in self._choices])
-        self._choice_at = np.full(self._error + 1, -1)
+        self._choice_at = np.full(self._count, -1)
         self._choice_at[steps[0]] = weights[:, 0]
-        lost = self._lost(graph, steps[0], answers, shares)
-        source = np.concatenate([steps[0], lost[0]])
-        order = np.argsort(source, kind="stable")
-        self._source = source[order]
-        self._target = np.concatenate([steps[1], np.full(len(lost[0]), self._error)])[order]
-        self._answer = np.concatenate([answers, lost[1]])[order]
-        self._share = np.concatenate([shares, lost[2]])[order]
+        order = np.argsort(steps[0], kind="stable")
+        self._source, self._target = steps[0][order], steps[1][order]
+        self._answer, self._share = answers[order], shares[order]
         # Only time passes in a step without a weight; a step to a middle does not end its tick.
         ticks = np.where(labels < 0, -labels, 1) * (steps[1] < self._states)
-        self._ticks = np.concatenate([ticks, np.ones(len(lost[0]), np.int64)])[order]
+        self._ticks = ticks[order]
         wide = self._low < self._high
         self._varying = np.flatnonzero(np.any(wide[self._choice_at], axis=1))
-
-    def _lost(
-        self, graph: Graph, source: Indices, answer: Indices, share: Reals
-    ) -> tuple[Indices, Indices, Reals]:
-        """Return the steps to the error, which the graph leaves out: their sources, answers and shares."""
-        width = self._low.shape[1]
-        left = (self._high > 0.0).astype(float)[self._choice_at]
-        np.subtract.at(left, (source, answer), share)
-        left[self._states if graph.complete else graph.expanded : self._states] = 0.0
-        left[: self._states][np.frombuffer(bytes(graph.ends), np.uint8).astype(bool)] = 0.0
-        left[self._error] = 0.0
-        places, answers = np.nonzero(left > _ROUNDING)
-        return places, answers, left.reshape(-1)[places * width + answers]
 
     def bounds(self, goal: Flags, unknown: Flags) -> Between:
         """Return the chance of coming to some states.
@@ -128,18 +109,9 @@ class WeighedGraph:
         """Return the least and the greatest chance of coming to some states, from each place; see `bounds`."""
         return self._optimum(self._wide(goal), -1)[0], self._optimum(self._wide(goal | unknown), 1)[0]
 
-    def fails(self, unknown: Flags) -> Between:
-        """Return the chance that a tick raises an error; see `bounds`."""
-        goal = np.zeros(self._error + 1, bool)
-        goal[self._error] = True
-        least, most = (
-            self._optimum(each, sign)[0] for each, sign in ((goal, -1), (goal | self._wide(unknown), 1))
-        )
-        return Between(float(least[0]), float(most[0]))
-
     def _wide(self, states: Flags) -> Flags:
         """Return which places some states are."""
-        return np.concatenate([states, np.zeros(self._error + 1 - self._states, bool)])
+        return np.concatenate([states, np.zeros(self._count - self._states, bool)])
 
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
         """Return the largest chance of coming to a goal from each place, with a *sign* below 0 the least one, and the chances with which it is that.
@@ -148,9 +120,7 @@ class WeighedGraph:
             UndecidableError: If it is not found: what was found until then may be no bound.
         """
         chances = self._between()
-        left_out = (
-            self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._error + 1, bool)
-        )
+        left_out = self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._count, bool)
         values = self._reach(goal, chances, left_out)
         for turn in range(_MOST_ROUNDS):
             better = self._improved(values, chances, sign) if len(self._varying) else None
@@ -219,7 +189,7 @@ class WeighedGraph:
         """Return the value of each answer at each place."""
         width = self._low.shape[1]
         worth = np.bincount(
-            self._source * width + self._answer, self._share * values[self._target], (self._error + 1) * width
+            self._source * width + self._answer, self._share * values[self._target], self._count * width
         )
         return worth.reshape(-1, width)
 
@@ -235,7 +205,7 @@ class WeighedGraph:
 
     def _before(self, goal: Flags, used: Flags) -> Flags:
         """Return the places from which there is a way to a goal."""
-        count = self._error + 1
+        count = self._count
         first = np.flatnonzero(goal)
         rows = np.concatenate([self._target[used], np.full(len(first), count)])
         columns = np.concatenate([self._source[used], first])
@@ -250,10 +220,10 @@ class WeighedGraph:
         width = self._low.shape[1]
         avoiding = ~goal
         order = np.argsort(self._target, kind="stable")
-        ends = np.cumsum(np.bincount(self._target, minlength=self._error + 1))
+        ends = np.cumsum(np.bincount(self._target, minlength=self._count))
         sources, answers = self._source[order], self._answer[order]
         # The answers of a place from which all steps avoid the goal, and whether one of these can be all that comes.
-        safe = np.ones((self._error + 1, width), bool)
+        safe = np.ones((self._count, width), bool)
         waiting = deque(np.flatnonzero(goal))
         while waiting:
             place = waiting.popleft()
@@ -283,9 +253,9 @@ class WeighedGraph:
         return [self._optimum(self._wide(goal), sign)[1] for sign in signs]
 
     def _expected(self, goal: Flags, chances: Reals) -> float | None:
-        equations = self._equations(goal, chances, np.zeros(self._error + 1, bool))
+        equations = self._equations(goal, chances, np.zeros(self._count, bool))
         reached = equations.reach(goal)
-        ticks = np.zeros(self._error + 1)
+        ticks = np.zeros(self._count)
         ticks[equations.places] = equations.solve(equations.mean(self._ticks * reached[self._target]))
         return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
 
@@ -300,7 +270,7 @@ class WeighedGraph:
             usual: Which answer of each choice is the usual one; -1 for none.
         """
         wide, chances = self._wide(goal), self._between()
-        nothing = np.zeros(self._error + 1, bool)
+        nothing = np.zeros(self._count, bool)
         equations = self._equations(wide, chances, nothing)
         reached = equations.reach(wide)
         if not reached[0]:
@@ -336,15 +306,21 @@ class WeighedGraph:
             is_spent: Whether it has taken too long.
         """
         likely = self._share * self._between()[self._source, self._answer]
-        first = np.concatenate([[0], np.cumsum(np.bincount(self._source, minlength=self._error + 1))])
+        # A run that cannot end any more is not followed: that would be for ever.
+        can_end = self._before(self._wide(ends), likely > 0.0)
+        likely[~can_end[self._target]] = 0.0
+        first = np.concatenate([[0], np.cumsum(np.bincount(self._source, minlength=self._count))])
         found, total, good, carried = [], 0.0, 0.0, 0
+        # How likely it is that a run has not ended yet, and still can.
+        left = float(can_end[0])
         moments: dict[int, list[tuple[Indices, Reals]]] = {0: [(np.array([0]), np.array([1.0]))]}
-        while moments and 1.0 - total > _REST:
+        while moments and left > _REST:
             tick = min(moments)
             places, mass = _gathered(moments.pop(tick))
             over = ends[places]
             if over.any():
                 total += float(mass[over].sum())
+                left -= float(mass[over].sum())
                 good += float(mass[over & goal[places]].sum())
                 found.append(EndTick(tick, good, total))
             places, mass = places[~over], mass[~over]
@@ -354,13 +330,15 @@ class WeighedGraph:
                 carried += len(steps) + _STEPS_OF_A_ROUND
                 if carried > _MOST_CARRIED or is_spent():
                     return None
-                moved, to = np.repeat(mass, counts) * likely[steps], self._target[steps]
-                ended, taken = to < self._states, self._ticks[steps]
+                moved = np.repeat(mass, counts) * likely[steps]
+                left -= float(mass.sum() - moved.sum())
+                steps, moved = steps[moved > 0.0], moved[moved > 0.0]
+                to, taken = self._target[steps], self._ticks[steps]
+                ended = to < self._states
                 for ticks in np.unique(taken[ended]):
                     now = ended & (taken == ticks)
                     moments.setdefault(tick + int(ticks), []).append((to[now], moved[now]))
-                inside = ~ended & (to != self._error)
-                places, mass = _gathered([(to[inside], moved[inside])])
+                places, mass = _gathered([(to[~ended], moved[~ended])])
         return found
 
 

@@ -147,12 +147,33 @@ def test_what_must_hold_at_the_end_counts_there():
     assert predicted("<ForceSuccess><X/></ForceSuccess>", chances, text).properties["counted"] == exactly(0.7)
 
 
-def test_an_error_is_likely_too():
-    text = "P: [{answer: SUCCESS, p: 0.3}]"
-    found = predicted('<Sequence><P/><Script code="a = b + 1"/></Sequence>', text)
-    assert found.fails == exactly(0.3)
-    assert found.success == exactly(0.0)
-    assert found.ends == exactly(0.7)
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ('<Sequence><P/><Script code="a = b + 1"/></Sequence>', "there is no variable 'b'"),
+        ('<Sequence><M distance="{d}"/><Script code="d += 1"/></Sequence>', "answers: {M: ["),
+    ],
+)
+def test_no_number_is_computed_where_a_tick_raises_an_error_or_needs_an_unknown_value(body, reason):
+    with pytest.raises(UndecidableError, match="a tick raises an error: ") as caught:
+        predicted(body, "P: [{answer: SUCCESS, p: 0.3}]")
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("body", "ended"),
+    [
+        ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0),
+        ("<Fallback><A/><KeepRunningUntilFailure><B/></KeepRunningUntilFailure></Fallback>", 0.9 + 0.1 * 1.0),
+        ("<Fallback><A/><KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure></Fallback>", 0.9),
+    ],
+)
+def test_runs_that_cannot_end_any_more_are_not_followed(body, ended, monkeypatch):
+    # Enough for what can end; a round that is followed for ever takes all of it.
+    monkeypatch.setattr(weighed_graph, "_MOST_CARRIED", 100_000)
+    found = predicted(body, INDEPENDENT)
+    assert found.ends == exactly(ended)
+    assert [each[2] for each in found.distribution[-1:]] == pytest.approx([ended] if ended else [], abs=1e-5)
 
 
 def test_states_that_were_not_gone_through_may_be_anything():
