@@ -27,6 +27,7 @@ from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.runtime.tokens import ScriptError
+from sar_compiler.runtime.variables import UNKNOWN
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import TreeFile
 
@@ -207,9 +208,10 @@ def check_answers(value: Value | None, words: LeafWords) -> None:
                 continue  # filled for each leaf
             with suppress(ScriptError):  # reported already
                 for slip in unknown_in(parse(text), words.names):
-                    words.document.report(
-                        "unknown-fact", slip.message, part, slip.place, suggestion=slip.suggestion
-                    )
+                    if text[slice(*slip.place)] != UNKNOWN:
+                        words.document.report(
+                            "unknown-fact", slip.message, part, slip.place, suggestion=slip.suggestion
+                        )
 
 
 def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:

@@ -19,7 +19,7 @@ from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.ports import PortError
 from sar_compiler.runtime.scripting import NodeScriptError
-from sar_compiler.runtime.variables import UnknownVariableError
+from sar_compiler.runtime.variables import UnknownVariableError, unknown_value_of
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
 
 _MOST_TOLD = 4
@@ -128,7 +128,7 @@ def findings_of_runs(
     """
     stepper = TreeStepper(Prepared.of(simulated), without_properties().rules)
     cost = _A_TICK + len(stepper.flat.nodes)
-    doubts, mistaken = _Doubts(simulated, binding), Mistaken(binding, known)
+    doubts, mistaken = _Doubts(binding), Mistaken(binding, known)
 
     def place_of(error: Exception) -> tuple[str, Span] | None:
         if doubts.is_doubtful(error):
@@ -224,18 +224,16 @@ def _run_words(ticks: list[list[Event]]) -> str:
 class _Doubts:
     """Tells errors that only the simulation has: what real leaves and the mission write is not known here."""
 
-    def __init__(self, simulated: SimulatedTree, binding: Binding) -> None:
-        self._outputs = simulated.outputs
+    def __init__(self, binding: Binding) -> None:
         accesses = [access for tree in binding.trees() for access in key_accesses_of(tree).accesses]
         self._all = {access.key for access in accesses}
         writing = (AccessKind.WRITE, AccessKind.BOTH)
         self._written = {access.key for access in accesses if access.kind in writing}
 
     def is_doubtful(self, error: Exception) -> bool:
-        """Return whether an error may be none in a real run: a key is empty that something else may have written."""
-        return any(
-            key in self._outputs or key not in self._written or f"{ROOT_SIGN}{key}" in self._all
-            for key in _empty_keys(error)
+        """Return whether an error may be none in a real run: a value is not known, or a key is empty that something else may have written."""
+        return unknown_value_of(error) is not None or any(
+            key not in self._written or f"{ROOT_SIGN}{key}" in self._all for key in _empty_keys(error)
         )
 
 

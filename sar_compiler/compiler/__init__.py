@@ -164,9 +164,10 @@ def _uses(instance: Instance, bound: BoundNode, attributes: Mapping[str, object]
     """Yield what a node needs outside the tree; not what a key names that has no value yet."""
     ports = {each.name for each in bound.spec.ports}
     entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
-    names = {**attributes, **{name: entry.read() for name, entry in entries.items() if entry.exists}}
+    known = {name: entry for name, entry in entries.items() if entry.exists and not entry.is_unknown}
+    names = {**attributes, **{name: entry.read() for name, entry in known.items()}}
     for use in bound.spec.uses:
-        if not any(f"{{{name}}}" in use.name for name, entry in entries.items() if not entry.exists):
+        if not any(f"{{{name}}}" in use.name for name in entries.keys() - known.keys()):
             yield Use(use.kind, use.name.format_map(names))
 
 

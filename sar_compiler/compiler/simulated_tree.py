@@ -5,8 +5,8 @@ other leaf, installed or only described, is a `StubLeaf`: an outcome policy choo
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -27,18 +27,20 @@ from sar_compiler.nodes.semantics import AccessKind, Order, Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import stock
 from sar_compiler.runtime.answers import Answer, Fact
-from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
+from sar_compiler.runtime.blackboard import Board, Entry, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.events import Event
+from sar_compiler.runtime.expressions import Access, name_uses
 from sar_compiler.runtime.kernel.table import is_known_class
 from sar_compiler.runtime.kernel.timing import TimeoutNode
 from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.parents import OwnDecorator, Parent, behaviour_class
 from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import FactVariables, OutcomePolicy, StubLeaf
-from sar_compiler.runtime.variables import UnknownVariableError
+from sar_compiler.runtime.variables import UNKNOWN
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -198,7 +200,6 @@ class SimulatedTree:
         clock: What its durations are measured with, seconds.
         disputes: The facts that leaves start with different values and no file has settled, with what to say of
             them; the first leaf's value counts.
-        outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
         by_semantics: The tags, with their classes, of nodes that do here what their semantics say; see `compile_simulated`.
         enums: The numbers that names stand for in scripts.
     """
@@ -208,7 +209,6 @@ class SimulatedTree:
     leaves: tuple[StubLeaf, ...]
     clock: ManualClock
     disputes: Mapping[str, str] = field(default_factory=dict)
-    outputs: Mapping[str, str] = field(default_factory=dict)
     by_semantics: tuple[tuple[str, str], ...] = ()
     enums: Mapping[str, int] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list, init=False)
@@ -235,25 +235,11 @@ class SimulatedTree:
             leaf.policy = policy
 
     def explain(self, error: BaseException) -> str:
-        """Return an exception of a tick in words, with what is known to help."""
+        """Return an exception of a tick in words."""
         if isinstance(error, NoStatusError):
             return f"'{error.behaviour.name}' ({type(error.behaviour).__name__}) failed: {error}"
         kind = "" if isinstance(error, SarError) else f"{type(error).__name__}: "
-        return f"{kind}{error}{self._advice_on(error)}"
-
-    def _advice_on(self, error: BaseException) -> str:
-        """Return advice on an exception of a tick, as the end of a sentence; empty if there is none."""
-        cause: BaseException | None = error
-        while cause is not None:
-            key = getattr(cause, "name" if isinstance(cause, UnknownVariableError) else "key", None)
-            leaf = self.outputs.get(str(key).removeprefix(ROOT_SIGN))
-            if leaf is not None:
-                return (
-                    f"; '{leaf}' writes '{key}' when it runs, and nothing says what it writes here: "
-                    f'answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
-                )
-            cause = cause.__cause__
-        return ""
+        return f"{kind}{error}"
 
     def fact_values(self) -> dict[str, Fact]:
         """Return all facts by name, in the order in which they were made."""
@@ -304,7 +290,7 @@ def compile_simulated(
     leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
     named = dict.fromkeys((node.spec.tag, node.spec.maker_path.replace(":", ".")) for node in stand_ins)
     return SimulatedTree(
-        compiled, builder.facts, leaves, clock, builder.disputes, builder.outputs, tuple(named), binding.enums
+        compiled, builder.facts, leaves, clock, builder.disputes, tuple(named), binding.enums
     )
 
 
@@ -363,7 +349,6 @@ class SimulationBuilder(Builder):
     Attributes:
         facts: The facts.
         disputes: The facts that leaves start with different values.
-        outputs: The leaves that would write a key in a real run.
     """
 
     def __init__(
@@ -381,7 +366,6 @@ class SimulationBuilder(Builder):
             report_misread(binding.trees(), collector, skipped)
         self.facts = Scope(Board("facts"))
         self.disputes: dict[str, str] = {}
-        self.outputs: dict[str, str] = {}
         self._assumptions = assumptions
         self._places = Places(binding)
         self._identifiers = Identifiers()
@@ -450,12 +434,10 @@ class SimulationBuilder(Builder):
         path = self._places.path(instance, bound)
         said = self._said[instance, bound]
         enums = self._source.enums
-        variables = FactVariables(self.facts, instance.scope, enums)
-        for key in _written_keys(bound):
-            self.outputs.setdefault(key.removeprefix(ROOT_SIGN), bound.name)
-        leaf = StubLeaf(
-            bound.name, bound.spec.tag, [fill_answer(answer, names) for answer in said], variables, enums
-        )
+        outputs = _Outputs(instance.scope, bound)
+        variables = FactVariables(self.facts, instance.scope, enums, bound.name, outputs.named)
+        answers = outputs.unknown_after([fill_answer(answer, names) for answer in said])
+        leaf = StubLeaf(bound.name, bound.spec.tag, answers, variables, enums)
         leaf.path = path
         self.constructions.append(Construction(leaf.id, instance, bound))
         return leaf
@@ -469,14 +451,57 @@ class SimulationBuilder(Builder):
             )
 
 
-def _written_keys(bound: BoundNode) -> Iterator[str]:
-    """Yield the keys that a leaf writes in a real run: those of its ports, and those within a value."""
-    for parameter in bound.spec.parameters.values():
-        name, role = parameter.name, bound.spec.semantics.keys.get(parameter.name)
-        if parameter.direction in (Direction.OUTPUT, Direction.INOUT) and name in bound.keys:
-            yield bound.keys[name]
-        elif role is not None and role.kind is AccessKind.WRITE and parameter.value_type.keys_in is not None:
-            yield from parameter.value_type.keys_in(bound.values.get(name))
+class _Outputs:
+    """The keys that a leaf writes in a real run: those of its ports, and those within a value.
+
+    What it writes is not known, unless the scripts of its answers say it.
+
+    Args:
+        scope: The keys of the tree that it stands in.
+        bound: The leaf.
+
+    Attributes:
+        named: The entries, by names for scripts: their keys may be none, or those of facts.
+    """
+
+    def __init__(self, scope: Scope, bound: BoundNode) -> None:
+        self.named: dict[str, Entry] = {}
+        self._scope = scope
+        # The attribute that names each of them.
+        self._attributes: list[str] = []
+        for parameter in bound.spec.parameters.values():
+            name, role = parameter.name, bound.spec.semantics.keys.get(parameter.name)
+            keys_in = parameter.value_type.keys_in
+            if parameter.direction in (Direction.OUTPUT, Direction.INOUT) and name in bound.keys:
+                self._add(name, bound.keys[name])
+            elif role is not None and role.kind is AccessKind.WRITE and keys_in is not None:
+                for key in keys_in(bound.values.get(name)):
+                    self._add(name, key)
+
+    def _add(self, attribute: str, key: str) -> None:
+        self.named[f"_output_{len(self.named)}"] = self._scope.resolve(key)
+        self._attributes.append(attribute)
+
+    def unknown_after(self, answers: list[Answer]) -> list[Answer]:
+        """Return the answers of the leaf, each with an effect on the keys of which no answer says what is written."""
+        if not self.named:
+            return answers
+        uses = (use for answer in answers if answer.then for use in name_uses(parse(answer.then)))
+        said = {self._scope.resolve(use.name).name for use in uses if use.access is not Access.READ}
+        written = [
+            (attribute, word)
+            for attribute, (word, entry) in zip(self._attributes, self.named.items(), strict=True)
+            if entry.name not in said
+        ]
+        return [self._unknown_after(answer, written) for answer in answers]
+
+    def _unknown_after(self, answer: Answer, written: list[tuple[str, str]]) -> Answer:
+        effects = [
+            f"{word} := {UNKNOWN}"
+            for attribute, word in written
+            if answer.status != "SKIPPED" and (answer.writes is None or attribute in answer.writes)
+        ]
+        return replace(answer, then="; ".join(filter(None, [answer.then.rstrip().rstrip(";"), *effects])))
 
 
 class Places:

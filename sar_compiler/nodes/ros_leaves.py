@@ -148,7 +148,7 @@ _SPECS = (
             Answer("SUCCESS", "succeeded", writes=_RESULT),
             Answer("FAILURE", "aborted", writes=_RESULT),
             Answer("FAILURE", "no result", writes=_NEVER),
-            Answer("RUNNING", "under way", writes=_NEVER),
+            Answer("RUNNING", "under way", writes=("feedback",)),
         ),
         semantics=Semantics(keys={"fields": _WRITES, "feedback": _WRITES}),
         rule=_check("action", goal="Goal", field="Result", fields="Result", feedback="Feedback"),

@@ -26,6 +26,12 @@ _ALONE = threading.Lock()
 _MOST_TRIALS = 400
 
 
+class UndecidedRunError(SarError):
+    """A run depends on a value that is not known."""
+
+    exit_status = 1
+
+
 class ChangedTreeError(SarError):
     """The files of a tree are not those that a sweep began with."""
 
@@ -122,6 +128,10 @@ class _Replays:
         """Return what comes of a run."""
         player = self._player(seed)
         run, choices = player.run, player.scripted.choices
+        if run.is_undecided:
+            raise UndecidedRunError(
+                f"nothing can be counted: the run with seed {seed} is not decided: {run.trouble}"
+            )
         counts = {each.text: sum(map(each.matches, run.events)) for each in self._events}
         size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))
         missed = "; ".join(f"{each.expected}: {each.message}" for each in failures(run))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.context import mission_context
+from sar_compiler.runtime.variables import UnknownValue, UnknownValueError
 
 if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.entry_cells import Memo
@@ -179,11 +180,20 @@ class Entry(NamedTuple):
 
         Raises:
             MissingEntryError: If it has not been written.
+            UnknownValueError: If its value is not known.
         """
         try:
-            return self.board.get(self.name)
+            held = self.board.get(self.name)
         except KeyError:
             raise MissingEntryError(self.key) from None
+        if isinstance(held, UnknownValue):
+            raise UnknownValueError(held)
+        return held
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether it was written, and its value is not known."""
+        return self.exists and isinstance(self.board.get(self.name), UnknownValue)
 
     def declare(self, kind: type | None = None) -> None:
         """Name it; the first type that it is given counts."""

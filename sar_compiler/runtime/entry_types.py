@@ -4,7 +4,15 @@ import enum
 from collections.abc import Mapping
 from contextlib import suppress
 
-from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, fit, number_of, whole_or_real
+from sar_compiler.runtime.variables import (
+    RefusedValueError,
+    ScriptValue,
+    UnknownValue,
+    UnknownValueError,
+    fit,
+    number_of,
+    whole_or_real,
+)
 
 _PLAIN = (bool, int, float, str)
 _NUMBERS = (bool, int, float)
@@ -27,7 +35,7 @@ def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> o
         RefusedValueError: If it is none.
     """
     kind = type(current)
-    if current is None or (isinstance(value, kind) and not isinstance(value, bool)):
+    if isinstance(current, UnknownValue | None) or (isinstance(value, kind) and not isinstance(value, bool)):
         return value
     plain = value_of(value)
     if plain is None or (kind not in _PLAIN and not isinstance(current, enum.Enum)):
@@ -92,7 +100,12 @@ def value_of(value: object) -> ScriptValue | None:
     """Return what a script sees of an entry's value; None if it cannot calculate with it.
 
     A truth value is 1 or 0 to it, and a member of an enumeration is its number.
+
+    Raises:
+        UnknownValueError: If the value is not known.
     """
+    if isinstance(value, UnknownValue):
+        raise UnknownValueError(value)
     if isinstance(value, enum.Enum):
         value = value.value
     if isinstance(value, bool):

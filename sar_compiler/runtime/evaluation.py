@@ -21,6 +21,7 @@ from sar_compiler.runtime.tokens import excerpt
 from sar_compiler.runtime.variables import (
     RefusedValueError,
     ScriptValue,
+    UnknownValueError,
     UnknownVariableError,
     VariableError,
     Variables,
@@ -241,8 +242,9 @@ def step_failure(
 
 def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationError:
     target = node.target
-    if isinstance(error, UnknownVariableError):
-        return EvaluationError(str(error), target.start, target.end, _makes(target.name))
+    if isinstance(error, UnknownVariableError | UnknownValueError):
+        hint = _makes(target.name) if isinstance(error, UnknownVariableError) else None
+        return EvaluationError(str(error), target.start, target.end, hint)
     message = f"'{target.name}' cannot be given this value: {error}"
     return EvaluationError(message, node.start, node.end, "a variable keeps the type of its first value")
 

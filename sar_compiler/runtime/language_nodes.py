@@ -123,10 +123,12 @@ class SetBlackboard(Behaviour):
             self.feedback_message = f"nothing has been written to '{source.key}' yet"
             return _FAILURE
         self.feedback_message = ""
-        value = self._value.get()
+        is_copied = source is not None and source.is_unknown
+        value = source.board.get(source.name) if source is not None and is_copied else self._value.get()
         entry.declare(str if source is None else source.kind)
         try:
-            entry.write(value if entry.kind is None else self._as_before(entry, entry.kind, value))
+            kind = None if is_copied else entry.kind
+            entry.write(value if kind is None else self._as_before(entry, kind, value))
         except RefusedValueError as error:
             raise EntryTypeError(f"'{self.name}': {entry.key}: {error}") from error
         return _SUCCESS
@@ -145,7 +147,8 @@ class SetBlackboard(Behaviour):
     def _as_before(self, entry: Entry, kind: type, value: object) -> object:
         if isinstance(value, str):
             return read_as(value, kind)
-        return value_to_keep(entry.read() if entry.exists else None, value, self._enums.numbers)
+        held = entry.board.get(entry.name) if entry.exists else None
+        return value_to_keep(held, value, self._enums.numbers)
 
 
 def _is_kept(value: object, kind: type, held: object) -> bool:

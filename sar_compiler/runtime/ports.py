@@ -16,6 +16,7 @@ from typing import Any, Generic, TypeVar, overload
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError
 from sar_compiler.runtime.entry_types import value_to_write
+from sar_compiler.runtime.variables import UnknownValue, UnknownValueError
 
 T = TypeVar("T")
 D = TypeVar("D")
@@ -90,6 +91,8 @@ class Input(Generic[T]):
         if type(held) is self._kind:
             return held
         try:
+            if isinstance(held, UnknownValue):
+                raise UnknownValueError(held)
             return self._convert(held)
         except (SarError, ValueError) as error:
             raise self._failure(entry, error) from error

@@ -1,7 +1,7 @@
 """Scripts of nodes: where their variables are, and what is said if one cannot be run."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from py_trees.common import Status
@@ -47,12 +47,13 @@ class ScopeVariables:
     Args:
         scope: The scope of the node that has the script.
         enums: The names that stand for numbers.
+        named: Entries with names of their own, whose keys no script can write.
     """
 
-    def __init__(self, scope: Scope, enums: Enums) -> None:
+    def __init__(self, scope: Scope, enums: Enums, named: Mapping[str, Entry] | None = None) -> None:
         self._scope = scope
         self._numbers = enums.numbers
-        self._entries: dict[str, Entry] = {}
+        self._entries = {**(named or {})}
 
     def read(self, name: str) -> ScriptValue:
         """Return an entry's value.
@@ -80,7 +81,8 @@ class ScopeVariables:
             VariableError: If it holds something that the value cannot replace.
         """
         entry = self.entry(name)
-        held = None if entry.is_declared and not entry.exists else self._read_entry(name)
+        is_open = entry.is_unknown or (entry.is_declared and not entry.exists)
+        held = None if is_open else self._read_entry(name)
         stored = value_to_assign(held, entry.kind, value, self._numbers)
         entry.write(stored)
         return _as_script_value(name, stored)

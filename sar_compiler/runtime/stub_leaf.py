@@ -6,7 +6,7 @@ tree's, so that scripts and snapshots work on them as on any entry.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from py_trees.common import Status
 
@@ -20,7 +20,7 @@ from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.script_code import quick_script
 from sar_compiler.runtime.scripting import ScopeVariables
 from sar_compiler.runtime.skipping import SkippableLeaf
-from sar_compiler.runtime.variables import Enums, ScriptValue
+from sar_compiler.runtime.variables import UNKNOWN, Enums, ScriptValue, UnknownValue
 
 if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.entry_cells import Memo
@@ -60,35 +60,48 @@ class NominalPolicy:
 
 
 class FactVariables:
-    """Facts, as a script's variables; a name that is no fact is a key of the tree.
+    """Facts, as a script's variables; a name that is no fact is a key of the tree, and `unknown` an unknown value.
 
     Args:
         facts: The facts.
         keys: The keys of the tree that the leaf stands in.
         enums: The names that stand for numbers.
+        leaf: The name of the leaf.
+        named: Entries with names of their own, whose keys no script can write.
 
     Attributes:
         enums: The names that stand for numbers.
     """
 
-    def __init__(self, facts: Scope, keys: Scope, enums: Enums) -> None:
+    def __init__(
+        self,
+        facts: Scope,
+        keys: Scope,
+        enums: Enums,
+        leaf: str = "",
+        named: Mapping[str, Entry] | None = None,
+    ) -> None:
         self._scope = facts
         self.enums = enums
         self._facts = ScopeVariables(facts, enums)
-        self._keys = ScopeVariables(keys, enums)
+        self._keys = ScopeVariables(keys, enums, named)
+        self._leaf = leaf
         self._known: dict[str, ScopeVariables] = {}
 
     def read(self, name: str) -> ScriptValue:
         """Return the value; raises as `Variables` says."""
+        if name == UNKNOWN and not self.is_fact(name):
+            # A script hands it on to `create` or `assign` as it is.
+            return cast("ScriptValue", UnknownValue(self._leaf))
         return self._of(name).read(name)
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write the value, which makes a key of the tree if there is neither fact nor key; raises likewise."""
-        return self._of(name).create(name, value)
+        return self._forget(name, value) or self._of(name).create(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write the value of what is there; raises likewise."""
-        return self._of(name).assign(name, value)
+        return self._forget(name, value) or self._of(name).assign(name, value)
 
     def entry(self, name: str) -> Entry:
         """Return the entry that a name means."""
@@ -129,6 +142,16 @@ class FactVariables:
             return None
         usual = [partial(statement, self) for statement in program.statements]
         return quick_script(program.script, self.entry, self.enums.numbers, usual, condition)
+
+    def _forget(self, name: str, value: object) -> ScriptValue | None:
+        """Write an unknown value, whatever the entry held before; return None for any other value."""
+        if not isinstance(value, UnknownValue):
+            return None
+        entry = self.entry(name)
+        unknown = UnknownValue(value.leaf, entry.key)
+        entry.declare()
+        entry.write(unknown)
+        return cast("ScriptValue", unknown)
 
     def _of(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
@@ -212,7 +235,10 @@ class StubLeaf(SkippableLeaf):
 
     def entries(self, scripts: Iterable[str]) -> list[Entry]:
         """Return the entries that scripts of its answers can read or write."""
-        return [self.variables.entry(use.name) for script in scripts for use in name_uses(parse(script))]
+        names = (use.name for script in scripts for use in name_uses(parse(script)))
+        return [
+            self.variables.entry(name) for name in names if name != UNKNOWN or self.variables.is_fact(name)
+        ]
 
     def initialise(self) -> None:
         """Note the start."""

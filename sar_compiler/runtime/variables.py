@@ -51,6 +51,51 @@ class UnknownVariableError(VariableError):
         self.name = name
 
 
+class UnknownValueError(VariableError):
+    """A value is needed that is not known without a robot.
+
+    Attributes:
+        value: The value.
+    """
+
+    def __init__(self, value: "UnknownValue") -> None:
+        leaf, key = value.leaf, value.key
+        super().__init__(
+            f"the value of '{key}' is not known; '{leaf}' writes '{key}' when it runs, and nothing says what it writes here: "
+            f'answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
+        )
+        self.value = value
+
+
+UNKNOWN = "unknown"
+"""The name that stands for an unknown value in the scripts of a leaf's answers."""
+
+
+@dataclass(frozen=True)
+class UnknownValue:
+    """What an entry holds where no robot is: a leaf writes it, and nothing says what.
+
+    It can be copied from entry to entry. Nothing else can be done with it.
+
+    Attributes:
+        leaf: The name of the leaf that writes it.
+        key: The key, as the leaf has it.
+    """
+
+    leaf: str
+    key: str = ""
+
+    def __repr__(self) -> str:
+        return UNKNOWN
+
+
+def unknown_value_of(error: BaseException | None) -> UnknownValue | None:
+    """Return the unknown value because of which something was raised; None if there is another reason."""
+    while error is not None and not isinstance(error, UnknownValueError):
+        error = error.__cause__
+    return None if error is None else error.value
+
+
 class RefusedValueError(VariableError):
     """A value is not one of those that are wanted."""
 

@@ -54,7 +54,8 @@ def verdict(run: Run, failures: Sequence[Failure]) -> str:
     title = f"{scenario.path}: '{scenario.name}'" if scenario.path else f"'{scenario.name}'"
     if not failures:
         return f"{title} holds."
-    return "\n".join([f"{title} does not hold:", *(f"  {failure_line(run, each)}" for each in failures)])
+    how = "is not decided" if run.is_undecided else "does not hold"
+    return "\n".join([f"{title} {how}:", *(f"  {failure_line(run, each)}" for each in failures)])
 
 
 def failure_line(run: Run, failure: Failure) -> str:
@@ -215,7 +216,7 @@ def _scenario(played: PlayedScenario) -> dict[str, object]:
     return {
         "name": played.name,
         "file": run.scenario.path or None,
-        "holds": not played.failures,
+        "holds": None if run.is_undecided else not played.failures,
         "failures": [
             {"expected": each.expected, "message": each.message, "line": each.line or None}
             for each in played.failures

@@ -82,7 +82,9 @@ def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
     path.write_text(document(tree), encoding="utf-8")
     status, out, _ = run(capsys, path, "--nodes", "tests.checks.verify.leaves")
     assert status == 1
-    assert out.startswith("tick 1, 0 s: not finished\n  M  SUCCESS\nbroken off in tick 1 (0 s): ")
+    assert out.startswith(
+        "tick 1, 0 s: not finished\n  M  SUCCESS\n  keys: d = unknown\nbroken off in tick 1 (0 s): "
+    )
     assert "'M' writes 'd' when it runs" in out
 
 

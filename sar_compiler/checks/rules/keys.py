@@ -78,7 +78,7 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
         or not is_statement(each.bound, each.access.attribute, each.access.place[0])
     ]
     enums = context.bound.models.enums
-    if not readers or _is_explained(readers[0], board, enums):
+    if not readers or _is_explained(readers[0], entry, board, enums):
         return
     use = readers[0]
     near = _nearest(entry.key, board.written.get(entry.scope, ()), context.guesses)

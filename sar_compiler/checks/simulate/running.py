@@ -25,7 +25,13 @@ from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf
-from sar_compiler.runtime.variables import Enums, ScriptValue, UnknownVariableError, VariableError
+from sar_compiler.runtime.variables import (
+    Enums,
+    ScriptValue,
+    UnknownVariableError,
+    VariableError,
+    unknown_value_of,
+)
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
 
@@ -248,6 +254,7 @@ class Run:
         ticks: Its ticks.
         ended: Whether the condition for its end has come true.
         trouble: What broke it off; empty if nothing did.
+        is_undecided: Whether that is a value that is needed and not known.
     """
 
     simulated: SimulatedTree
@@ -255,6 +262,7 @@ class Run:
     ticks: list[TickRecord] = field(default_factory=list)
     ended: bool = False
     trouble: str = ""
+    is_undecided: bool = False
 
     @property
     def events(self) -> Iterator[Event]:
@@ -349,6 +357,7 @@ class Player:
                     break
         except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
             run.trouble = self._simulated.explain(error)
+            run.is_undecided = unknown_value_of(error) is not None
         return run
 
 

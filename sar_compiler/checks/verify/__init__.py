@@ -15,6 +15,7 @@ from sar_compiler.checks.verify.properties import Properties, PropertyFile, prop
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.checks.verify.unknown_values import explored
 from sar_compiler.checks.verify.verdicts import (
     AN_END,
     EVERY_LEAF,
@@ -27,7 +28,7 @@ from sar_compiler.checks.verify.verdicts import (
     Verification,
 )
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.runtime.kernel.searching import Progress, Report, explore
+from sar_compiler.runtime.kernel.searching import Progress, Report
 
 
 def verify(
@@ -122,8 +123,8 @@ def _verified(
 ) -> Verification:
     """Search the states of a tree as it is."""
     simulated = prepared.simulated
-    graph = explore(stepper.steps, max_states, report, (*properties.names, OWN_RECORDS))
-    space = StateSpace(stepper, graph, properties.names, properties.owing)
+    graph, unknown = explored(stepper, max_states, report, (*properties.names, OWN_RECORDS))
+    space = StateSpace(stepper, graph, properties.names, properties.owing, unknown)
     questions = Questions(space, simulated.explain)
     found = Verification(
         tuple(Verdict(each, ProofStatus.UNDECIDED, "it was not worked out any more") for each in asked),

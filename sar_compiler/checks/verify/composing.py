@@ -24,11 +24,12 @@ from sar_compiler.checks.verify.properties import Properties, Rules, without_pro
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import IsWanted, StateSpace, Trace
 from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.checks.verify.unknown_values import explored
 from sar_compiler.checks.verify.verdicts import Questions, Verdict, Verification
 from sar_compiler.runtime.events import TickRecord
 from sar_compiler.runtime.kernel.counting import ParallelAllNode, ParallelNode
 from sar_compiler.runtime.kernel.graph import Graph
-from sar_compiler.runtime.kernel.searching import Report, explore
+from sar_compiler.runtime.kernel.searching import Report
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.ports import Input
@@ -114,8 +115,10 @@ class _Asked:
         """Search the tree with some branches as they are."""
         asked = self._properties.only(self.numbers[concrete])
         parts = self._arrangement.without(concrete, asked.rules)
-        graph = explore(parts.stepper.steps, max_states, report, asked.names)
-        self.spaces[concrete] = ComposedSpace(parts.stepper, graph, parts=parts, whole=self._whole)
+        graph, unknown = explored(parts.stepper, max_states, report, asked.names)
+        self.spaces[concrete] = ComposedSpace(
+            parts.stepper, graph, unknown=unknown, parts=parts, whole=self._whole
+        )
         return graph
 
     def verdicts(self) -> Iterator[Verdict]:

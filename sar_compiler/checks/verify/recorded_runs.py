@@ -13,6 +13,7 @@ from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.variables import unknown_value_of
 
 # Ticks that are tried, times the nodes of the tree: some seconds.
 _MOST_TICKED = 5_000_000
@@ -216,6 +217,8 @@ class TreeRuns:
         self.leaves = {leaf.number for leaf in simulated.leaves}
         self._known: dict[bytes, list[Way]] = {}
         self._raising: dict[bytes, list[Way]] = {}
+        # Of the states with a tick that needs a value that is not known: what that raises.
+        self._unknown: dict[bytes, Exception] = {}
         self.renew()
 
     def renew(self) -> None:
@@ -242,6 +245,8 @@ class TreeRuns:
         found: dict[Way, None] = {}
         for step in self.stepper.ticks(state):
             found[self._way(step.state or _NOWHERE)._replace(running=running)] = None
+            if step.error is not None and unknown_value_of(step.error) is not None:
+                self._unknown[state] = step.error
             self._left -= 1
             if not self._left:
                 break
@@ -280,7 +285,7 @@ class TreeRuns:
         """Return the ticks of a run, found again, up to the first that is none of the tree's.
 
         Raises:
-            UndecidableError: If the tree has too many runs.
+            UndecidableError: If the tree has too many runs, or a tick depends on a value that is not known.
         """
         told = ToldSoFar({}, {})
         moments: list[FoundTick] = []
@@ -305,6 +310,9 @@ class TreeRuns:
             if not ways and self.is_spent:
                 raise UndecidableError("the tree has too many runs to find this one again among them")
             if not ways:
+                unknown = next(filter(None, map(self._unknown.get, now)), None)
+                if unknown is not None:
+                    raise UndecidableError(f"tick {end.tick}: {unknown}") from unknown
                 is_last = next(waiting, None) is None
                 lost = LostTick(end.tick, end.time_sec or 0.0, tick, sorted(now), told, is_last)
                 break

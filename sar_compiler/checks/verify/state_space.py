@@ -66,12 +66,14 @@ class StateSpace:
         graph: The states, as numbers in the order in which they were found, and the ticks.
         rules: What the properties are called, by their numbers in the graph.
         owing: The numbers of those that can owe something.
+        unknown: The first tick that needs a value that is not known; None if there is none.
     """
 
     stepper: TreeStepper
     graph: Graph
     rules: tuple[str, ...] = ()
     owing: tuple[int, ...] = ()
+    unknown: Breach | None = None
 
     def values(self, state: int) -> Mapping[str, object]:
         """Return the keys of the tree and the facts in a state."""

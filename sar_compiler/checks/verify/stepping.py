@@ -30,6 +30,7 @@ from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode
+from sar_compiler.runtime.variables import UNKNOWN
 
 
 def hold_to_records(
@@ -75,6 +76,7 @@ class TreeStepper:
 
     Attributes:
         leaves: The tree's stub leaves.
+        writes_unknown_values: Whether one of them writes a key with an unknown value.
         flat: The flat form.
         ticker: What ticks it.
         steps: Its steps.
@@ -113,6 +115,9 @@ class TreeStepper:
         self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
         judged_by = [entries.place_of(entry.name) for entry in rules.entries]
         self.leaves = simulated.leaves
+        self.writes_unknown_values = any(
+            UNKNOWN in each.then for leaf in self.leaves for each in leaf.answers
+        )
         self.steps = (
             WeighedSteps(self.flat, self.ticker, rules.judge, judged_by, chances.times)
             if chances

@@ -8,9 +8,11 @@ from html import escape
 
 from sar_compiler.checks.verify.properties import LeftOut, Properties
 from sar_compiler.checks.verify.state_space import StateSpace, Trace
+from sar_compiler.runtime.kernel.graph import Breach
 from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
 from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.runtime.variables import unknown_value_of
 
 
 class ProofStatus(str, Enum):
@@ -124,11 +126,13 @@ class Questions:
 
     def no_error(self) -> Verdict:
         """Return the verdict on whether a tick of any run raises an error."""
-        error = self._graph.error
-        if error is None:
+        error, unknown = self._graph.error, self._space.unknown
+        first = error or unknown
+        if first is None:
             return self._unbroken(NO_ERROR)
-        assert error.error is not None  # noqa: S101 - that is what kind of breach it is
-        return _broken(NO_ERROR, self._told(error.error), self._space.breach(error))
+        assert first.error is not None  # noqa: S101 - that is what kind of breach it is
+        outcome = ProofStatus.UNDECIDED if error is None else ProofStatus.BROKEN
+        return Verdict(NO_ERROR, outcome, self._told(first.error), self._space.breach(first))
 
     def every_leaf(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
@@ -136,6 +140,8 @@ class Questions:
         if not never:
             return Verdict(EVERY_LEAF, ProofStatus.PROVED)
         names = ", ".join(never)
+        if self._space.unknown is not None:
+            return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         if self._graph.complete:
             return _broken(EVERY_LEAF, f"in no run is it the turn of {names}")
         return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"so far it was not the turn of {names}")
@@ -145,6 +151,9 @@ class Questions:
         found = endings(self._graph)
         if found.stuck is None:
             yield self._unbroken(AN_END)
+        elif self._space.unknown is not None:
+            # An end may come in a run that was not followed.
+            yield Verdict(AN_END, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         else:
             yield _broken(AN_END, "after this no end comes any more", self._space.to(found.stuck))
         if found.circling is None:
@@ -179,6 +188,11 @@ class Questions:
             else:
                 yield _broken(name, "what must come never comes in this run", self._round(circling))
 
+    def _depends_on(self, breach: Breach) -> str:
+        value = unknown_value_of(breach.error)
+        assert value is not None  # noqa: S101 - that is what kind of breach it is
+        return f"it depends on what '{value.leaf}' writes to '{value.key}'"
+
     def _round(self, component: list[int]) -> Trace:
         return self._space.lasso(lasso(self._graph, component))
 
@@ -187,6 +201,8 @@ class Questions:
         if graph.error is not None:
             reason = "a run that raises an error was not followed beyond it"
             return Verdict(question, ProofStatus.UNDECIDED, reason)
+        if self._space.unknown is not None:
+            return Verdict(question, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         if graph.complete:
             return Verdict(question, ProofStatus.PROVED)
         seen = {0: "what was seen of the first tick", 1: "the first tick of every run"}

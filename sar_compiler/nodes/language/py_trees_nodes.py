@@ -36,7 +36,7 @@ from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.ports import InOut, Input
 from sar_compiler.runtime.scripting import NodeScript
-from sar_compiler.runtime.variables import Enums
+from sar_compiler.runtime.variables import Enums, UnknownValue, UnknownValueError
 
 B = TypeVar("B", bound=Behaviour)
 
@@ -67,9 +67,12 @@ class ScopedClient(Client):
         stock.unregister(clear=False)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an entry's value."""
+        """Return an entry's value; raises `UnknownValueError` if that is not known."""
         with self._on_blackboard(name):
-            return super().__getattr__(name)
+            value = super().__getattr__(name)
+        if isinstance(value, UnknownValue):
+            raise UnknownValueError(value)
+        return value
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
         """Write an entry or an attribute of its object; either counts as one write of the entry."""
@@ -95,7 +98,7 @@ class ScopedClient(Client):
             yield
             return
         if entry.exists:
-            Blackboard.storage[entry.name] = entry.read()
+            Blackboard.storage[entry.name] = entry.board.get(entry.name)
         try:
             yield
         finally:
