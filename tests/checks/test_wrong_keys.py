@@ -273,6 +273,7 @@ RIGHT = {
         '<Sequence><Script code="wait := 5"/><Timeout duration="{wait}"><Sleep msec="9"/></Timeout></Sequence>'
     ),
     "a port that is both": '<CountUp times="{n}"/>',
+    "a name of an enumeration": '<Sequence><Script code="s := 1"/><ScriptCondition code="s == RED"/></Sequence>',
     "a key that is asked for first": (
         '<Selector><CheckBlackboardVariableExists variable_name="place"/><Find at="{place}"/></Selector>'
     ),
@@ -450,7 +451,6 @@ def test_what_is_wrong_with_a_key_beside_a_palette_is_never_silent(body, finding
 
 
 def test_a_name_that_may_be_an_enumeration_is_mentioned_with_that_reason():
-    body = '<Sequence><Script code="s := 1"/><ScriptCondition code="s == RED"/></Sequence>'
-    (finding,) = check(forest_of(document(body)), REGISTRY)
-    assert finding.severity is Severity.INFO
-    assert finding.message.endswith("unless C++ code registers it as an enumeration")
+    body = '<Sequence><Look seen="{s}"/><ScriptCondition code="s == RED"/></Sequence>'
+    (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
+    assert "unless it is an enumeration: [language.enums] in sar.toml" in finding.message

@@ -95,8 +95,8 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
     if is_open or not context.is_main(board.top.tree):
         return
     if _may_be_enumeration(use, entry, enums):
-        unless = "unless C++ code registers it as an enumeration"
-        yield from _doubt([_unwritten_finding(use, entry, None)], unless)
+        unless = "unless it is an enumeration: [language.enums] in sar.toml declares those"
+        yield from _doubt([_unwritten_finding(use, entry, None)] if board.is_foreign else [], unless)
     elif not board.is_foreign:
         yield _unwritten_finding(use, entry, None)
     else:
