@@ -2,7 +2,9 @@
 
 import argparse
 import itertools
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -14,6 +16,7 @@ from sar_compiler.commands import OK, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.journal.refused_start import read_refusal
+from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.opener import is_file
 from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.plain import as_json
@@ -222,10 +225,45 @@ def what_would_have_succeeded(
         return Otherwise(reason=f"{path} has another tree now; say --tree-file TREE")
     except TreeError as error:
         path = tree_file or state.runs[-1].about.get("tree_file")
+        missing = _options_left_out(state, projects)
+        if missing:
+            return Otherwise(
+                reason=f"{path} cannot be read without options of that run: {error.findings[0].message}; "
+                f"give them as well: {shlex.join(missing)}"
+            )
         return Otherwise(reason=f"{path} has mistakes now: {error.findings[0].message}")
     except SarError as error:
         return Otherwise(reason=str(error))
     return Otherwise(found, "" if found is not None else "no change of a few answers was found that does it")
+
+
+def _options_of(state: "MissionState") -> list[tuple[str, str]]:
+    """Return the options of the last run that decide which nodes its tree can have; a journal may say anything."""
+    said = state.runs[-1].about.get("options")
+    pairs = said if isinstance(said, list) else []
+    return [(str(pair[0]), str(pair[1])) for pair in pairs if isinstance(pair, list) and len(pair) > 1]
+
+
+def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]:
+    """Return those options of the last run that this command was not given and cannot take from the journal."""
+    added = projects.additions
+    given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
+    return [
+        word
+        for option, value in _options_of(state)
+        if value not in given and not is_palette_name(value)
+        for word in (option, value)
+    ]
+
+
+def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace":
+    """Return what loads trees with the installed palettes of the last run; a journal chooses no module and no file."""
+    added = projects.additions
+    named = (
+        Path(value) for option, value in _options_of(state) if option == "--model" and is_palette_name(value)
+    )
+    models = tuple(dict.fromkeys((*added.models, *named)))
+    return replace(projects, additions=added._replace(models=models))
 
 
 def trees_that_ran(
@@ -248,7 +286,7 @@ def trees_that_ran(
     if not is_file(path):
         raise GoneTreeError(f"{path} is not there")
     values = StartValues(state.parameters, about.get("facts") or {})
-    loaded = projects.load_file(path)
+    loaded = _with_palettes_of(state, projects).load_file(path)
     yield loaded.stage(about.get("tree_id"), values).play().simulated
     unlimited = loaded.stage(about.get("tree_id"), values).play().simulated
     if lift_limits(unlimited, values.facts):

@@ -117,6 +117,18 @@ def additions(arguments: argparse.Namespace) -> "Additions":
     )
 
 
+def options_of_run(arguments: argparse.Namespace) -> list[list[str]]:
+    """Return the options that decide which nodes a tree can have, each with its value; files by their whole paths."""
+    from sar_compiler.nodes.palettes import is_palette_name
+
+    models = [str(each) if is_palette_name(str(each)) else str(each.resolve()) for each in arguments.model]
+    return [
+        *(["--nodes", str(each)] for each in arguments.nodes),
+        *(["--model", each] for each in models),
+        *(["--include-path", str(each.resolve())] for each in arguments.include_path),
+    ]
+
+
 def tell_note(text: str) -> None:
     """Report on standard error what is surprising, but no mistake."""
     print_error(f"note: {text}")

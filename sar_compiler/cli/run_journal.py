@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler.cli.loading import options_of_run
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.errors import JournalPlaceError
@@ -86,6 +87,7 @@ class RunJournal(Companion):
             "version": version("sar_compiler"),
             "node": node.get_fully_qualified_name(),
             "tree_file": str(path.resolve()),
+            "options": options_of_run(options),
         }
         if options.supervision.deaths:
             self._run_about["after"] = options.supervision.deaths[-1]

@@ -1,12 +1,15 @@
 """`sar-journal why`: what would have succeeded, by journals of runs of stub leaves."""
 
 import json
+from argparse import Namespace
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
 from sar_compiler.budget import Budget
 from sar_compiler.cli.journal_command import main
+from sar_compiler.cli.loading import options_of_run
 from sar_compiler.journal.opening import open_journal
 from tests.cli.running import press_ctrl_c
 from tests.trees import document
@@ -27,13 +30,13 @@ def tree(tmp_path):
 def why(tree, tmp_path, capsys):
     """Returns what is told of a run in which the robot does not look, with further arguments of the command."""
 
-    def told(*options, status=0, **about):
+    def told(*options, status=0, nodes=NODES, **about):
         place = tmp_path / "m.journal"
         if not place.exists():
             about = {"tree_file": str(tree), "tree_id": "Main", **about}
             with closing(open_journal(place)) as journal:
                 flown(simulated(tree), Said(Look=["FAILURE"]), journal, **about)
-        assert main(["why", str(place), *NODES, *map(str, options)]) == status
+        assert main(["why", str(place), *nodes, *map(str, options)]) == status
         return capsys.readouterr().out
 
     return told
@@ -95,3 +98,28 @@ def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
     tree.write_text(document(BODY.replace("<A ", "<Fly ")), encoding="utf-8")
     assert f"{tree} has mistakes now: no node is called 'Fly'" in why()
     assert json.loads(why("--format", "json"))["counterfactual"] is None
+
+
+def test_the_options_of_the_run_that_are_missing_are_named(why):
+    said = why(nodes=(), options=[["--nodes", NODES[1]], ["--model", "ros:jazzy"]])
+    assert "cannot be read without options of that run: no node is called 'A'" in said
+    assert f"give them as well: --nodes {NODES[1]}\n" in said
+    assert "instead of FAILURE" in why()
+
+
+def test_an_installed_palette_of_the_run_is_taken_from_the_journal(why, tree):
+    why(options=[["--model", "ros:jazzy"], "damaged", ["--model"]])
+    ros = '<RosTopic topic="t" type="std_msgs/msg/Bool"/>'
+    tree.write_text(document(BODY.replace("<Sequence>", f"<Sequence>{ros}")), encoding="utf-8")
+    # It can be read; that it is another tree is found out afterwards.
+    assert f"{tree} has another tree now" in why()
+
+
+def test_a_run_notes_the_options_that_decide_which_nodes_there_are():
+    given = Namespace(nodes=["a.b"], model=[Path("ros:jazzy"), Path("n.xml")], include_path=[Path("more")])
+    assert options_of_run(given) == [
+        ["--nodes", "a.b"],
+        ["--model", "ros:jazzy"],
+        ["--model", str(Path("n.xml").resolve())],
+        ["--include-path", str(Path("more").resolve())],
+    ]
