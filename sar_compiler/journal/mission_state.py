@@ -11,31 +11,9 @@ from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Any, ClassVar, NamedTuple
 
+from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.journal_entries import (
-    ASSUMPTION_FAILED,
-    BATTERY,
-    BREAKPOINT,
-    CHANGED,
-    GOAL_ENDED,
-    GOAL_SENT,
-    LACKS,
-    LEAF_RAISED,
-    LOG,
-    MAP,
-    ORDERED,
-    PLAN,
-    POSE,
-    PROGRESS,
-    PROPERTIES_OWED,
-    PROPERTIES_WATCHED,
-    PROPERTY_BROKEN,
-    RUN_BEGAN,
-    RUN_ENDED,
-    STATUS,
-    CommandAuthor,
-    JournalEntry,
-)
+from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 from sar_compiler.journal.situation import (
     FactTime,
     Gauge,
@@ -50,7 +28,15 @@ from sar_compiler.journal.situation import (
 RUNNING, SUCCESS, FAILURE, HALTED = "RUNNING", "SUCCESS", "FAILURE", "HALTED"
 _RESTING = ("IDLE", HALTED)
 _WARN = 30
-_OF_PHASE = (RUN_BEGAN, RUN_ENDED, GOAL_ENDED, CHANGED, PROGRESS, LACKS, BREAKPOINT)
+_OF_PHASE = (
+    events.RUN_BEGAN,
+    events.RUN_ENDED,
+    events.GOAL_ENDED,
+    events.CHANGED,
+    events.PROGRESS,
+    events.LACKS,
+    events.BREAKPOINT,
+)
 
 
 class Instant(NamedTuple):
@@ -317,7 +303,7 @@ class MissionState:
 
     def take(self, entry: JournalEntry) -> None:
         """Apply an entry to the state."""
-        if entry.kind == RUN_BEGAN:
+        if entry.kind == events.RUN_BEGAN:
             self._starts[entry.run] = entry.time
         self.now = self.instant(FactTime(entry.run, entry.time, entry.wall))
         handle = self._HANDLERS.get(entry.kind)
@@ -328,7 +314,7 @@ class MissionState:
                 pass  # somebody else's entry of that kind
             else:
                 if entry.kind in _OF_PHASE:
-                    self._look_at_phase(anew=entry.kind == RUN_BEGAN)
+                    self._look_at_phase(anew=entry.kind == events.RUN_BEGAN)
                 return
         # Kinds without a handler are the mission's own, or a newer version's: they are shown by their words.
         self._know(entry.kind, entry.data)
@@ -493,7 +479,7 @@ class MissionState:
             data = {"verb": verb, "label": label, "by": by, "reason": reason, "refusal": refusal}
             author = CommandAuthor(by or "an operator", reason)
             words = f"{with_author(label or verb, author)}{f': refused, {refusal}' if refusal else ''}"
-            self.facts.append(KnownFact(self.now, ORDERED, data, words))
+            self.facts.append(KnownFact(self.now, events.ORDERED, data, words))
 
     def _on_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
         watched = [WatchedProperty(str(each["name"]), str(each["if_broken"])) for each in properties]
@@ -509,15 +495,17 @@ class MissionState:
         name, event = str(data["property"]), str(data["event"])
         known = self.properties.get(name, WatchedProperty(name))
         self.properties[name] = known._replace(broken=known.broken or self.now, event=known.event or event)
-        self._know(PROPERTY_BROKEN, data)
+        self._know(events.PROPERTY_BROKEN, data)
 
     def _on_assumption_failed(self, **data: Any) -> None:
         self.doubted = self.doubted or self.now
-        self._know(ASSUMPTION_FAILED, data)
+        self._know(events.ASSUMPTION_FAILED, data)
 
     def _on_leaf_raised(self, text: str, node: int | None = None) -> None:
         data = {"node": node, "text": text}
-        self.facts.append(KnownFact(self.now, LEAF_RAISED, data, f"an exception has ended the run: {text}"))
+        self.facts.append(
+            KnownFact(self.now, events.LEAF_RAISED, data, f"an exception has ended the run: {text}")
+        )
 
     def _on_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
@@ -545,26 +533,26 @@ class MissionState:
             self.facts[-1] = self.facts[-1]._replace(text=with_author(str(said), CommandAuthor.of(data)))
 
     _HANDLERS: ClassVar[Mapping[str, Callable[..., None]]] = {
-        RUN_BEGAN: _on_run_began,
-        RUN_ENDED: _on_run_ended,
-        GOAL_SENT: _on_goal_sent,
-        GOAL_ENDED: _on_goal_ended,
-        STATUS: _on_status,
-        POSE: _on_pose,
-        PLAN: _on_plan,
-        PROGRESS: _on_progress,
-        LACKS: _on_lacks,
-        BREAKPOINT: _on_breakpoint,
-        BATTERY: _on_battery,
-        MAP: _on_map,
-        ORDERED: _on_ordered,
-        PROPERTIES_WATCHED: _on_properties_watched,
-        PROPERTIES_OWED: _on_properties_owed,
-        PROPERTY_BROKEN: _on_property_broken,
-        ASSUMPTION_FAILED: _on_assumption_failed,
-        LEAF_RAISED: _on_leaf_raised,
-        LOG: _on_log,
-        CHANGED: _on_changed,
+        events.RUN_BEGAN: _on_run_began,
+        events.RUN_ENDED: _on_run_ended,
+        events.GOAL_SENT: _on_goal_sent,
+        events.GOAL_ENDED: _on_goal_ended,
+        events.STATUS: _on_status,
+        events.POSE: _on_pose,
+        events.PLAN: _on_plan,
+        events.PROGRESS: _on_progress,
+        events.LACKS: _on_lacks,
+        events.BREAKPOINT: _on_breakpoint,
+        events.BATTERY: _on_battery,
+        events.MAP: _on_map,
+        events.ORDERED: _on_ordered,
+        events.PROPERTIES_WATCHED: _on_properties_watched,
+        events.PROPERTIES_OWED: _on_properties_owed,
+        events.PROPERTY_BROKEN: _on_property_broken,
+        events.ASSUMPTION_FAILED: _on_assumption_failed,
+        events.LEAF_RAISED: _on_leaf_raised,
+        events.LOG: _on_log,
+        events.CHANGED: _on_changed,
     }
 
     def _finish(self, landmarks: Iterable[Mapping[str, Any]]) -> None:

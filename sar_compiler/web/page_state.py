@@ -4,30 +4,10 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
+from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.journal_entries import (
-    ASSUMPTION_FAILED,
-    BATTERY,
-    BREAKPOINT,
-    CHANGED,
-    GOAL_ENDED,
-    GOAL_SENT,
-    LACKS,
-    LOG,
-    MAP,
-    PLAN,
-    POSE,
-    PROGRESS,
-    PROPERTIES_OWED,
-    PROPERTIES_WATCHED,
-    PROPERTY_BROKEN,
-    RUN_BEGAN,
-    RUN_ENDED,
-    STATUS,
-    CommandAuthor,
-    JournalEntry,
-)
+from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 from sar_compiler.journal.mission_state import FAILURE, HALTED, RUNNING, SUCCESS, MissionState, RunProcess
 from sar_compiler.journal.situation import FactTime, Landmark, with_author
 
@@ -156,7 +136,7 @@ class PageState:
             TypeError: If it has what is no JSON value.
         """
         mission = self._mission
-        if entry.kind == RUN_BEGAN and mission.runs and entry.run <= mission.runs[-1].number:
+        if entry.kind == events.RUN_BEGAN and mission.runs and entry.run <= mission.runs[-1].number:
             self.__init__(self.robot)  # type: ignore[misc] # another mission has begun in the same journal
             mission = self._mission
         mission.take(entry)
@@ -396,16 +376,16 @@ class PageState:
         return None if pose is None else {"x": pose.x, "y": pose.y, "yaw": pose.yaw}
 
     _HANDLERS: ClassVar[Mapping[str, Callable[["PageState", JournalEntry], None]]] = {
-        RUN_BEGAN: _on_run_began,
-        RUN_ENDED: _on_run_ended,
-        STATUS: _on_status,
-        POSE: _on_pose,
-        LOG: _on_log,
-        CHANGED: _on_changed,
+        events.RUN_BEGAN: _on_run_began,
+        events.RUN_ENDED: _on_run_ended,
+        events.STATUS: _on_status,
+        events.POSE: _on_pose,
+        events.LOG: _on_log,
+        events.CHANGED: _on_changed,
     }
     # The parts that entries of a kind change.
     _PARTS: ClassVar[Mapping[str, tuple[str, ...]]] = {
-        RUN_BEGAN: (
+        events.RUN_BEGAN: (
             "run",
             "nodes",
             "plan",
@@ -418,23 +398,23 @@ class PageState:
             "north",
             "properties",
         ),
-        RUN_ENDED: ("run", "drive", "condition", "place", "estimate", "properties"),
-        GOAL_SENT: ("condition",),
-        GOAL_ENDED: ("drive", "plan", "condition", "estimate"),
-        CHANGED: ("condition", "place", "estimate"),
-        POSE: ("pose",),
-        PLAN: ("plan",),
-        PROGRESS: ("drive", "condition", "estimate"),
-        LACKS: ("condition",),
-        BREAKPOINT: ("condition",),
-        BATTERY: ("gauges",),
-        MAP: ("map",),
-        PROPERTIES_WATCHED: ("properties",),
-        PROPERTIES_OWED: ("properties",),
-        PROPERTY_BROKEN: ("properties",),
-        ASSUMPTION_FAILED: ("properties",),
+        events.RUN_ENDED: ("run", "drive", "condition", "place", "estimate", "properties"),
+        events.GOAL_SENT: ("condition",),
+        events.GOAL_ENDED: ("drive", "plan", "condition", "estimate"),
+        events.CHANGED: ("condition", "place", "estimate"),
+        events.POSE: ("pose",),
+        events.PLAN: ("plan",),
+        events.PROGRESS: ("drive", "condition", "estimate"),
+        events.LACKS: ("condition",),
+        events.BREAKPOINT: ("condition",),
+        events.BATTERY: ("gauges",),
+        events.MAP: ("map",),
+        events.PROPERTIES_WATCHED: ("properties",),
+        events.PROPERTIES_OWED: ("properties",),
+        events.PROPERTY_BROKEN: ("properties",),
+        events.ASSUMPTION_FAILED: ("properties",),
     }
-    _TIMED = (POSE, PLAN, MAP)
+    _TIMED = (events.POSE, events.PLAN, events.MAP)
     _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms"))
     # The parts that are replaced as they are, in the order in which they are told.
     _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
