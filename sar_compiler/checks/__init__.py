@@ -29,7 +29,7 @@ from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.memory import Memory
-from sar_compiler.nodes.btcpp import NEWEST, Version
+from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.models import compare_models, described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, Span
@@ -81,7 +81,7 @@ def _guard(
 
 
 def check(
-    forest: Forest, registry: Registry, palettes: Palettes = (), btcpp: Version = NEWEST
+    forest: Forest, registry: Registry, palettes: Palettes = (), btcpp: Version | None = None
 ) -> list[Diagnostic]:
     """Return everything that is wrong with a file and those that it includes, file by file.
 
@@ -92,7 +92,7 @@ def check(
         registry: What tags mean.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed; what is wrong with
             themselves, `check_palettes` says.
-        btcpp: The version of BehaviorTree.CPP that the trees are for.
+        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
     """
     return check_context(context_of(forest, registry, palettes, btcpp))
 
@@ -101,7 +101,7 @@ def context_of(
     forest: Forest,
     registry: Registry,
     palettes: Palettes = (),
-    btcpp: Version = NEWEST,
+    btcpp: Version | None = None,
     memory: Memory | None = None,
 ) -> CheckContext:
     """Return a forest with what its tags mean; arguments as for `check`, and what was found out by checks before."""

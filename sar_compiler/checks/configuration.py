@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.nodes.btcpp import NEWEST, VERSIONS, Version
+from sar_compiler.nodes.btcpp import VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.opener import SETTINGS, NamedPath, UnreadableFileError, is_file, is_there, read_file
 from sar_compiler.resources import shipped_root
@@ -44,7 +44,7 @@ class Configuration(NamedTuple):
         models: Palettes that are files, as `--model` names them.
         palettes: Palettes that are installed, as `--model` names them.
         include_path: Further folders that may be included from.
-        btcpp: The version of BehaviorTree.CPP that the trees are for.
+        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
         trees: Files, folders and glob patterns of tree files that belong together, each with the folder it begins from.
         severities: The severities of some kinds of findings, by code; None where they are not to be reported.
         path: The file; None where nothing is decided.
@@ -56,7 +56,7 @@ class Configuration(NamedTuple):
     nodes: tuple[str, ...] = ()
     models: tuple[Path, ...] = ()
     include_path: tuple[Path, ...] = ()
-    btcpp: Version = NEWEST
+    btcpp: Version | None = None
     trees: tuple[tuple[Path, str], ...] = ()
     severities: Mapping[str, Severity | None] = {}
     path: Path | None = None
@@ -193,7 +193,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         tuple(said.get(_NODES, ())),
         models,
         include_path,
-        VERSIONS[language.get("btcpp", str(NEWEST))],
+        VERSIONS.get(language.get("btcpp", "")),
         tuple((path.parent, pattern) for pattern in patterns),
         {
             code: None if level == _OFF else Severity(level)

@@ -55,13 +55,13 @@ def convert_file(arguments: argparse.Namespace) -> int:
 
 def _convert(path: Path, arguments: argparse.Namespace) -> "Converted":
     if arguments.to == "btcpp":
-        from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp
+        from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
 
         loader = workspace(arguments)
         tree = loader.load(path)
         project, palettes = tree.project, tree.palettes
         loader.note_use()
-        return convert_to_btcpp(tree.forest.main, project.registry, palettes, project.configuration.btcpp)
+        return convert_to_btcpp(tree.forest, project.registry, palettes, project.configuration.btcpp)
     from sar_compiler.tree.conversion import convert
     from sar_compiler.tree.gathering import read_tree_file
 

@@ -123,6 +123,7 @@ class Semantics(NamedTuple):
         resumes: Whether it continues at its former place after a restart, or waits for other nodes.
         with_memory: The tag of its non-reactive counterpart, which ticks only the child that was running.
         keys: Its use of the keys of some of its ports.
+        copies: The port of a key whose value it writes, with its type, to its other key; empty if it does not.
         counterpart: Its counterpart in BehaviorTree.CPP.
     """
 
@@ -141,6 +142,7 @@ class Semantics(NamedTuple):
     resumes: bool = False
     with_memory: str = ""
     keys: Mapping[str, KeyRole] = {}
+    copies: str = ""
     counterpart: Counterpart = Counterpart()
 
     @classmethod

@@ -15,6 +15,8 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, NamedTuple, TypeAlias, TypeGuard, TypeVar
 
+from sar_compiler.nodes.cpp_names import INT, LONG, STATUS, TEXT, UNSIGNED_INT, normalized
+from sar_compiler.nodes.cpp_names import REAL as CPP_REAL
 from sar_compiler.nodes.numbers import (
     DURATION,
     HOW_LONG,
@@ -42,6 +44,7 @@ _INT64 = range(-(2**63), 2**63)
 _NO_DIGITS = r"-?([iI][nN][fF]([iI][nN][iI][tT][yY])?|[nN][aA][nN])"
 _NOT_BLANK = r"[\s\S]*\S[\s\S]*"
 _SEPARATOR = ";"
+_VECTOR = "std::vector<"
 _NAME_OF_KEY = r"(?a) *@?[A-Za-z_]\w* *"
 JSON = "json:"
 """The prefix of a JSON text, for ports that take any value."""
@@ -273,10 +276,16 @@ def type_of(annotation: object) -> ValueType:
 
 def type_of_cpp_name(name: str) -> ValueType | None:
     """Return the type with a BehaviorTree.CPP name (in a `TreeNodesModel`); None for an unknown name."""
-    if name.startswith("std::vector<") and name.endswith(">"):
-        item = _CPP_TYPES.get(name.removeprefix("std::vector<").removesuffix(">").strip())
+    name = normalized(name)
+    if name.startswith(_VECTOR) and name.endswith(">"):
+        item = _CPP_TYPES.get(name.removeprefix(_VECTOR).removesuffix(">"))
         return list_of(item) if item else None
     return _CPP_TYPES.get(name)
+
+
+def port_type_of_cpp_name(name: str) -> ValueType:
+    """Return the type of a port that a model describes; of an unknown type, values of any kind, under its name."""
+    return type_of_cpp_name(name) or ANYTHING._replace(cpp=normalized(name))
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
@@ -475,9 +484,7 @@ def _choice(
     name: str, names: tuple[str, ...], convert: Callable[[str], object], numbers: Iterable[str] = ()
 ) -> ValueType:
     label = f"one of {', '.join(names)}"
-    return ValueType(
-        name, label, convert, choices=(*names, *numbers), python=str, cpp=_CPP_TEXT, example=names[0]
-    )
+    return ValueType(name, label, convert, choices=(*names, *numbers), python=str, cpp=TEXT, example=names[0])
 
 
 def _choose_text(names: tuple[str, ...], text: str) -> str:
@@ -555,18 +562,17 @@ def _anything(text: str) -> object:
         raise ConversionError(f"what follows json: is not JSON: {error}") from None
 
 
-_CPP_TEXT = "std::string"
 _PLAIN: dict[type, ValueType] = {
     bool: ValueType(
         "boolean", "true or false", _boolean, choices=tuple(_BOOLS), python=bool, cpp="bool", example="true"
     ),
     int: ValueType("integer", "a whole number", whole_number, pattern=INTEGER, python=int, cpp="int"),
     float: ValueType("number", "a number", real_number, pattern=REAL, python=float, cpp="double"),
-    str: ValueType("string", "a text", str, python=str, cpp=_CPP_TEXT),
-    Path: ValueType("path", "a path", Path, python=Path, cpp=_CPP_TEXT),
-    Script: ValueType("script", "a script", _script, python=Script, cpp=_CPP_TEXT),
+    str: ValueType("string", "a text", str, python=str, cpp=TEXT),
+    Path: ValueType("path", "a path", Path, python=Path, cpp=TEXT),
+    Script: ValueType("script", "a script", _script, python=Script, cpp=TEXT),
     timedelta: ValueType(
-        "duration", "a duration", _duration, pattern=DURATION, python=timedelta, cpp=_CPP_TEXT, unit="s"
+        "duration", "a duration", _duration, pattern=DURATION, python=timedelta, cpp=TEXT, unit="s"
     ),
 }
 PLAIN = {value_type.name: value_type for value_type in _PLAIN.values()}
@@ -577,7 +583,7 @@ UNSIGNED = ValueType(
     _unsigned,
     pattern=_up_to(_LARGEST_UNSIGNED),
     python=int,
-    cpp="unsigned int",
+    cpp=UNSIGNED_INT,
     least=0,
     most=_LARGEST_UNSIGNED,
 )
@@ -613,28 +619,35 @@ Seconds: TypeAlias = Annotated[float, SECONDS]
 Milliseconds: TypeAlias = Annotated[int, MILLISECONDS]
 """The same with whole milliseconds."""
 _condition = functools.partial(_script, allow_empty=False)
-CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=_CPP_TEXT)
+CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
 """The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
 """The type of a port for any object, for which a text in the file is a text whatever its prefix."""
-NO_VALUE = ValueType("", "", str, python=object, cpp=_CPP_TEXT)
+NO_VALUE = ValueType("", "", str, python=object, cpp=TEXT)
 """In place of the type of a value, for what is none: another node, whose name is written, or an object of the mission."""
 
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
+_STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+_SIZES = {"int8_t": 8, "int16_t": 16, INT: 32, LONG: 64}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
-    "int": _whole_of_size("int", 32),
-    "int64_t": _whole_of_size("int64_t", 64),
+    **{name: _whole_of_size(name, bits) for name, bits in _SIZES.items()},
+    **{
+        name: _whole_of_size(name, bits, is_signed=False) for name, bits in (("uint8_t", 8), ("uint16_t", 16))
+    },
+    UNSIGNED_INT: UNSIGNED,
     "uint64_t": _whole_of_size("uint64_t", 64, is_signed=False),
-    "unsigned int": UNSIGNED,
-    "unsigned": UNSIGNED,
-    "short": _whole_of_size("short", 16),
-    "long": _whole_of_size("long", 64),
-    "double": REAL_NUMBER,
-    "float": REAL_NUMBER,
-    _CPP_TEXT: _PLAIN[str],
-    "string": _PLAIN[str],
+    CPP_REAL: REAL_NUMBER,
+    "float": REAL_NUMBER._replace(cpp="float"),
+    TEXT: _PLAIN[str],
+    STATUS: ValueType(
+        "status",
+        f"one of {', '.join(_STATUSES)}",
+        functools.partial(_choose_text, _STATUSES),
+        choices=_STATUSES,
+        cpp=STATUS,
+    ),
 }
 _NUMBERS = (int, float, bool)

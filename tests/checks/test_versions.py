@@ -7,7 +7,7 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.cli.compile import main
-from sar_compiler.nodes.btcpp import NEWEST, VERSIONS
+from sar_compiler.nodes.btcpp import VERSIONS
 from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.project import load
@@ -30,6 +30,7 @@ def ids(tree_id):
 # The releases of BehaviorTree.CPP in which something came to be refused.
 RELEASES = {"4.8.4", "4.9.0", "4.9.1"}
 SWITCH = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Success/><Success/><Success/></Switch2>'
+A_NUMBER = "a number for a port that reads a text"
 # Each: a file, the versions that it is not for, and line and column of what is said then.
 CASES = {
     "an ID with a blank": (ids("my tree"), {"4.9", "4.10"}, (3, 19)),
@@ -37,7 +38,9 @@ CASES = {
     "the ID Root": (ids("Root"), {"4.9", "4.10"}, (3, 19)),
     "the name of a port with a dot": (
         MAIN.format('<SubTree ID="B" a-b="5" a.b="5"/>')
-        + PART.format("B", '<Sequence><Sleep msec="{a.b}"/><Sleep msec="{a-b}"/></Sequence>'),
+        + PART.format(
+            "B", '<Repeat num_cycles="{a.b}"><Repeat num_cycles="{a-b}"><Sleep msec="1"/></Repeat></Repeat>'
+        ),
         {"4.9", "4.10"},
         (2, 49),
     ),
@@ -59,7 +62,7 @@ CASES = {
         {"4.9", "4.10"},
         (2, 64),
     ),
-    "a number for a port that reads a text": (
+    A_NUMBER: (
         MAIN.format('<SubTree ID="B" zone="007"/>') + PART.format("B", SWITCH),
         {"4.9", "4.10"},
         (3, 41),
@@ -139,11 +142,12 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("version", VERSIONS)
-def test_what_a_version_refuses_is_a_warning_for_it_and_nothing_for_others(name, version):
+def test_what_a_version_refuses_is_reported_for_it_and_not_for_others(name, version):
     text, refusing, place = CASES[name]
     findings = _without_constants(check(forest_of(text), default_registry(), (), VERSIONS[version]))
+    severity = Severity.ERROR if name == A_NUMBER else Severity.WARNING
     assert [(f.code, f.severity, f.span.line, f.span.column) for f in findings] == (
-        [("btcpp-version", Severity.WARNING, *place)] if version in refusing else []
+        [("btcpp-version", severity, *place)] if version in refusing else []
     )
     releases = [re.search(r"refuses that since (.*)", f.message) for f in findings]
     assert all(each[1] in RELEASES for each in releases if each)
@@ -251,7 +255,7 @@ def project(tmp_path, monkeypatch):
 
 
 def test_a_projects_configuration_says_the_version(project, capsys):
-    assert load("tree.xml").project.configuration.btcpp == NEWEST
+    assert load("tree.xml").project.configuration.btcpp is None
     assert main(["validate", "--strict", "tree.xml"]) == 1
     project('[language]\nbtcpp = "4.8"\n')
     assert load("tree.xml").project.configuration.btcpp == VERSIONS["4.8"]

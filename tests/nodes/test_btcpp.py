@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.leaves import Input, Kind, Seconds, register
-from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp, to_btcpp
+from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
 from sar_compiler.nodes.models.palette import is_built_in
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import NodeSpec
@@ -417,12 +418,15 @@ def test_comments_stay_where_they_are():
 def test_a_tree_in_yaml_gives_the_same():
     tree = document('<Selector memory="false"><Answer statuses="S" oneshot="ON_COMPLETION"/></Selector>')
     in_yaml = parse_yaml(write_yaml(parse_xml(tree)))
-    assert convert_to_btcpp(in_yaml, REGISTRY).text == convert_to_btcpp(parse_xml(tree), REGISTRY).text
+    assert (
+        convert_to_btcpp(Forest.of(in_yaml), REGISTRY).text
+        == convert_to_btcpp(Forest.of(parse_xml(tree)), REGISTRY).text
+    )
 
 
 def test_text_that_would_be_lost_keeps_a_file_from_being_converted():
     with pytest.raises(TreeError, match="stray-text"):
-        convert_to_btcpp(parse_xml(document("<Success/> oops")), REGISTRY)
+        convert_to_btcpp(forest_of(document("<Success/> oops")), REGISTRY)
 
 
 SHIPPED = "trees/search_and_rescue.xml"
@@ -449,10 +453,10 @@ def shipped_outline(tree_file):
 
 def test_the_mission_is_the_same_when_it_is_read_again():
     tree_file = read_tree_file(SHIPPED)
-    result = convert_to_btcpp(tree_file, REGISTRY)
+    result = convert_to_btcpp(Forest.of(tree_file), REGISTRY)
     assert {note.severity for note in result.losses} == {Severity.INFO}
     assert shipped_outline(parse_xml(result.text)) == shipped_outline(tree_file)
-    assert convert_to_btcpp(parse_xml(result.text), REGISTRY).text == result.text
+    assert convert_to_btcpp(forest_of(result.text), REGISTRY).text == result.text
 
 
 @pytest.mark.parametrize("path", [SHIPPED, *sorted(map(str, Path("examples").rglob("*.xml")))])
@@ -527,7 +531,7 @@ def run(tree_file):
 @given(BODIES.map(named))
 def test_a_tree_does_the_same_when_it_is_read_again(body):
     tree_file = parse_xml(document(body))
-    assert run(parse_xml(convert_to_btcpp(tree_file, REGISTRY).text)) == run(tree_file)
+    assert run(parse_xml(convert_to_btcpp(Forest.of(tree_file), REGISTRY).text)) == run(tree_file)
 
 
 def test_a_node_is_left_to_behaviortree_cpp_if_it_has_one_of_that_name_and_no_other():

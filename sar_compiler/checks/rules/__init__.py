@@ -33,20 +33,25 @@ class CheckContext:
         forest: The file and what it includes.
         registry: The registered nodes.
         palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
-        btcpp: The version of BehaviorTree.CPP that the trees are for.
+        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
         memory: What was found out by checks before this one; None where nothing is to be kept.
     """
 
     forest: Forest
     registry: Registry
     palettes: tuple[TreeFile, ...] = ()
-    btcpp: Version = NEWEST
+    btcpp: Version | None = None
     memory: Memory | None = None
 
     @functools.cached_property
     def bound(self) -> BoundForest:
         """Every tree, bound."""
         return bind_all(self.forest, self.registry, self.palettes, self.btcpp, self.memory)
+
+    @property
+    def version(self) -> Version:
+        """The version of BehaviorTree.CPP that the trees are for: the newest one if nothing says another."""
+        return self.btcpp or NEWEST
 
     @functools.cached_property
     def is_whole(self) -> bool:

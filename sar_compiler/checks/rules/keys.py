@@ -19,15 +19,13 @@ from sar_compiler.checks.rules.entry_accesses import (
 )
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
 from sar_compiler.checks.rules.unwritten_ends import find_unwritten_ends
+from sar_compiler.checks.rules.written_types import KeyTypeRules
 from sar_compiler.nodes.binding.bound import BoundNode, file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
-from sar_compiler.nodes.values import ConversionError, ValueType, literal_value
-from sar_compiler.runtime.expressions import Assignment, Literal
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, Span
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses, likeness
-from sar_compiler.tree.model import Element
 
 _LIKE, _CLOSE = 0.7, 0.75
 """The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""
@@ -53,9 +51,19 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
                     yield finding
 
 
+def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield the findings about the types of keys alone."""
+    for top in context.bound.tops:
+        board = entry_table_of(top, context.key_accesses)
+        rules = KeyTypeRules(board, context.bound.key_types[top], context.btcpp)
+        for entry in board.entries:
+            yield from rules.misfits(entry)
+
+
 def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
+    rules = KeyTypeRules(board, context.bound.key_types[board.top], context.btcpp)
     for entry in board.entries:
-        yield from misfits(entry, board)
+        yield from rules.misfits(entry)
         if entry.given or entry.is_parameter:
             continue
         if not entry.is_made:
@@ -296,67 +304,3 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
             hint = "delete it, unless somebody looks at the blackboard from outside"
             yield use.bound.element.finding("unread-key", message, use.access.span(), hint=hint)
             return
-
-
-def misfits(entry: EntryAccesses, board: EntryTable) -> Iterator[Diagnostic]:
-    """Yield texts that scripts and subtrees write to an entry whose type is that of a port, which cannot be read from them."""
-    typed = next(((use, each) for use in entry.uses if (each := _number_of_port(use)) is not None), None)
-    if typed is None:
-        return
-    port, value_type = typed
-    for place in entry.given:
-        constant = literal_value(place.remapping.constants.get(entry.key, "0"))
-        if (
-            isinstance(constant, str)
-            and constant not in board.written_keys  # which `check_subtrees` tells
-            and entry.key in place.element.attributes
-            and not _fits(value_type, constant)
-        ):
-            yield _misfit(
-                place.element, entry.key, entry.key, place.element.value_span(entry.key), port, value_type
-            )
-    for use in entry.of(AccessKind.WRITE, AccessKind.CHANGE):
-        literal = _text_written(use)
-        if literal is not None and not _fits(value_type, literal.value):
-            attribute, element = use.access.attribute, use.bound.element
-            span = element.within_value(attribute, literal.start, literal.end)
-            yield _misfit(element, attribute, use.access.key, span, port, value_type)
-
-
-def _misfit(
-    element: Element, attribute: str, key: str, span: Span, port: EntryAccess, value_type: ValueType
-) -> Diagnostic:
-    reader = port.bound.element
-    whose = f"{port.access.attribute} of '{port.bound.name}' (line {reader.line}{file_of(reader, element)})"
-    message = f"{attribute}: '{key}' is a text here, and {value_type.label} for {whose}"
-    hint = f"write {value_type.label}, or use two keys"
-    return element.finding("key-of-two-types", message, span, hint=hint)
-
-
-def _number_of_port(use: EntryAccess) -> ValueType | None:
-    """Return the type of a port that has numbers; None for any other use."""
-    parameter = use.bound.spec.parameters.get(use.access.attribute)
-    if use.access.place is not None or parameter is None or parameter.direction is None:
-        return None
-    is_number = use.access.attribute in use.bound.keys and parameter.value_type.python in (int, float, bool)
-    return parameter.value_type if is_number else None
-
-
-def _text_written(use: EntryAccess) -> Literal | None:
-    """Return the text that a script assigns to a key as it is; None for any other use."""
-    script = dict(use.bound.scripts()).get(use.access.attribute)
-    if use.access.place is None or script is None:
-        return None
-    statement = script.by_start.get(use.access.place[0])
-    if not isinstance(statement, Assignment) or statement.operator not in {":=", "="}:
-        return None
-    value = statement.value
-    return value if isinstance(value, Literal) and isinstance(value.value, str) else None
-
-
-def _fits(value_type: ValueType, text: object) -> bool:
-    try:
-        value_type.fit(text)
-    except ConversionError:
-        return False
-    return True

@@ -47,7 +47,7 @@ def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
         yield from _idle(bound, attribute, script, is_condition=asked)
         yield from _raising(bound, attribute, script, is_condition=asked)
         # What an older version refuses, `check_versions` tells.
-        if context.btcpp >= STATEMENTS:
+        if context.version >= STATEMENTS:
             yield from _touching(bound, attribute, script, is_condition=asked)
 
 

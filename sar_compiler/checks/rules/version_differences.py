@@ -37,10 +37,10 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
     for bound, attribute, script in context.scripts:
         if '"' in script.text:
             _report_quotes(bound, attribute, script, collector)
-        if context.btcpp < NEWEST:
-            for start, end, what, hint in older_readings(script, context.btcpp):
+        if context.version < NEWEST:
+            for start, end, what, hint in older_readings(script, context.version):
                 span = bound.element.within_value(attribute, start, end)
-                message = f"{attribute}: BehaviorTree.CPP {context.btcpp} {what}"
+                message = f"{attribute}: BehaviorTree.CPP {context.version} {what}"
                 yield bound.element.finding("btcpp-version", message, span, hint=hint)
     yield from collector.findings
     yield from _newer_nodes(context)
@@ -81,8 +81,8 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
 
 def _newer_nodes(context: CheckContext) -> Iterator[Diagnostic]:
     for bound, since in context.nodes_with(lambda spec: spec.semantics.counterpart.since):
-        if VERSIONS[since] > context.btcpp:
-            message = f"BehaviorTree.CPP has <{bound.spec.tag}> since {since}, and these trees are for {context.btcpp}"
+        if VERSIONS[since] > context.version:
+            message = f"BehaviorTree.CPP has <{bound.spec.tag}> since {since}, and these trees are for {context.version}"
             hint = "do without it, or have them run by a newer one"
             yield bound.element.finding("btcpp-version", message, hint=hint)
 

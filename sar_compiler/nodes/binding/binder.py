@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector, Remapping
-from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
+from sar_compiler.nodes.binding.instances import Instance, expand
+from sar_compiler.nodes.binding.key_types import EntryTypes, report_key_types
 from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
-from sar_compiler.nodes.btcpp import NEWEST, Version
+from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.models import Model, Models, compare_models, read_models, yielding
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, is_own_word, subtree
@@ -48,6 +49,7 @@ class BoundForest(NamedTuple):
     Attributes:
         trees: The trees, in the order of the files; those of other files of the set, as far as they are used, last.
         tops: The main tree and the trees used by no other, unless they are too large, with their subtrees expanded.
+        key_types: The types of the entries of each of these.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All possible meanings of the tags in them.
         findings: What was found while binding: errors, and warnings about models and versions.
@@ -55,6 +57,7 @@ class BoundForest(NamedTuple):
 
     trees: Sequence[BoundTree]
     tops: Sequence[Instance]
+    key_types: Mapping[Instance, EntryTypes]
     models: Models
     specs: Sequence[NodeSpec]
     findings: tuple[Diagnostic, ...]
@@ -74,7 +77,7 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
         main = binder.tree(tree)
     cut_circles([main], collector)
     if count_within_limits(main, collector) is not None:
-        report_shared_keys(expand(main, collector), collector)
+        report_key_types(expand(main, collector), collector)
         report_misread(trees_in(main), collector)
     enums = {name: number for name, number in models.enums.items() if number is not None}
     return Binding(main, _in_order(forest, collector.findings), enums)
@@ -84,7 +87,7 @@ def bind_all(
     forest: Forest,
     registry: Registry,
     palettes: Iterable[TreeFile] = (),
-    btcpp: Version = NEWEST,
+    btcpp: Version | None = None,
     memory: Memory | None = None,
 ) -> BoundForest:
     """Bind every tree of a forest, executed or not.
@@ -93,7 +96,7 @@ def bind_all(
         forest: The files.
         registry: What tags mean.
         palettes: Further files with descriptions of nodes.
-        btcpp: The version of BehaviorTree.CPP that the trees are for.
+        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
         memory: What was found out before, for the same version; None where nothing is to be kept.
 
     Returns:
@@ -111,16 +114,19 @@ def bind_all(
     # References into enclosing trees can be resolved only there; the main tree must not have any.
     main, count = forest.main_tree(), 0
     tops: list[Instance] = []
+    key_types: dict[Instance, EntryTypes] = {}
     for tree in own:
         if tree not in used or tree.element is main:
             size = count_within_limits(tree, collector, count)
             if size is not None:
                 count += size
                 tops.append(expand(tree, collector))
-                report_shared_keys(tops[-1], collector)
+                key_types[tops[-1]] = report_key_types(tops[-1], collector)
                 report_misread(trees_in(tree), collector)
     all_models = models._replace(subtrees=binder.subtrees)
-    return BoundForest(trees, tops, all_models, binder.specs, _in_order(forest, collector.findings))
+    return BoundForest(
+        trees, tops, key_types, all_models, binder.specs, _in_order(forest, collector.findings)
+    )
 
 
 def _characters(forest: Forest) -> int:

@@ -206,11 +206,13 @@ class Collector:
     Attributes:
         findings: The findings.
         guesses: Guesses of what was meant.
-        btcpp: The version of BehaviorTree.CPP that the trees are for.
+        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
+        version: The same, or the newest one.
     """
 
-    def __init__(self, btcpp: Version = NEWEST) -> None:
+    def __init__(self, btcpp: Version | None = None) -> None:
         self.btcpp = btcpp
+        self.version = btcpp or NEWEST
         self.findings: list[Diagnostic] = []
         self.guesses = Guesses()
 
@@ -229,7 +231,7 @@ class Collector:
         **about: "Unpack[About]",
     ) -> None:
         """Report what BehaviorTree.CPP refuses since a version, if the trees are for that or a later one."""
-        if self.btcpp >= change.since:
+        if self.version >= change.since:
             refused = f"BehaviorTree.CPP refuses that since {change.release}"
             older = f'say that the trees are for an older one: [language] btcpp = "{OLDEST}"'
             about["hint"] = f"{about['hint']}, or {older}"

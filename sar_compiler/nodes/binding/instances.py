@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector, file_of
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector
 from sar_compiler.nodes.binding.references import Candidates, report_missing
-from sar_compiler.nodes.btcpp import NAMES, NUMBERS
+from sar_compiler.nodes.btcpp import NAMES
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope
@@ -78,7 +78,7 @@ def expand(main: BoundTree, collector: Collector) -> Instance:
     top = Instance(main, Scope(Board(main.name)))
     expansion.fill(top)
     expansion.resolve(top)
-    for inner, key, *_ in _numbers_read_as_texts(top):
+    for inner, key in _numbers_read_as_texts(top):
         inner.texts.add(key)
     return top
 
@@ -159,28 +159,8 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
     return Scope(around.board, path, around, remapping.keys, autoremap=remapping.autoremap, own=own)
 
 
-def report_shared_keys(top: Instance, collector: Collector) -> None:
-    """Report keys shared by ports of different types, in a tree with its subtrees expanded.
-
-    The port that comes first in it, its subtrees in place, gives the key its type, as in BehaviorTree.CPP; one that takes
-    anything, or a text, leaves it open.
-    """
-    first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
-    for inner, given, bound, parameter in _numbers_read_as_texts(top):
-        _report_number(inner, given, bound, parameter, collector)
-    for instance, bound in top.in_place():
-        for name, key in bound.keys.items():
-            parameter = bound.spec.parameters[name]
-            python = parameter.value_type.python
-            if parameter.direction is None:
-                continue
-            other, known = first.setdefault(instance.scope.owner(key), (bound, parameter))
-            if known is not parameter and python is not None and not _agree(known, parameter):
-                _report_types(bound, parameter, key, (other, known), collector)
-
-
-def _numbers_read_as_texts(top: Instance) -> Iterator[tuple[Instance, str, BoundNode, Parameter]]:
-    """Yield the constants that look like numbers and that a port reads as a text: whose they are, their keys, the port."""
+def _numbers_read_as_texts(top: Instance) -> Iterator[tuple[Instance, str]]:
+    """Yield the constants that look like numbers and that a port reads as a text: whose they are, their keys."""
     numbers = {
         (inner.scope, key): inner
         for instance in top.iterate()
@@ -197,30 +177,4 @@ def _numbers_read_as_texts(top: Instance) -> Iterator[tuple[Instance, str, Bound
                     and parameter.value_type.python is str
                     and entry in numbers
                 ):
-                    yield numbers[entry], entry[1], bound, parameter
-
-
-def _report_number(
-    inner: Instance, given: str, bound: BoundNode, parameter: Parameter, collector: Collector
-) -> None:
-    assert inner.place is not None  # noqa: S101 - it is given constants
-    written, key = inner.place.remapping.constants[given], bound.keys[parameter.name]
-    message = f"{parameter.name}: '{key}' is a text here, and the subtree is given {written}, which looks like a number"
-    hint = f'to give it a text, write {key}="{{k}}" around it, and before that <Script code="k := \'{written}\'"/>'
-    collector.refused_since(NUMBERS, bound.element, message, value=parameter.name, hint=hint)
-
-
-def _agree(first: Parameter, second: Parameter) -> bool:
-    """Return whether a port can share the key of the first one; from a text every type can be read."""
-    return first.value_type.python in (second.value_type.python, str, None)
-
-
-def _report_types(
-    bound: BoundNode, parameter: Parameter, key: str, first: tuple[BoundNode, Parameter], collector: Collector
-) -> None:
-    other, known = first
-    message = (
-        f"{parameter.name}: '{key}' is {parameter.value_type.label} here, and {known.value_type.label} for "
-        f"{known.name} of '{other.name}' (line {other.element.line}{file_of(other.element, bound.element)})"
-    )
-    collector.add("key-of-two-types", message, bound.element, value=parameter.name, hint="use two keys")
+                    yield numbers[entry], entry[1]

@@ -43,6 +43,61 @@ STATEMENTS = Version(4, 9)
 """Since then two statements of a script need no `;` between them; before, it was refused without one."""
 NUMBERS = VersionChange(Version(4, 9), "4.9.1")
 """A constant that is given to a subtree and looks like a number is one; before, it was a text."""
+LISTS = VersionChange(Version(4, 9), "4.9.0")
+"""The queue of a loop has no type, so that it takes a list that a port has written; before, such a port was refused."""
+
+BUILT_IN = frozenset(
+    {
+        *(
+            "AlwaysFailure",
+            "AlwaysSuccess",
+            "AsyncFallback",
+            "AsyncSequence",
+            "Delay",
+            "Fallback",
+            "ForceFailure",
+        ),
+        *(
+            "ForceSuccess",
+            "IfThenElse",
+            "Inverter",
+            "KeepRunningUntilFailure",
+            "LoopBool",
+            "LoopDouble",
+            "LoopInt",
+        ),
+        *(
+            "LoopString",
+            "Parallel",
+            "ParallelAll",
+            "Precondition",
+            "ReactiveFallback",
+            "ReactiveSequence",
+            "Repeat",
+        ),
+        *("RetryUntilSuccessful", "RunOnce", "Script", "ScriptCondition", "Sequence", "SequenceWithMemory"),
+        *(
+            "SetBlackboard",
+            "SkipUnlessUpdated",
+            "Sleep",
+            "SubTree",
+            "Switch2",
+            "Switch3",
+            "Switch4",
+            "Switch5",
+        ),
+        *(
+            "Switch6",
+            "Timeout",
+            "TryCatch",
+            "UnsetBlackboard",
+            "WaitValueUpdate",
+            "WasEntryUpdated",
+            "WhileDoElse",
+        ),
+    }
+)
+"""The nodes that BehaviorTree.CPP 4.10 registers by itself."""
 
 DROPS_EXPLICIT = "ReactiveSequence"
 """The control in which BehaviorTree.CPP, up to 4.10, does not find nodes in explicit form that are its direct children."""

@@ -12,14 +12,20 @@ from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
 from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
+from sar_compiler.nodes.cpp_names import normalized
 from sar_compiler.nodes.models import Model, read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.numbers import milliseconds_in, plain_duration
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import ConversionError, blackboard_key, items_of, whole_number
-from sar_compiler.tree.conversion import Converted, convert
-from sar_compiler.tree.diagnostic import Diagnostic, Form
+from sar_compiler.nodes.values import (
+    ConversionError,
+    blackboard_key,
+    items_of,
+    type_of_cpp_name,
+    whole_number,
+)
+from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import (
     INCLUDE_TAG,
     MODEL_TAG,
@@ -30,19 +36,12 @@ from sar_compiler.tree.model import (
     synthetic_element,
 )
 
-_LIMITS = {
-    "short": (-(2**15), 2**15 - 1),
-    "int": (-(2**31), 2**31 - 1),
-    "unsigned": (0, 2**32 - 1),
-    "unsigned int": (0, 2**32 - 1),
-}
-"""The smallest and the largest number of the types of whole numbers that have less than 64 bits."""
 _QUEUES = {("LoopInt", "queue"): "std::vector<int>"}
 """The types of ports that BehaviorTree.CPP declares in its own way."""
 
 
 def to_btcpp(
-    tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version = NEWEST
+    tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version | None = None
 ) -> tuple[TreeFile, list[Diagnostic]]:
     """Rewrite a tree file for BehaviorTree.CPP 4 and Groot2.
 
@@ -50,29 +49,16 @@ def to_btcpp(
         tree_file: The file.
         registry: What tags mean.
         palettes: Further files with descriptions of nodes.
-        btcpp: The version that it is for.
+        btcpp: The version that it is for; None for the newest.
 
     Returns:
         The converted file and the notes about it, in its order: warnings for content that BehaviorTree.CPP does
         not support by itself, information for slight differences.
     """
-    conversion = _Conversion(registry, btcpp)
+    conversion = _Conversion(registry, btcpp or NEWEST)
     root = conversion.root(tree_file, palettes)
     notes = sorted(conversion.notes.findings, key=lambda note: (note.span.line, note.span.column))
     return dataclasses.replace(tree_file, root=root), notes
-
-
-def convert_to_btcpp(
-    tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version = NEWEST
-) -> Converted:
-    """Write a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
-
-    Raises:
-        TreeError: If the file has content outside the trees that would be lost.
-    """
-    losses = convert(tree_file, Form.XML).losses
-    rewritten, notes = to_btcpp(tree_file, registry, palettes, btcpp)
-    return Converted(convert(rewritten, Form.XML).text, (*losses, *notes))
 
 
 @dataclasses.dataclass
@@ -275,11 +261,12 @@ class _Conversion:
     def _measure(self, draft: Draft) -> None:
         """Note whole numbers that have more bits than BehaviorTree.CPP's type of the port."""
         for name, text in draft.attributes.items():
-            type_name = self._type_name(draft.tag, name)
+            type_name = normalized(self._type_name(draft.tag, name))
             kind = type_name.removeprefix("std::vector<").removesuffix(">")
-            if kind not in _LIMITS or blackboard_key(text, name) is not None:
+            value_type = type_of_cpp_name(kind)
+            least, most = (value_type.least, value_type.most) if value_type is not None else (None, None)
+            if least is None or most is None or blackboard_key(text, name) is not None:
                 continue
-            least, most = _LIMITS[kind]
             try:
                 numbers = items_of(text, whole_number) if kind != type_name else [whole_number(text)]
             except ConversionError:

@@ -8,6 +8,7 @@ from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.cpp_names import STATUS
 from sar_compiler.nodes.declaring import (
     CLOCK,
     ENUMS,
@@ -18,7 +19,7 @@ from sar_compiler.nodes.declaring import (
     node_spec,
     output_port,
 )
-from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
+from sar_compiler.nodes.language.narrow_types import ANY_ENTRY, KEY, VARIABLE, StatusName, queue_of
 from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
 from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, milliseconds, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
@@ -27,6 +28,7 @@ from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
 from sar_compiler.runtime.answers import Outcome
 from sar_compiler.tree.model import SUBTREE_TAG
 
+_OUTCOME = type_of(Outcome)._replace(cpp=STATUS)
 _NOUNS = {S: "success", F: "failure", R: "running"}
 
 _own = partial(own, Kind.DECORATOR, skipping=FROM_CHILD)
@@ -101,7 +103,7 @@ def _unless_written(tag: str, otherwise: int, doc: str, skipping: Skipping = FRO
         tag,
         "kernel.turning:UpdateGuardNode",
         doc,
-        input_port("entry", object, "The entry."),
+        input_port("entry", ANY_ENTRY, "The entry."),
         SCOPE,
         fixed={"unless_written": WORD_OF[otherwise]},
         semantics=Semantics(
@@ -123,7 +125,7 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
             "are taken away.",
         ),
         output_port("value", type_of(kind), f"Where each {items} is written.", None),
-        input_port("if_empty", Outcome, "What to answer when none is left.", Outcome.SUCCESS),
+        input_port("if_empty", _OUTCOME, "What to answer when none is left.", Outcome.SUCCESS),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
         skipping=Skipping(Skips.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
@@ -211,7 +213,7 @@ BEHAVIORTREE_CPP = [
         input_port("if_", CONDITION, "The condition, a script."),
         SCOPE,
         ENUMS,
-        input_port("else_", Outcome, "What to answer if it is false.", Outcome.FAILURE),
+        input_port("else_", _OUTCOME, "What to answer if it is false.", Outcome.FAILURE),
         semantics=Semantics(partial(outcome_sets.guard, "if")),
         skipping=Skipping(Skips.ALWAYS, only_if=("else", Outcome.SKIPPED)),
         former_tags=tuple(f"BlackboardCheck{kind}" for kind in ("Bool", "Double", "Int", "String")),

@@ -6,7 +6,15 @@ from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.declaring import CLOCK, ENUMS, SCOPE, attribute, inout_port, input_port, node_spec
 from sar_compiler.nodes.language.comparisons import CHECKS, Comparison, Junction
-from sar_compiler.nodes.language.narrow_types import CHANCES, KEY, NTH, STATUS_NAMES, VARIABLE, StatusName
+from sar_compiler.nodes.language.narrow_types import (
+    ANY_ENTRY,
+    CHANCES,
+    KEY,
+    NTH,
+    STATUS_NAMES,
+    VARIABLE,
+    StatusName,
+)
 from sar_compiler.nodes.language.node_rules import report_no_answer
 from sar_compiler.nodes.language.records import own, stock
 from sar_compiler.nodes.semantics import REMOVES, WRITES, AccessKind, Counterpart, KeyRole, Semantics
@@ -100,7 +108,9 @@ BEHAVIORTREE_CPP = [
         ENUMS,
         outcomes=_SUCCESS | _FAILURE,
         effects=WRITES,
-        semantics=Semantics(keys={"output_key": KeyRole(AccessKind.WRITE, by_name=True, indirect=True)}),
+        semantics=Semantics(
+            keys={"output_key": KeyRole(AccessKind.WRITE, by_name=True, indirect=True)}, copies="value"
+        ),
     ),
     _own(
         "UnsetBlackboard",
@@ -116,7 +126,7 @@ BEHAVIORTREE_CPP = [
         "WasEntryUpdated",
         "kernel.leaf_nodes:UpdateCheckNode",
         "Succeeds if an entry was written since this node last looked, else fails.",
-        input_port("entry", object, "The entry."),
+        input_port("entry", ANY_ENTRY, "The entry."),
         SCOPE,
         outcomes=_SUCCESS | _FAILURE,
         semantics=Semantics(keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}),

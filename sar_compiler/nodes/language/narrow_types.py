@@ -4,7 +4,9 @@ import math
 from functools import partial
 from typing import Literal
 
+from sar_compiler.nodes.cpp_names import ANY
 from sar_compiler.nodes.values import (
+    ANYTHING,
     JSON,
     ConversionError,
     ValueType,
@@ -98,6 +100,8 @@ VARIABLE = ValueType("variable", "a key, or key.attribute", _variable, names_key
 """A key of the blackboard by its name, or an attribute of the object that it holds."""
 KEY = ValueType("key.name", "a key", _key, names_key=True)
 """A key of the blackboard by its name."""
+ANY_ENTRY = ANYTHING._replace(cpp=ANY)
+"""A value of any type, which a node of BehaviorTree.CPP reads as it is."""
 NTH = ValueType("nth", "a whole number other than 0", _nth, python=int, cpp="int", example="1")
 """The ticks in which something happens."""
 CHANCES = ValueType(

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from sar_compiler.nodes.btcpp import BUILT_IN
 from sar_compiler.nodes.declaring import node_spec
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Skipping, Skips
@@ -19,10 +20,13 @@ def own(
     semantics: Semantics = _PLAIN,
     **more: Any,
 ) -> NodeSpec:
-    """Return the record of a node of BehaviorTree.CPP's; *path* is that of its class in `runtime`, or in py_trees."""
+    """Return the record of a node of the language, which BehaviorTree.CPP has as well if its tag is one of `BUILT_IN`.
+
+    *path* is that of its class in `runtime`, or in py_trees.
+    """
     if not path.startswith("py_trees."):
         path = f"sar_compiler.runtime.{path}"
-    means = semantics._replace(counterpart=semantics.counterpart._replace(built_in=True))
+    means = semantics._replace(counterpart=semantics.counterpart._replace(built_in=tag in BUILT_IN))
     return node_spec(kind, tag, path, doc, *parameters, semantics=means, **more)
 
 

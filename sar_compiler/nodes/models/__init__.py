@@ -15,6 +15,7 @@ from sar_compiler.nodes.values import (
     ConversionError,
     ValueType,
     blackboard_key,
+    port_type_of_cpp_name,
     type_of,
     type_of_cpp_name,
 )
@@ -330,7 +331,7 @@ def _used_port(port: Port) -> Parameter:
 
 
 def _parameter(port: Port) -> Parameter:
-    value_type = type_of_cpp_name(port.type_name) or ANYTHING
+    value_type = port_type_of_cpp_name(port.type_name)
     return Parameter(
         port.name,
         Role.ATTRIBUTE,

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from sar_compiler.nodes.binding.attributes import CONDITIONS, KIND_TAGS
 from sar_compiler.nodes.binding.binder import OF_ANY, is_anothers
 from sar_compiler.nodes.binding.bound import Collector
-from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, can_be_tag, read_models
+from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
+from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, Models, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind
 from sar_compiler.tree.guessing import Guesses
@@ -46,11 +47,13 @@ class _PortUse(NamedTuple):
         text: What is written.
         is_key: Whether that is a key, and no value.
         makes_key: Whether it is one that nothing before it in the tree has, and something after it has.
+        cpp: The C++ type of a known port that has the same key in the tree; empty if there is none.
     """
 
     text: str
     is_key: bool
     makes_key: bool
+    cpp: str = ""
 
 
 class _NodeUse:
@@ -67,20 +70,22 @@ class _NodeUse:
         self.children = 0
         self.ports: dict[str, list[_PortUse]] = {}
 
-    def add(self, node: Element, made: Collection[str]) -> None:
+    def add(self, node: Element, made: Collection[str], types: Mapping[str, str]) -> None:
         """Add a place.
 
         Args:
             node: The element.
             made: The keys in it that nothing before it has, and something after it has.
+            types: The C++ types of keys that known ports have in the tree.
         """
         self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])
         self.children = max(self.children, len(node.children))
         for name, text in node.attributes.items():
             if name not in OF_ANY and not name.startswith("_") and can_be_tag(name):
                 key = _KEY.fullmatch(text.strip())
+                cpp = types.get(key[1], "") if key is not None else ""
                 self.ports.setdefault(name, []).append(
-                    _PortUse(text, key is not None, bool(key and key[1] in made))
+                    _PortUse(text, key is not None, bool(key and key[1] in made), cpp)
                 )
 
     @property
@@ -116,13 +121,14 @@ class UseOfNodes:
             self._capitals.update(name for script in scripts for name in _CAPITALS.findall(script))
         for tree in tree_file.trees:
             order = list(tree.iterate())[1:]
+            types = _types_of_keys(order, models, registry)
             before = set(handed_over.get(tree.attributes.get("ID", ""), ()))
             last = {key: place for place, node in enumerate(order) for key in _keys_of(node)}
             for place, node in enumerate(order):
                 tag = node.attributes.get("ID", "") if node.tag in KIND_TAGS else node.tag
                 if tag and tag not in described and not self._is_known(tag, node, registry):
                     made = {key for key in _keys_of(node) if key not in before and last[key] > place}
-                    self._used.setdefault(tag, _NodeUse()).add(node, made)
+                    self._used.setdefault(tag, _NodeUse()).add(node, made, types)
                 before.update(_keys_of(node))
 
     def models(self, only: str | None = None) -> Element:
@@ -151,6 +157,29 @@ class UseOfNodes:
         return bool(variants) and not (is_own_word(tag) and is_anothers(node, variants, self._guesses))
 
 
+def _types_of_keys(nodes: Iterable[Element], models: Models, registry: Registry) -> Mapping[str, str]:
+    """Return the C++ types of the keys that known ports have in a tree; a port for texts may have been given anything."""
+    types: dict[str, str] = {}
+    for node in nodes:
+        tag = node.attributes.get("ID", "") if node.tag in KIND_TAGS else node.tag
+        model = models.nodes.get(tag)
+        for name, text in node.attributes.items():
+            key = _KEY.fullmatch(text.strip())
+            if key is None:
+                continue
+            named = {
+                parameter.value_type.cpp
+                for spec in registry.variants(tag)
+                if (parameter := spec.parameters.get(name)) is not None and parameter.direction is not None
+            }
+            if model is not None and name in model.ports and not model.is_from_use:
+                named = {model.ports[name].type_name}
+            for cpp in map(normalized, named):
+                if cpp not in {"", ANY, TEXT}:
+                    types.setdefault(key[1], cpp)
+    return types
+
+
 def _handed_over(tree_file: TreeFile) -> Mapping[str, set[str]]:
     """Return the keys that the uses of each subtree of a file hand over to it."""
     keys: dict[str, set[str]] = {}
@@ -177,14 +206,13 @@ def _port(name: str, uses: Sequence[_PortUse]) -> Element:
     values = [each.text for each in uses if not each.is_key]
     makes = bool(uses) and all(each.makes_key for each in uses)
     direction = Direction.OUTPUT if makes and not values else Direction.INPUT
-    attributes = {
-        "name": name,
-        **(
-            {"type": next(name for name, form in _TYPES if all(map(form.fullmatch, values)))}
-            if values
-            else {}
-        ),
-    }
+    shared = {each.cpp for each in uses if each.cpp}
+    cpp = next(iter(shared)) if len(shared) == 1 else ""
+    if values:
+        # Of a number, the type of the key that the port has elsewhere says more: `unsigned int`, `double`.
+        guess = next(name for name, form in _TYPES if all(map(form.fullmatch, values)))
+        cpp = cpp if cpp and guess == "int" else guess
+    attributes = {"name": name, **({"type": cpp} if cpp else {})}
     example = shortened((values or [each.text for each in uses])[0])
     return synthetic_element(
         direction.value, attributes, text=f"guessed; such as {example}" if example else "guessed"

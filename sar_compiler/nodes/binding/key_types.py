@@ -1,0 +1,174 @@
+"""The type of each blackboard entry, and ports that BehaviorTree.CPP or this project refuses to share it."""
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.nodes.binding.bound import BoundNode, Collector, file_of
+from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.btcpp import NUMBERS, Version
+from sar_compiler.nodes.btcpp.port_types import (
+    is_loop_queue,
+    is_number,
+    may_share,
+    type_of_constant,
+    type_of_port,
+)
+from sar_compiler.nodes.cpp_names import TEXT
+from sar_compiler.nodes.spec import Direction, Parameter
+from sar_compiler.nodes.values import ConversionError, ValueType, literal_value
+from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.diagnostic import Severity
+
+_TEXTS = (str, Script, Path, None)
+_NUMBERS = (int, float, bool, list)
+_PLAIN_NUMBER = r"\d+(\.\d+)?"
+
+
+class EntryType(NamedTuple):
+    """The type of an entry, and what gave it that type.
+
+    Attributes:
+        cpp: The C++ type, normalized; empty for an entry that takes values of any type.
+        bound: The node that first names the entry, or the `SubTree` that is given a constant for it.
+        name: The attribute there.
+        parameter: The port; None for a constant.
+    """
+
+    cpp: str
+    bound: BoundNode
+    name: str
+    parameter: Parameter | None
+
+    @property
+    def label(self) -> str:
+        """What it is and where, for a message: `int for value of 'LoopInt' (line 4)`."""
+        what = self.cpp or "of any type"
+        return f"{what} for {self.name} of '{self.bound.name}' (line {self.bound.element.line}"
+
+
+EntryTypes = Mapping[tuple[Scope, str], EntryType]
+"""The types of entries, by scope and key."""
+
+
+def report_key_types(top: Instance, collector: Collector) -> EntryTypes:
+    """Report ports that cannot share a key, in a tree with its subtrees expanded; return the types of its entries.
+
+    What comes first gives an entry its type: a port, in the order of the tree with its subtrees in place, or a constant that
+    the subtree is given. A port that takes anything, or a text, leaves it open.
+    """
+    types: dict[tuple[Scope, str], EntryType] = {}
+    cpp_of: dict[int, str] = {}
+    for instance, bound in top.in_place():
+        for name, key in bound.keys.items():
+            parameter = bound.spec.parameters[name]
+            if parameter.direction is None:
+                continue
+            cpp = cpp_of.get(id(parameter))
+            if cpp is None:
+                cpp = cpp_of[id(parameter)] = cpp_type(parameter, collector.version)
+            entry = instance.scope.owner(key)
+            known = types.get(entry)
+            if known is None:
+                types[entry] = EntryType(cpp, bound, name, parameter)
+            elif known.parameter is not parameter or known.cpp != cpp:
+                _compare(known, EntryType(cpp, bound, name, parameter), key, collector)
+        inner = instance.inner.get(bound)
+        for key, text in bound.remapping.constants.items() if inner is not None else ():
+            assert inner is not None  # noqa: S101 - asked above
+            types[inner.scope, key] = EntryType(type_of_constant(text, collector.version), bound, key, None)
+    return types
+
+
+def cpp_type(parameter: Parameter, version: Version) -> str:
+    """Return the C++ type of a port in a version of BehaviorTree.CPP, normalized."""
+    return type_of_port(parameter.value_type.name, parameter.value_type.cpp, version)
+
+
+def fits(value_type: ValueType, value: object) -> bool:
+    """Return whether a port can read a value here: a text, or a number where it has numbers.
+
+    What becomes of a number where something else is read, the C++ types say.
+    """
+    if isinstance(value, str) and is_loop_queue(value_type.name):
+        read: Callable[[str], object] = value_type.convert
+    elif isinstance(value, str) or value_type.python in _NUMBERS:
+        read = value_type.fit
+    else:
+        return True
+    try:
+        read(value)  # type: ignore[arg-type] # a text where one is converted
+    except ConversionError:
+        return False
+    return True
+
+
+def _compare(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+    assert later.parameter is not None  # noqa: S101 - a constant comes first
+    if first.parameter is not None and not _agree(first.parameter, later.parameter):
+        _report_here(first, later, key, collector)
+    elif not may_share(first.cpp, later.cpp):
+        if first.parameter is None:
+            _report_constant(first, later, key, collector)
+        else:
+            _report_there(first, later, key, collector)
+
+
+def _agree(first: Parameter, later: Parameter) -> bool:
+    """Return whether a port can share the key of the first one here; from a text every type can be read."""
+    known, other = first.value_type.python, later.value_type.python
+    return other is None or known in _TEXTS or known is other
+
+
+def _report_here(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+    assert first.parameter is not None and later.parameter is not None  # noqa: S101, PT018 - both are ports
+    message = (
+        f"{later.name}: '{key}' is {later.parameter.value_type.label} here, and {first.parameter.value_type.label} for "
+        f"{first.name} of '{first.bound.name}' (line {first.bound.element.line}"
+        f"{file_of(first.bound.element, later.bound.element)})"
+    )
+    collector.add("key-of-two-types", message, later.bound.element, value=later.name, hint="use two keys")
+
+
+def _report_there(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+    """Report a port that is refused in C++ only."""
+    runs_here = not (first.bound.spec.is_foreign or later.bound.spec.is_foreign)
+    message = (
+        f"{later.name}: '{key}' is {later.cpp} here, and {first.label}"
+        f"{file_of(first.bound.element, later.bound.element)}), which BehaviorTree.CPP refuses"
+        f"{', although the tree runs here' if runs_here else ''}"
+    )
+    hint = "use two keys"
+    if is_number(first.cpp) and (is_number(later.cpp) or later.cpp == TEXT):
+        copy = f"{key.removeprefix(ROOT_SIGN)}_{later.name}"
+        hint = f'copy it by <Script code="{copy} := {key}"/>, and write {later.name}="{{{copy}}}"'
+    severity = severity_there(collector)
+    collector.add(
+        "cpp-type-mismatch", message, later.bound.element, value=later.name, hint=hint, severity=severity
+    )
+
+
+def severity_there(collector: Collector) -> Severity:
+    """Return the severity of what only BehaviorTree.CPP refuses: an error where the trees are said to be for it."""
+    return Severity.ERROR if collector.btcpp is not None else Severity.WARNING
+
+
+def _report_constant(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+    """Report a port that cannot read a constant since that has a type, unless it cannot do so anyway."""
+    assert later.parameter is not None  # noqa: S101 - a constant comes first
+    written = first.bound.remapping.constants[first.name]
+    is_read = later.parameter.direction is not Direction.OUTPUT
+    if is_read and not fits(later.parameter.value_type, literal_value(written)):
+        return
+    message = (
+        f"{later.name}: '{key}' is {later.cpp} here, and the subtree is given {written}, which is {first.cpp}"
+    )
+    is_plain = is_number(later.cpp) and re.fullmatch(_PLAIN_NUMBER, written)
+    value = written if is_plain else f"'{written}'"
+    hint = f'write {first.name}="{{k}}" around it, and before that <Script code="k := {value}"/>'
+    severity = severity_there(collector)
+    collector.refused_since(
+        NUMBERS, later.bound.element, message, value=later.name, hint=hint, severity=severity
+    )

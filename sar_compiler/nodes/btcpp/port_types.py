@@ -1,0 +1,106 @@
+"""C++ types of ports by name: which ports may share a key in BehaviorTree.CPP, and which values can be read from one.
+
+BehaviorTree.CPP compares types twice. When it creates a tree, the first node that names a key gives the entry its type
+(`src/xml_parsing.cpp`, `createNodeFromXML`), and a port of another type is refused. When it ticks the tree, a value is
+converted to the type of the port that reads it (`utils/safe_any.hpp`), which works between numbers only.
+"""
+
+import re
+
+from sar_compiler.nodes.btcpp import LISTS, NUMBERS, Version
+from sar_compiler.nodes.cpp_names import ANY, INT, LONG, REAL, STATUS, TEXT, UNSIGNED_INT, normalized
+from sar_compiler.nodes.values import literal_value
+
+_INT_RANGE = range(-(2**31), 2**31)
+_UNTYPED = ("", ANY)
+_INTEGERS = ("int8_t", "uint8_t", "int16_t", "uint16_t", INT, UNSIGNED_INT, LONG, "uint64_t")
+_NUMBERS = frozenset((*_INTEGERS, "float", REAL, "bool", "long long", "unsigned long long"))
+_QUEUE = re.compile(r"std::(?:vector|shared_ptr<std::deque)<([^<>]*)>>?")
+_ITEMS = {"LoopInt": INT, "LoopDouble": REAL, "LoopBool": "bool", "LoopString": TEXT}
+_QUEUE_NAME = "queue."
+
+
+def may_share(first: str, later: str) -> bool:
+    """Return whether a tree is created in which ports of two types have one key.
+
+    A port without a type goes with every other; so does one that takes texts, if it comes first. An unknown type is
+    compared by its name. `Pose` may be the type that `geometry_msgs::msg::Pose` names in full.
+
+    Args:
+        first: The type of the port that comes first in the tree with its subtrees in place, normalized.
+        later: The type of the other, normalized.
+    """
+    return first in _UNTYPED or later in _UNTYPED or first == TEXT or is_same(first, later)
+
+
+def is_same(first: str, second: str) -> bool:
+    """Return whether two names mean one type; one of them may lack its namespace."""
+    return first == second or first.endswith(f"::{second}") or second.endswith(f"::{first}")
+
+
+def is_untyped(cpp: str) -> bool:
+    """Return whether a port of a type takes values of every type."""
+    return cpp in _UNTYPED
+
+
+def is_number(cpp: str) -> bool:
+    """Return whether the values of a type are numbers for BehaviorTree.CPP."""
+    return cpp in _NUMBERS or cpp == STATUS
+
+
+def is_whole(cpp: str) -> bool:
+    """Return whether the values of a type are whole numbers for BehaviorTree.CPP, as truth values are."""
+    return cpp in _INTEGERS or cpp == "bool"
+
+
+def is_loop_queue(name: str) -> bool:
+    """Return whether a name is that of the type of a loop's queue."""
+    return name.startswith(_QUEUE_NAME)
+
+
+def can_be_read(written: str, port: str, version: Version) -> bool:
+    """Return whether a port may read a value of another type from an entry; some numbers and texts may still not fit.
+
+    Args:
+        written: The type of the value, normalized.
+        port: The type of the port, or the name of a loop's queue type, normalized.
+        version: The version; before 4.9.0, a loop took neither lists nor texts from an entry.
+    """
+    if is_loop_queue(port):
+        item = _ITEMS[port.removeprefix(_QUEUE_NAME)]
+        match = _QUEUE.fullmatch(written)
+        is_list = match is not None and match[1] == item
+        if version < LISTS.since:
+            return is_untyped(written) or (is_list and written.startswith("std::shared_ptr"))
+        return written == TEXT or is_untyped(written) or is_list
+    if may_share(written, port):
+        return True
+    return is_number(written) and (is_number(port) or port == TEXT)
+
+
+def can_be_copied(written: str, entry: str) -> bool:
+    """Return whether `SetBlackboard` can copy a value of a type to an entry that ports have given another type."""
+    return written == TEXT or is_untyped(written) or is_untyped(entry) or is_same(written, entry)
+
+
+def type_of_constant(text: str, version: Version) -> str:
+    """Return the type of an entry to which a subtree is given a constant; empty for none, as a text has."""
+    value = literal_value(text) if version >= NUMBERS.since else text
+    if isinstance(value, float):
+        return REAL
+    if isinstance(value, int):
+        return INT if value in _INT_RANGE else LONG
+    return ""
+
+
+def type_of_port(type_name: str, cpp: str, version: Version) -> str:
+    """Return the C++ type of a port, normalized.
+
+    Args:
+        type_name: The name of the port's `ValueType`.
+        cpp: Its C++ type as it is declared.
+        version: The version; before 4.9.0, the queue of a loop had a type.
+    """
+    if is_loop_queue(type_name) and version < LISTS.since:
+        return f"std::shared_ptr<std::deque<{_ITEMS[type_name.removeprefix(_QUEUE_NAME)]}>>"
+    return normalized(cpp)

@@ -1,0 +1,53 @@
+"""The nodes that BehaviorTree.CPP 4.10 registers by itself, with the types of their ports as it lists them."""
+
+from pathlib import Path
+
+from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
+from sar_compiler.nodes.btcpp import BUILT_IN
+from sar_compiler.nodes.btcpp.port_types import is_untyped
+from sar_compiler.nodes.cpp_names import normalized
+from sar_compiler.nodes.language.records import own
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import Kind
+from tests.trees import document, forest_of
+
+
+def listed():
+    """Return the types of the ports of each node, as `writeTreeNodesModelXML` writes them."""
+    nodes: dict[str, dict[str, str]] = {}
+    for line in Path(__file__).with_name("built_in_nodes.txt").read_text(encoding="utf-8").splitlines():
+        if line.startswith(" "):
+            _, port, *cpp = line.split(maxsplit=2)
+            list(nodes.values())[-1][port] = cpp[0] if cpp else ""
+        else:
+            nodes[line] = {}
+    return nodes
+
+
+def test_built_in_are_the_nodes_that_btcpp_registers():
+    assert set(listed()) == BUILT_IN
+    specs = default_registry().specs()
+    assert {spec.tag for spec in specs if spec.semantics.counterpart.built_in} == BUILT_IN - {"SubTree"}
+
+
+def test_the_ports_of_built_in_nodes_have_the_types_of_btcpp():
+    nodes, compared = listed(), 0
+    for spec in default_registry().specs():
+        for parameter in spec.ports if spec.semantics.counterpart.built_in else ():
+            cpp, said = parameter.value_type.cpp, nodes[spec.tag].get(parameter.name)
+            if said is None or (spec.tag, parameter.name) == ("ScriptCondition", "code"):
+                continue  # py_trees' attribute of that tag; a script, which is a text for whoever writes it
+            compared += 1
+            assert normalized(cpp) == normalized(said), (spec.tag, parameter.name)
+            assert is_untyped(normalized(cpp)) or cpp
+    assert compared > 40
+
+
+def test_a_decorator_of_the_language_that_btcpp_lacks_is_converted_with_a_finding_and_a_model():
+    slow = own(Kind.DECORATOR, "SlowDown", "kernel.turning:TurningNode", "Takes its time.")
+    registry = Registry([*default_registry().specs(), slow])
+    converted = convert_to_btcpp(forest_of(document("<SlowDown><AlwaysSuccess/></SlowDown>")), registry)
+    assert [(each.code, each.message) for each in converted.losses] == [
+        ("no-counterpart", "BehaviorTree.CPP has no <SlowDown>")
+    ]
+    assert '<Decorator ID="SlowDown"' in converted.text

@@ -1,0 +1,166 @@
+"""Every pair of C++ types on one key: what BehaviorTree.CPP refuses is reported, and nothing that it runs is an error.
+
+`verdicts.txt` has what BehaviorTree.CPP made of each tree of `trees.py`, by version and family: a line of letters for each row,
+one for each column. `c`: the tree was created, and ticked without an error. `r`: it was refused. `t`: a tick raised an error.
+"""
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
+from sar_compiler.nodes.btcpp import VERSIONS
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.diagnostic import Severity
+from tests.port_types.trees import CONSTANTS, LOOPS, TYPES, Tree, trees
+from tests.trees import forest_of
+
+CODES = ("key-of-two-types", "cpp-type-mismatch", "btcpp-version", "wrong-value", "out-of-reach")
+OWN_TYPES = {"Pose", "Path", "PosePtr", "Status", "Colour"}
+WRITTEN_LAST = ("written then scripted", "port then write")
+COUNTS = ("Parallel", "ParallelAll")
+
+
+@functools.cache
+def verdicts(version: str) -> Mapping[str, Mapping[tuple[str, str], str]]:
+    """Return what a version made of the trees: by family, the letter of each row and column."""
+    found: dict[str, dict[tuple[str, str], str]] = {}
+    rows, columns = {}, []
+    for line in Path(__file__).with_name("verdicts.txt").read_text(encoding="utf-8").splitlines():
+        if line.startswith("== "):
+            said, _, family = line.removeprefix("== ").partition(": ")
+            rows = found.setdefault(family, {}) if said == version else {}
+        elif line.startswith(" "):
+            columns = line.split()
+        else:
+            letters, _, row = line.partition(" ")
+            rows.update({(row, column): letter for column, letter in zip(columns, letters, strict=True)})
+    return found
+
+
+@functools.cache
+def families() -> Mapping[str, list[Tree]]:
+    found: dict[str, list[Tree]] = {}
+    for tree in trees():
+        found.setdefault(tree.family, []).append(tree)
+    return found
+
+
+# Why nothing need be said of a tree that BehaviorTree.CPP refuses.
+SILENT = {
+    "an int has no limits here": lambda tree, _: (
+        tree.row == "5000000000" and tree.column in {"Repeat", "Retry"}
+    ),
+    "the number of children is another subject": lambda tree, _: {tree.row, tree.column} & set(COUNTS),
+    "what a port without a type writes is not known": lambda tree, written: (
+        {written, tree.row} & {"Any", "untyped"}
+    ),
+    "a port without a type takes a text that is written for it here": lambda tree, _: (
+        tree.column in {"Any", "untyped"}
+        and tree.family in {"literal", "constant overwritten", "port then write"}
+    ),
+    "JSON is not read for lists": lambda tree, _: tree.row.startswith("json:") and tree.column == "strings",
+    "a plus before a number is read here": lambda tree, _: "+5" in tree.row,
+    "a user's type may be read from texts, and whether a name is that of an enumeration is not known": lambda tree, written: (
+        {tree.row, tree.column} & OWN_TYPES and is_text(written)
+    ),
+    "a status has a number there": lambda tree, _: (
+        "Status" in tree[1:3] and tree[1:3] != ("Status", "Status")
+    ),
+    "the text that a leaf writes may be a status, and a number that is one is not compared": lambda tree, _: (
+        tree.column in {"else", "if_empty"}
+    ),
+    "the items of a loop are not compared": lambda tree, _: tree[1:3] == ("LoopString", "bool"),
+    "true is a number in a queue here": lambda tree, _: tree.row == "true" and tree.column in LOOPS,
+}
+
+
+def may_be_silent(tree: Tree) -> bool:
+    written = tree.column if tree.family in WRITTEN_LAST else tree.row
+    return any(applies(tree, written) for applies in SILENT.values())
+
+
+def is_text(written: str) -> bool:
+    """Return whether a value is a text for BehaviorTree.CPP; whatever `SetBlackboard` or an attribute says is."""
+    return written in {"string", "LoopString"} or written in CONSTANTS or written.startswith("'")
+
+
+def may_be_error(tree: Tree) -> str:
+    """Return why a tree that BehaviorTree.CPP runs is an error here; empty where it must not be."""
+    row, column = tree.row, tree.column
+    if column == "RunOnce":
+        return "RunOnce there passes over an attribute that it cannot read"
+    if row == "3.5" and column == "bool":
+        return "a number other than 0 and 1 is no truth value here"
+    texts = {row.strip("'"), column.strip("'")}
+    if texts & {"3.5", "1e3", "1;2", "1;2;3"}:
+        return "all of a text must be a number here, and only its front there"
+    return ""
+
+
+def severities(tree: Tree, version=None):
+    found = check(forest_of(tree.text()), default_registry(), (), version)
+    return {each.severity for each in found if each.code in CODES}
+
+
+def judged(version: str, families_of_version):
+    return [pytest.param(version, family, id=f"{version} {family}") for family in families_of_version]
+
+
+PAIRS = [pair for version in ("4.8.4", "4.9.0", "4.10") for pair in judged(version, verdicts(version))]
+
+
+@pytest.mark.parametrize(("release", "family"), PAIRS)
+def test_what_btcpp_refuses_is_reported_and_what_it_runs_is_no_error(release, family):
+    # 4.9 is that of its last release, which types constants as 4.10 does; 4.8 has 4.9.0's texts.
+    version = {"4.10": None, "4.9.0": VERSIONS["4.8"], "4.8.4": VERSIONS["4.8"]}[release]
+    known = verdicts(release)[family]
+    older = verdicts("4.8.4").get(family, {}) if release == "4.9.0" else {}
+    assert {(tree.row, tree.column) for tree in families()[family]} == set(known)
+    silent, wrong = [], []
+    for tree in families()[family]:
+        verdict = known[tree.row, tree.column]
+        if older and older[tree.row, tree.column] != verdict:
+            continue
+        found = severities(tree, version)
+        if verdict in "rt" and not found & {Severity.WARNING, Severity.ERROR} and not may_be_silent(tree):
+            silent.append((tree.row, tree.column, verdict))
+        if verdict == "c" and Severity.ERROR in found and not may_be_error(tree):
+            wrong.append((tree.row, tree.column))
+    assert (silent, wrong) == ([], [])
+
+
+def test_what_btcpp_refuses_between_ports_is_reported_without_any_exception():
+    for family in ("write then read", "through two subtrees", "write then change", "write then take", "item"):
+        known = verdicts("4.10")[family]
+        refused = [tree for tree in families()[family] if known[tree.row, tree.column] == "r"]
+        assert refused
+        assert [tree[1:3] for tree in refused if not severities(tree)] == []
+
+
+@pytest.mark.parametrize("family", ["write then read", "constant", "write then take"])
+def test_a_refused_tree_is_an_error_where_the_trees_are_said_to_be_for_btcpp(family):
+    known = verdicts("4.10")[family]
+    for tree in families()[family]:
+        if known[tree.row, tree.column] == "r":
+            assert Severity.ERROR in severities(tree, VERSIONS["4.10"]), tree[1:3]
+
+
+@pytest.mark.parametrize(
+    "family", ["write then read", "constant", "default of a model", "write then take", "item"]
+)
+def test_nothing_that_btcpp_refuses_is_converted_without_a_finding(family):
+    known = verdicts("4.10")[family]
+    for tree in families()[family]:
+        if known[tree.row, tree.column] == "r":
+            losses = convert_to_btcpp(forest_of(tree.text()), default_registry()).losses
+            assert [each for each in losses if each.severity is not Severity.INFO], tree[1:3]
+
+
+def test_each_type_by_itself_goes_with_itself():
+    for name in TYPES:
+        tree = next(each for each in families()["write then read"] if each.row == each.column == name)
+        assert severities(tree) == set()
