@@ -4,8 +4,11 @@ import json
 
 import pytest
 
+from sar_compiler.checks.verify.recorded_runs import TreeRuns
 from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, ProofStatus
-from tests.checks.verify.stage import outcome, told, verdict, verified
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.events import ANSWERED, Event, with_end
+from tests.checks.verify.stage import bound, outcome, simulated_tree, told, verdict, verified
 from tests.checks.verify.test_composing import Case, guarded
 from tests.cli.running import run
 from tests.trees import document
@@ -154,3 +157,14 @@ def test_as_json_an_undecided_scenario_neither_holds_nor_fails(command):
     (scenario,) = json.loads(out)["scenarios"]
     assert (status, scenario["holds"]) == (1, None)
     assert HINT in scenario["failures"][0]["message"]
+
+
+def test_a_recorded_run_that_depends_on_the_value_is_not_decided():
+    tree = simulated_tree(bound(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>'))
+    runs = TreeRuns(tree, ["Sequence", "M", "ScriptCondition", "A"])
+    measured, acted = (
+        Event(("Sequence", name), number, ANSWERED, "SUCCESS") for number, name in ((1, "M"), (3, "A"))
+    )
+    with pytest.raises(UndecidableError, match="tick 1: ") as caught:
+        runs.found_again(with_end([measured, acted], "Sequence", "SUCCESS", 1, 0.0))
+    assert HINT in str(caught.value)
