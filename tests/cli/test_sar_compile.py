@@ -153,15 +153,15 @@ def test_show_prints_the_compiled_tree_as_json(capsys):
 
 def test_show_of_an_invalid_tree_gives_its_findings_on_standard_error(capsys, broken):
     status, out, err = run(capsys, "show", broken)
-    assert (status, out) == (1, "")
+    assert (status, out) == (1, "{o} Selector\n    --> Sey  ?\n")
     assert "unknown-node" in err
 
 
-def test_show_refuses_what_validate_refuses(capsys, tmp_path):
+def test_show_reports_what_validate_reports_below_the_drawing(capsys, tmp_path):
     path = tmp_path / "format.xml"
     path.write_text(document("<Success/>").replace("BTCPP_format", "BTCPP_formt"), encoding="utf-8")
     status, out, err = run(capsys, "show", str(path))
-    assert (status, out) == (1, "")
+    assert (status, out) == (1, "--> Success\n")
     assert "unknown-attribute" in err
 
 
