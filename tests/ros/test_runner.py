@@ -365,9 +365,10 @@ class TestClocks:
     def test_does_not_tick_twice_while_the_systems_clock_runs(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
+        watch = Stopwatch()
         runner.tick_tock(20.0)
         ros.spin_for(0.5)
-        assert probe.updates <= 26
+        assert probe.updates <= watch.passed_sec / 0.02 + 1
 
     def test_the_nodes_clock_is_a_clock_for_trees(self, ros: Ros) -> None:
         from sar_compiler.ros.clock import mission_clock
