@@ -20,6 +20,7 @@ from sar_compiler.cli.run_journal import RunJournal, RunStart
 from sar_compiler.cli.run_mission_tree import RouteCheck, TreeRun, end_condition
 from sar_compiler.cli.supervision import PERIOD_SEC
 from sar_compiler.cli.terminal import RunOutput, draws_in_place
+from sar_compiler.commands import print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal import Journal
@@ -167,7 +168,10 @@ def _world(options: Namespace) -> "World | None":
         return None
     from sar_compiler.sim.world import find_world
 
-    return find_world(options.sim)
+    world = find_world(options.sim)
+    for finding in world.warnings:
+        print_error(finding.render())
+    return world
 
 
 def _require_navigation(tree: CompiledTree, world: "World") -> None:

@@ -25,6 +25,7 @@ from sar_compiler.sim.placement import MANNER_NAMES, PARTS, QUICK_NAME, ROBOT, P
 
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
+    from sar_compiler.sim.world import World as SimulatedWorld
 
 # How often to look whether the simulation is still alive, seconds.
 _LOOK_SEC = 0.5
@@ -116,13 +117,22 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parts.add_argument("--only", choices=PARTS, metavar="PART", help=text)
 
 
+def _world(name: str) -> "SimulatedWorld":
+    """Return a world by its name or path, and print the warnings about its file."""
+    from sar_compiler.sim.world import find_world
+
+    world = find_world(name)
+    for finding in world.warnings:
+        print_error(finding.render())
+    return world
+
+
 def _map(options: argparse.Namespace) -> int:
     from sar_compiler.cli.writing import write_bytes
     from sar_compiler.sim.occupancy import map_files
     from sar_compiler.sim.survey import survey
-    from sar_compiler.sim.world import find_world
 
-    world = find_world(options.world)
+    world = _world(options.world)
     line = ProgressLine()
 
     def show(part: float) -> None:
@@ -147,9 +157,8 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.placement import KeptPlaces
     from sar_compiler.sim.simulation import Simulation, check_placements
-    from sar_compiler.sim.world import find_world
 
-    world = find_world(options.world)
+    world = _world(options.world)
     robots = options.robot or [Placement("")]
     if options.only not in {None, ROBOT}:
         robots = [replace(each, localised=options.localised, like=options.like) for each in robots]
@@ -278,9 +287,8 @@ def run_part(
     """Be one part of a simulation whose world is in another process; return the exit status."""
     from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.separate import SeparatePart
-    from sar_compiler.sim.world import find_world
 
-    world, parent = find_world(options.world), os.environ.get(_PARENT)
+    world, parent = _world(options.world), os.environ.get(_PARENT)
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     stay_on_this_machine()

@@ -113,6 +113,8 @@ def _play(
         is_finding = isinstance(error, (OnlyDescribedError, TreeError))
         print_error(str(error) if is_finding else f"sar-compile: {error}")
         return PlayedScenario(str(path or arguments.file), problem=str(error), is_finding=is_finding)
+    for finding in play.scenario.warnings:
+        print_error(finding.render())
     unknown = _slip(arguments.until, play.simulated) if arguments.until else None
     if unknown is not None:
         print_error(f"sar-compile: {unknown}")

@@ -141,8 +141,14 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
         scenario: Mapping[str, object] = {}
         if path is not None:
             if not arguments.vary:
-                read_scenario(path, stage)  # mistakes in it are said at their places
-            scenario = read_yaml(path, SCENARIO, "").root.data
+                # Mistakes in it are reported at their places.
+                for finding in read_scenario(path, stage).scenario.warnings:
+                    print_error(finding.render())
+            document = read_yaml(path, SCENARIO, "")
+            # What varies is checked in each combination, whose text has other lines.
+            document.validate("scenario")
+            document.raise_findings()
+            scenario = document.root.data
         for unusual, labels, changes in _combinations(arguments):
             own = {key: value for key, value in {**fixed, **changes}.items() if value}
             if arguments.tree and "tree" not in scenario:

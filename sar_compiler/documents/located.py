@@ -11,10 +11,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.errors import SarError
+from sar_compiler.nodes.numbers import (
+    convert_mistaken,
+    find_oddity,
+    meant_duration,
+    meant_plain_number,
+    number_hint,
+    number_in,
+)
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.resources import shipped
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, Source, Span, TreeError
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, Source, Span, TreeError
 from sar_compiler.tree.guessing import nearest
+from sar_compiler.tree.kinds import SEVERITIES
 from sar_compiler.tree.yaml_spans import offsets_in_scalar, unquoted
 
 if TYPE_CHECKING:
@@ -61,20 +70,35 @@ def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
             "required": _missing,
             "anyOf": _missing,
             "not": _conflict,
+            UNIT: _unusual,
         }
         of_another_type = _of_another_type(validator, root.at(path), path, error)
         if of_another_type is not None:
             yield of_another_type
         else:
-            yield from refuse.get(error.validator, _wrong)(root, path, error)
+            yield from refuse.get(error.validator, functools.partial(_wrong, validator))(root, path, error)
+
+
+UNIT = "x-unit"
+"""The keyword of our schemas for the unit of a number, one of `nodes.numbers.UNITS`; other readers of a schema pass it over."""
 
 
 @functools.cache
 def _validator(schema: str) -> "Draft7Validator":
     # Imported here, since it is slow and only these files need it.
-    from jsonschema import Draft7Validator
+    from jsonschema import Draft7Validator, ValidationError, validators
 
-    return Draft7Validator(json.loads(shipped("schemas", f"sar_{schema}.schema.json").read_bytes()))
+    def check_unit(_validator: Any, unit: str, number: Any, _schema: Any) -> Iterator[ValidationError]:
+        is_number = isinstance(number, int | float) and not isinstance(number, bool)
+        oddity = find_oddity(number, unit) if is_number else None
+        # What is impossible, the limits of the schema refuse.
+        if oddity is not None and not oddity.is_impossible:
+            yield ValidationError(oddity.message, cause=None, context=())
+
+    extend: Any = validators.extend
+    said = json.loads(shipped("schemas", f"sar_{schema}.schema.json").read_bytes())
+    made: Draft7Validator = extend(Draft7Validator, {UNIT: check_unit})(said)
+    return made
 
 
 def _unknown_keys(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
@@ -98,7 +122,7 @@ def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
         names = [name for name in error.validator_value if name not in given and name not in meant]
         needs = _series((f"'{name}'" for name in names), "and")
     examples = properties[names[0]].get("examples") if len(names) == 1 else None
-    hint = f"write {names[0]}: {examples[0]}" if examples else None
+    hint = f"for example {names[0]}: {examples[0]}" if examples else None
     message = f"{_owner(path, error.schema)} needs {needs}" if needs else ""
     yield Refusal("missing-key", message, path, root.name_at(path), hint=hint)
 
@@ -127,16 +151,62 @@ def _of_another_type(validator: "Draft7Validator", value: "Value", path: Path, e
     return Refusal("wrong-value", message, path, value, suggestion, hint)
 
 
-def _wrong(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     value, schema = root.at(path), error.schema
     message = f"{_title(path, schema)} is {_accepted_values(schema)}, and this is {value.kind}"
-    near = nearest(value.text, _texts(schema["enum"])) if value.text and "enum" in schema else None
-    hint = f"write {_series(_texts(schema['examples']), 'or')}" if "examples" in schema else None
+    if value.text and "enum" in schema:
+        suggestion, hint = nearest(value.text, _texts(schema["enum"])), None
+    else:
+        suggestion, hint = _advice(validator.evolve(schema=schema), value, schema)
     misshapen = value.text is None or _types(schema) <= {"object", "array"}
     code = "wrong-shape" if error.validator == "type" and misshapen else "wrong-value"
     if value.is_nothing or value.data in ("", []):
         code = "missing-value"
-    yield Refusal(code, message, path, value, near, hint)
+    yield Refusal(code, message, path, value, suggestion, hint)
+
+
+def _unusual(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+    """Yield a warning about a number that is possible in its unit, and unusual."""
+    oddity = find_oddity(error.instance, error.schema[UNIT])
+    assert oddity is not None  # noqa: S101 - it has made the error
+    message = f"{_title(path, error.schema)} {oddity.message}"
+    yield Refusal("out-of-range", message, path, root.at(path), hint=oddity.hint)
+
+
+def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str | None, str | None]:
+    """Return the replacement of a value and the hint about it, one or none of them: what follows from it, or else an example that is called one."""
+    only = value.items[0] if value.items is not None and len(value.items) == 1 else value
+    text, unit = only.text or "", schema.get(UNIT, "")
+    meant = next(
+        (each for each in _meanings(text, unit, schema) if validator.is_valid(meaning_of(each))), None
+    )
+    if meant is not None and only is value and value.is_plain:
+        return meant, None
+    converted, unquoted_too = convert_mistaken(text, unit), "" if only.is_plain else ", without quotes"
+    hint = None
+    if only is not value and validator.is_valid(only.data):
+        hint = f"write {only.text}, without brackets"
+    elif value.text and validator.is_valid([value.data]):
+        hint = f"write [{json.dumps(value.data, ensure_ascii=False)}]"
+    elif meant is not None:
+        hint = f"write {meant}{unquoted_too if not isinstance(meaning_of(meant), str) else ''}"
+    elif converted and validator.is_valid(meaning_of(converted.rpartition(" ")[2])):
+        hint = f"{converted}{unquoted_too}"
+    elif "," in text and _types(schema) & {"number", "integer"}:
+        hint = number_hint(text, unit)
+    elif "examples" in schema:
+        hint = f"for example {_series(_texts(schema['examples']), 'or')}"
+    return None, hint
+
+
+def _meanings(text: str, unit: str, schema: dict[str, Any]) -> Iterator[str]:
+    """Yield what a text can mean in another notation or another unit."""
+    readings = (
+        meant_duration(text) if "pattern" in schema else None,
+        number_in(text, unit),
+        meant_plain_number(text),
+    )
+    return (each for each in readings if each is not None and each != text)
 
 
 def _types(schema: dict[str, Any]) -> set[str]:
@@ -220,6 +290,11 @@ class Value:
     def is_nothing(self) -> bool:
         """Whether the value is empty."""
         return self.data is None and not self.text
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is a scalar as it stands in the file, without quotes around it."""
+        return self.text is not None and self.end - self.start == len(self.text)
 
     @property
     def kind(self) -> str:
@@ -345,16 +420,19 @@ class Document:
         refused = list(refusals(left, schema))
         # If several parts of the schema refuse one value, the first finding counts.
         said: set[tuple[Path, str]] = set()
+        impossible = {each.path for each in refused if each.code != "out-of-range"}
         for each in refused:
+            if each.code == "out-of-range" and each.path in impossible:
+                continue
             if each.message and (each.path, each.code) not in said:
                 place, suggestion, hint = each.place, each.suggestion, each.hint
                 self.report(each.code, each.message, place, suggestion=suggestion, hint=hint)
                 said.add((each.path, each.code))
-        # A mapping that lost a key which it needs goes as well.
-        while refused:
-            if any(not each.path for each in refused):
+        # A mapping that lost a key which it needs goes as well; a number that is only unusual stays.
+        while gone := [each.path for each in refused if SEVERITIES[each.code] is Severity.ERROR]:
+            if () in gone:
                 self.raise_findings()
-            left = left.without([each.path for each in refused])
+            left = left.without(gone)
             refused = list(refusals(left, schema))
         return left
 
@@ -372,14 +450,18 @@ class Document:
             raise
 
     def raise_findings(self) -> None:
-        """Raise all findings about the file, in its order.
+        """Raise all findings about the file, in its order; warnings alone are left in `warnings`.
 
         Raises:
-            TreeError: If there are findings.
+            TreeError: If there are errors.
         """
-        if self.findings:
-            found = dict.fromkeys(self.findings)
-            raise TreeError(sorted(found, key=lambda each: (each.span.line, each.span.column)))
+        if len(self.warnings) < len(self.findings):
+            raise TreeError(_in_order(self.findings))
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """The findings that do not keep the file from being used, in its order."""
+        return tuple(each for each in _in_order(self.findings) if each.severity is not Severity.ERROR)
 
     def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
         """Return the place of a value, or of a part of its text; for lists and mappings the first line."""
@@ -395,3 +477,7 @@ class Document:
         offsets = offsets_in_scalar(source.text, value.start, value.end, value.text)
         first, last = (offsets[min(place, len(offsets) - 1)] for place in part)
         return source.span(first, max(first + 1, last))
+
+
+def _in_order(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+    return sorted(dict.fromkeys(findings), key=lambda each: (each.span.line, each.span.column))

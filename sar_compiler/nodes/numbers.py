@@ -2,9 +2,11 @@
 
 import math
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.tree.guessing import UNIT_OF
+from sar_compiler.tree.guessing import UNIT_OF, unit_in
 
 if TYPE_CHECKING:
     from decimal import Decimal
@@ -19,7 +21,7 @@ WITH_UNIT = rf"{_COUNT}(ms|s|min)"
 """That of durations with their unit."""
 DURATION = rf"{WITH_UNIT}?"
 """That of durations of which a plain number has a unit of its own."""
-HOW_LONG = "write a number with ms, s or min: 500ms, 1.5s, 2min"
+HOW_LONG = "write a number with ms, s or min, for example 500ms, 1.5s or 2min"
 
 _MILLISECONDS = {"ms": 1, "s": 1000, "min": 60_000}
 # What people write for durations, and for how many of these units.
@@ -29,18 +31,6 @@ _DURATIONS = {
     "s": ("1", "s"),
     "min": ("1", "min"),
     "h": ("60", "min"),
-}
-# For each unit that a port can have: what it is called, and what others there are for the same thing, of which each is so many.
-_UNITS: dict[str, tuple[str, dict[str, str]]] = {
-    "s": ("seconds", {}),
-    "ms": ("milliseconds", {}),
-    "rad": ("radians", {"rad": "1"}),
-    "m": ("metres", {"m": "1", "mm": "1/1000", "cm": "1/100", "km": "1000"}),
-    "m/s": (
-        "metres per second",
-        {"m/s": "1", "mm/s": "1/1000", "cm/s": "1/100", "km/h": "5/18", "kmh": "5/18"},
-    ),
-    "hz": ("hertz", {"hz": "1", "khz": "1000"}),
 }
 _DIGITS = 5
 # More than a number in one unit has in another one; a part of a circle has no end, or a far one.
@@ -53,7 +43,7 @@ _THOUSANDS = r"[+\-]?[1-9][0-9]{0,2}(?:,[0-9]{3}){2,}(?:\.[0-9]+)?"
 _UNDERSCORES = r"[+\-]?[0-9]+(?:_[0-9]+)+(?:\.[0-9]+)?"
 _DECIMAL_COMMA = r"[+\-]?[0-9]*,[0-9]+"
 _HEXADECIMAL = r"[+\-]?0[xX][0-9a-fA-F]+"
-_SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|°)"
+_SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|[°%])"
 
 
 class SensibleNumbers(NamedTuple):
@@ -78,8 +68,125 @@ class SensibleNumbers(NamedTuple):
     def __str__(self) -> str:
         """Return it in words: `more than 0`, `0 or more`, `from 0 to 255`."""
         if self.most != math.inf:
-            return f"from {self.least:g} to {self.most:g}"
+            return f"from {self.least:.10g} to {self.most:.10g}"
         return f"more than {self.least:g}" if self.is_open else f"{self.least:g} or more"
+
+
+class Unit(NamedTuple):
+    """A unit that numbers in files have without saying so.
+
+    Attributes:
+        words: What it is called in a sentence.
+        others: How many of it each other unit of the same quantity is; units of time are in `_DURATIONS`.
+        possible: The numbers that can be meant.
+        usual: Those that a robot's mission has; any other is warned of.
+        mistaken: The unit that a number outside of these was probably written in, and what it is called; empty if none is likely.
+    """
+
+    words: str
+    others: Mapping[str, str] = MappingProxyType({})
+    possible: SensibleNumbers = SensibleNumbers(-math.inf)
+    usual: SensibleNumbers = SensibleNumbers(-math.inf)
+    mistaken: tuple[str, str] = ("", "")
+
+
+_TURN = round(2 * math.pi, 4)
+_WEEK_SEC = 7 * 86_400.0
+UNITS = {
+    "s": Unit("seconds", {}, SensibleNumbers(0.0, 1e9), SensibleNumbers(0.0, _WEEK_SEC), ("ms", "ms")),
+    "ms": Unit("milliseconds", {}, SensibleNumbers(0.0, 1e12), SensibleNumbers(0.0, 1000 * _WEEK_SEC)),
+    "rad": Unit(
+        "radians",
+        {"rad": "1"},
+        SensibleNumbers(-1e6, 1e6),
+        SensibleNumbers(-_TURN, _TURN),
+        ("deg", "degrees"),
+    ),
+    "deg": Unit("degrees", {"deg": "1"}),
+    "m": Unit(
+        "metres",
+        {"m": "1", "mm": "1/1000", "cm": "1/100", "km": "1000"},
+        SensibleNumbers(-1e6, 1e6),
+        SensibleNumbers(-1e5, 1e5),
+        ("mm", "mm"),
+    ),
+    "m/s": Unit(
+        "metres per second",
+        {"m/s": "1", "mm/s": "1/1000", "cm/s": "1/100", "km/h": "5/18", "kmh": "5/18"},
+        SensibleNumbers(-1e3, 1e3),
+        SensibleNumbers(-50.0, 50.0),
+        ("mm/s", "mm/s"),
+    ),
+    "hz": Unit("hertz", {"hz": "1", "khz": "1000"}, SensibleNumbers(0.0, 1e6), SensibleNumbers(0.0, 1e5)),
+    "share": Unit(
+        "a share",
+        {"%": "1/100", "percent": "1/100"},
+        SensibleNumbers(0.0, 1.0),
+        SensibleNumbers(0.0, 1.0),
+        ("%", "percent"),
+    ),
+}
+"""Every unit that numbers in trees, parameters and other files have, with the numbers that make sense in it."""
+_KEYS = {
+    "m": "x y geofence polygon sweep_width detection_range",
+    "rad": "yaw",
+    "deg": "lat lon heading",
+    "share": "poa pod reserve wrong_by per_m per_sec",
+    "m/s": "cruise_speed_mps",
+}
+_UNIT_OF_KEY = {key: unit for unit, keys in _KEYS.items() for key in keys.split()}
+
+
+def unit_of_key(key: str) -> str:
+    """Return the unit of the number that a parameter has (`initial_pose.yaw`: `rad`); empty if it has none."""
+    name = key.rpartition(".")[2]
+    return _UNIT_OF_KEY.get(name) or (unit_in(name) if "_" in name else "")
+
+
+class Oddity(NamedTuple):
+    """A number outside of the range of its unit.
+
+    Attributes:
+        message: What is wrong with it, as the end of a sentence.
+        hint: What was probably meant, with what to write; empty if nothing follows from the number.
+        is_impossible: Whether it cannot be meant; else it is unusual.
+    """
+
+    message: str
+    hint: str
+    is_impossible: bool
+
+    def __str__(self) -> str:
+        """Return both in a sentence."""
+        return f"{self.message}; {self.hint}" if self.hint else self.message
+
+
+def find_oddity(number: float, unit: str) -> Oddity | None:
+    """Return why a number makes no sense in a unit; None if it does, or the unit is unknown."""
+    known = UNITS.get(unit)
+    if known is None or number in known.usual:
+        return None
+    is_impossible = number not in known.possible
+    bounds = known.possible if is_impossible else known.usual
+    message = (
+        f"must be {known.words} {bounds}, is {number:.10g}"
+        if is_impossible
+        else f"is {number:.10g}, which is unusual for {known.words}: they are {bounds} as a rule"
+    )
+    return Oddity(message, convert_mistaken(f"{number!r}", unit), is_impossible)
+
+
+def convert_mistaken(text: str, unit: str) -> str:
+    """Return what a number is if it was written in another unit: `write 1.5708 for 90 degrees`; empty if none is likely."""
+    known = UNITS.get(unit)
+    if known is None or not known.mistaken[0] or (plain := meant_plain_number(text)) is None:
+        return ""
+    if unit == "share" and "." in plain:  # 1.5 may have a point at the wrong place
+        return ""
+    meant = number_in(f"{plain}{known.mistaken[0]}", unit)
+    if meant is None or float(meant) not in known.usual:
+        return ""
+    return f"{plain} {known.mistaken[1]} are {meant}{'' if unit == 'share' else f' {unit}'}: write {meant}"
 
 
 def milliseconds_in(text: str) -> "Decimal | None":
@@ -163,7 +270,7 @@ def number_hint(text: str, unit: str = "") -> str | None:
 
 def unit_words(unit: str) -> str:
     """Return what a unit is called: `metres per second` for `m/s`."""
-    return _UNITS[unit][0] if unit in _UNITS else unit
+    return UNITS[unit].words if unit in UNITS else unit
 
 
 def number_in(text: str, unit: str) -> str | None:
@@ -190,7 +297,7 @@ def _one(spelt: str, unit: str) -> "Fraction | None":
         return Fraction(count) * _MILLISECONDS[known] / _MILLISECONDS[unit] if known else None
     if unit == "rad" and spelt == "deg":
         return Fraction(math.pi) / 180
-    count = _UNITS[unit][1].get(spelt, "") if unit in _UNITS else ""
+    count = UNITS[unit].others.get(spelt, "") if unit in UNITS else ""
     return Fraction(count) if count else None
 
 

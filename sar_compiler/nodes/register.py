@@ -371,7 +371,11 @@ def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answe
 
 def _facts(tag: str, facts: object) -> Mapping[str, Fact]:
     if not isinstance(facts, Mapping):
-        _refuse(f"<{tag}>: facts is", facts, "; write names and values at the start: {'zones_left': 3}")
+        _refuse(
+            f"<{tag}>: facts is",
+            facts,
+            "; write names and values at the start, for example {'zones_left': 3}",
+        )
     for name, value in facts.items():
         if not (isinstance(name, str) and is_fact_name(name)):
             raise RegistrationError(

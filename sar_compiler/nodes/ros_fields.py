@@ -24,7 +24,7 @@ _KEY = re.compile(r"[@\ue000]?[A-Za-z_]\w*", re.ASCII)
 _MOST_CHARACTERS = 100_000
 _DEEPEST = 50
 _PATH = re.compile(r"[A-Za-z]\w*(\[[0-9]{1,6}\])?(\.[A-Za-z]\w*(\[[0-9]{1,6}\])?)*", re.ASCII)
-_EXAMPLE = "write fields, such as x: 1.5, y: {key}"
+_EXAMPLE = "write fields, for example x: 1.5, y: {key}"
 
 PlaceInText: TypeAlias = tuple[int, int]
 """The start and the end of a part of the text."""

@@ -482,7 +482,7 @@ def check_path(cls: Any, path: FieldPath) -> FieldType:
     found = FieldType("", "")
     for name, number in path.steps:
         if found.is_list:
-            hint = "write the number of an element in brackets: [0]"
+            hint = "write the number of an element in brackets, for example [0]"
             raise InterfaceError(f"'{path}': there is a list before '{name}'", path.place, hint=hint)
         if found.base:
             cls = message_class(found.base) if found.is_message else None

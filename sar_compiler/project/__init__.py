@@ -605,6 +605,11 @@ class LoadedTree:
         if errors:
             raise TreeError(errors)
 
+    def report_warnings(self, findings: Iterable[Diagnostic]) -> None:
+        """Report findings about a file beside the tree with which it can be used."""
+        for finding in findings:
+            self._note(finding.render())
+
     def _start_values(self, params: "str | Path | StartValues | None", binding: Binding) -> "StartValues":
         """Return what a parameter file says of the runs of a tree, without ROS; what is surprising in it is noted.
 

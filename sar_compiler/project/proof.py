@@ -67,6 +67,8 @@ def verify_tree(
             assumed |= _of_the_user(facts, compiled(assumed))
         simulated = compiled(assumed)
         raise_disputes(simulated)
+        for each in others if file is None else [file, *others]:
+            tree.report_warnings(each.document.warnings)
         if file is not None:
             check_answers(file.answers, LeafWords(file.document, simulated))
         return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})

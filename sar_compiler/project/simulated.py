@@ -27,6 +27,7 @@ def play_scenario(tree: LoadedTree, scenario: str | Path) -> None:
         TreeError: If the tree or the scenario is not valid.
     """
     play = read_scenario(scenario, tree.stage())
+    tree.report_warnings(play.scenario.warnings)
     run = ScenarioPlayer(play.simulated, play.scenario).go()
     _complain(run, failures(run), run.scenario.expect.trace)
 

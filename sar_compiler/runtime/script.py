@@ -109,7 +109,9 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
     simple = _simple(text)
     script = _ScriptParser(text).script() if simple is None else Script(text, (simple,))
     if not script.statements and not allow_empty:
-        raise ScriptError("this script is empty", 0, len(text), hint="write an expression, such as x == 1")
+        raise ScriptError(
+            "this script is empty", 0, len(text), hint="write an expression, for example x == 1"
+        )
     return script
 
 

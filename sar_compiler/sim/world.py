@@ -19,6 +19,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.opener import WORLD, is_there
 from sar_compiler.sim.battery import BatteryKind
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D
+from sar_compiler.tree.diagnostic import Diagnostic
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +44,7 @@ class World:
         survey: Way-points of the route for mapping the world; empty if it is not mapped.
         battery: What the batteries of its robots are like.
         map_path: The description (`.yaml`) of the world's occupancy map, or None if it has none.
+        warnings: Findings about its file with which it can be used.
     """
 
     name: str
@@ -54,6 +56,7 @@ class World:
     survey: tuple[tuple[float, float], ...] = ()
     map_path: Path | None = None
     battery: BatteryKind = field(default_factory=BatteryKind)
+    warnings: tuple[Diagnostic, ...] = ()
 
     @functools.cached_property
     def solid(self) -> "Solid":
@@ -155,7 +158,7 @@ def _segments(boxes: Sequence[Box]) -> Floats:
     return np.array(edges, dtype=np.float64).reshape(-1, 4)
 
 
-_EMPTY_HINT = "write robot: {x: 0, y: 0, radius: 0.22}, and walls: with a list of rectangles"
+_EMPTY_HINT = "for example robot: {x: 0, y: 0, radius: 0.22}, and walls: with a list of rectangles"
 
 
 class WorldError(SarError):
@@ -206,6 +209,7 @@ def load_world(path: Path) -> World:
         survey=tuple((point["x"], point["y"]) for point in said.get("survey", ())),
         map_path=map_path,
         battery=_battery(said.get("battery", {})),
+        warnings=document.warnings,
     )
     if world.solid.clearance(world.start.x, world.start.y) <= world.robot_radius:
         message = "the robot would start in an obstacle"

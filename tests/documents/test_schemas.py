@@ -8,6 +8,7 @@ import jsonschema
 import pytest
 import yaml
 
+from sar_compiler.documents.located import UNIT
 from sar_compiler.documents.toml_files import read_toml
 from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
 from sar_compiler.opener import DOCUMENT
@@ -38,7 +39,7 @@ UNDERSTOOD = {
     *("$schema", "$ref", "definitions", "title", "description", "examples"),
     *("type", "enum", "const", "minimum", "maximum", "exclusiveMinimum", "pattern", "minLength"),
     *("properties", "additionalProperties", "required", "items", "minItems", "maxItems"),
-    *("if", "then", "else", "anyOf", "propertyNames", "not"),
+    *("if", "then", "else", "anyOf", "propertyNames", "not", UNIT),
 }
 
 

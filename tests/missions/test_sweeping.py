@@ -335,7 +335,7 @@ class TestLeaves:
     @pytest.mark.parametrize("coverage", [0.0, -1.0, math.nan])
     def test_legs_without_a_distance_from_each_other_are_none(self, stage: "Stage", coverage: float) -> None:
         assert stage.run(self.take(stage, searching(), "PlanSweep", coverage=coverage)) is Status.FAILURE
-        assert "legs must be some way apart: write more than 0, such as 0.9" in stage.warnings[0]
+        assert "legs must be some way apart: write more than 0, for example 0.9" in stage.warnings[0]
 
     def test_without_a_zone_there_is_nothing_to_plan(self, stage: "Stage") -> None:
         search = searching()

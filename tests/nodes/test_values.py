@@ -156,7 +156,7 @@ def test_what_is_suggested_for_a_number_is_accepted_and_keeps_its_digits(text, a
     [
         (int, "1,000", "a comma may mean either: write 1000, or 1.000"),
         (int, "500ms", "write the number alone; if it has a unit, the author of the node knows which"),
-        (Seconds, "2m", "write a number with ms, s or min: 500ms, 1.5s, 2min"),
+        (Seconds, "2m", "write a number with ms, s or min, for example 500ms, 1.5s or 2min"),
     ],
 )
 def test_where_no_replacement_is_sure_to_mean_the_same_there_is_a_hint(annotation, text, hint):

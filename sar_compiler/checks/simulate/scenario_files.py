@@ -25,6 +25,7 @@ from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.evaluation import Program
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import TreeFile
@@ -123,6 +124,7 @@ class Scenario:
         expect: What must be true of it.
         seed: Of all that chance decides in it.
         unusual: The probability with which a leaf of which the scripts say nothing answers what is not usual.
+        warnings: Findings about its file with which it can be played.
     """
 
     name: str = "as usual"
@@ -134,6 +136,7 @@ class Scenario:
     expect: Expectations = field(default_factory=Expectations)
     seed: int = 0
     unusual: float = 0.0
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 def read_expectations(value: Value | None, words: LeafWords) -> Expectations:
@@ -376,6 +379,7 @@ def understand(document: Document, stage: Stage) -> Play:
         until=_program(words.condition(parts.get("until"), OWN), simulated),
         scripts=read_scripts(parts["leaves"], words) if "leaves" in parts else {},
         expect=read_expectations(parts.get("expect"), words),
+        warnings=document.warnings,
     )
     document.raise_findings()
     return Play(simulated, scenario)

@@ -26,7 +26,7 @@ JUNCTIONS: dict[str, Callable[[bool, bool], bool]] = {
     "or": operators.or_,
     "xor": operators.xor,
 }
-_EXAMPLE = "write a key, how to compare, and a value: battery gt 20"
+_EXAMPLE = "write a key, how to compare, and a value, for example battery gt 20"
 _LEAST_CHECKS = 2
 
 

@@ -24,7 +24,7 @@ PolicyName = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
 """The children of a Parallel that have to succeed, by py_trees' names."""
 
 STATUS_NAME = type_of(StatusName)
-_CHANCES = "write how often to succeed, to fail and to run: 2;1;1"
+_CHANCES = "write how often to succeed, to fail and to run, for example 2;1;1"
 _HOW_MANY_CHANCES = 3
 
 

@@ -204,7 +204,7 @@ class PlanSweep(_PlanLeaf):
         if zone not in self.sweeps.grounds:
             return self._refused(f"{zone} cannot be swept: it has no polygon.")
         if not self.coverage > 0.0:
-            legs = "legs must be some way apart: write more than 0, such as 0.9"
+            legs = "legs must be some way apart: write more than 0, for example 0.9"
             return self._refused(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
         if self.sweeps.of(zone).passes:
             return self.answer(Status.SUCCESS, "swept before")
