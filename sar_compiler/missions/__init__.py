@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.faces import lazy
 
 if TYPE_CHECKING:
+    from sar_compiler.documents.json_files import JsonFile as JsonFile
     from sar_compiler.journal.journal import Journal as Journal
     from sar_compiler.journal.journal_entries import BATTERY as BATTERY
     from sar_compiler.journal.journal_entries import FACTS_LOST as FACTS_LOST

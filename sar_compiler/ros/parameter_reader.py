@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from sar_compiler.checks.configuration import enclosing_folder
+from sar_compiler.documents.json_files import JsonError, JsonFile
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
+from sar_compiler.nodes.numbers import find_oddity, number_hint, number_in, unit_of_key
 from sar_compiler.opener import FileContent, FileKind, NamedPath, OutsideError, UnreadableFileError, read_file
 from sar_compiler.ros.parameter_file import ParameterPlaces, sections_elsewhere
 from sar_compiler.tree.guessing import did_you_mean, nearest
@@ -131,6 +133,7 @@ class ParameterReader:
         problems: All mistakes found so far.
         notes: Notes on valid but surprising parameters, such as a point that is never visited.
         files: The files that parameters name, as they were read, by the parameters' names.
+        places_elsewhere: What returns file, line and column of a parameter that such a file gives.
     """
 
     def __init__(
@@ -141,6 +144,7 @@ class ParameterReader:
         self.problems: list[Problem] = []
         self.notes: list[str] = []
         self.files: dict[str, FileContent] = {}
+        self.places_elsewhere: dict[str, Callable[[], str]] = {}
         self.elsewhere = elsewhere
 
     @classmethod
@@ -150,15 +154,23 @@ class ParameterReader:
         """Return the reader of the parameters of a node, by its full name, that files give."""
         return cls(parameters, sections_elsewhere(files, node), ParameterPlaces(files, node))
 
-    def report(self, key: str, text: str) -> None:
-        """Note a mistake in a parameter."""
-        problem = Problem(key, text, self.place_of(key))
+    def report(self, key: str, text: str, place: str = "") -> None:
+        """Note a mistake in a parameter.
+
+        Args:
+            key: The parameter.
+            text: The description of the mistake.
+            place: File, line and column; by default those at which the parameter is given.
+        """
+        problem = Problem(key, text, place or self.place_of(key))
         # A mission may read what every run reads.
         if problem not in self.problems:
             self.problems.append(problem)
 
     def place_of(self, key: str) -> str:
         """Return the file that gives a parameter, or what is around a missing one, with line and column; empty if none does."""
+        if key in self.places_elsewhere:
+            return self.places_elsewhere[key]()
         return self._places.of(key, self.parameters) if self._places is not None else ""
 
     def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
@@ -206,7 +218,7 @@ class ParameterReader:
     def _order(self, noun: str, known: Collection[str]) -> list[str]:
         """Return the ids to visit, each once and known."""
         key, allowed = f"{noun}_order", f"must be a list of {noun} ids"
-        example = f': give the {noun}s to visit, for instance {key}: ["{noun}_a", "{noun}_b"]'
+        example = f': give the {noun}s to visit, for example {key}: ["{noun}_a", "{noun}_b"]'
         if key not in self.parameters:
             near = get_close_matches(key, self.parameters, 1, 0.75)
             hint = f" (is '{near[0]}' meant to be it?)" if near else ""
@@ -263,14 +275,37 @@ class ParameterReader:
             if default is None:
                 self.report(key, "is missing: give a number")
             return default or 0.0
-        value = self.parameters[key]
+        return self._checked(key, self.parameters[key])
+
+    def _checked(self, key: str, value: object, whose: str = "") -> float:
+        """Return a number that makes sense in the unit of a parameter; reports any other as a mistake, or notes it.
+
+        Args:
+            key: The parameter.
+            value: Its value, or one of them.
+            whose: What is before the description of one of several values.
+        """
+        unit = unit_of_key(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.report(key, f"must be a number, is {_describe(value)}{_hint_at_quotes(value)}")
+            must = "must be a list of numbers, holds" if whose else "must be a number, is"
+            self.report(key, f"{must} {_describe(value)}{_remedy(value, unit)}")
             return 0.0
-        number = float(value)
+        number = _as_float(value)
         if not math.isfinite(number):
-            self.report(key, f"must be a finite number, is {number}")
+            must = (
+                "must be a list of finite numbers, holds the number"
+                if whose
+                else "must be a finite number, is"
+            )
+            self.report(key, f"{must} {number}")
             return 0.0
+        oddity = find_oddity(number, unit)
+        if oddity is not None and oddity.is_impossible:
+            self.report(key, f"{whose}{oddity}")
+            return 0.0
+        if oddity is not None:
+            note = _with_place(self.place_of(key), f"{key} {whose}{oddity}")
+            self.notes += [] if note in self.notes else [note]
         return number
 
     def numbers(self, key: str) -> list[float]:
@@ -279,13 +314,9 @@ class ParameterReader:
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
             self.report(key, f"must be a list of numbers, is {_describe(value)}")
             return []
-        entries = list(value)
-        for entry in entries:
-            number = isinstance(entry, int | float) and not isinstance(entry, bool)
-            if not (number and math.isfinite(entry)):
-                self.report(key, f"must be a list of finite numbers, holds {_describe(entry)}")
-                return []
-        return [float(entry) for entry in entries]
+        before = len(self.problems)
+        numbers = [self._checked(key, entry, "holds a number that ") for entry in value]
+        return numbers if len(self.problems) == before else []
 
     def read_file(self, key: str, noun: str, most_bytes: int) -> str | None:
         """Return the text of the file that a parameter names, in UTF-8.
@@ -325,6 +356,17 @@ class ParameterReader:
         self.files[key] = content
         return text
 
+    def read_json_file(self, key: str, noun: str, most_bytes: int) -> JsonFile | None:
+        """Return what the file that a parameter names says, as `read_file`; None if there is none, or it is not JSON, which is reported."""
+        text = self.read_file(key, noun, most_bytes)
+        if text is None:
+            return None
+        try:
+            return JsonFile(text, str(self.files[key].path))
+        except JsonError as error:
+            self.report(key, f"is no {noun}: {error}", error.place)
+            return None
+
     def complain(self) -> None:
         """Raise an error with all mistakes, if there are any.
 
@@ -336,9 +378,9 @@ class ParameterReader:
 
     def positive(self, key: str, default: float, most: float = math.inf) -> float:
         """Return a number above 0 and at most *most*, such as a time span or a radius, in the unit that the key names."""
-        before = len(self.problems)
         value = self.number(key, default)
-        if not 0.0 < value <= most and key in self.parameters and len(self.problems) == before:
+        is_reported = any(problem.key == key for problem in self.problems)
+        if not 0.0 < value <= most and key in self.parameters and not is_reported:
             limit = "" if most == math.inf else f" and at most {most:g}"
             self.report(key, f"must be above 0{limit}, is {value:g}")
         return value
@@ -372,15 +414,25 @@ def _describe(value: object) -> str:
     return f"the number {value}" if isinstance(value, int | float) else repr(value)
 
 
-def _hint_at_quotes(value: object) -> str:
-    """Return a hint for a text that would be a number without its quotes."""
+def _as_float(value: float) -> float:
+    """Return a number as one of a limited size, as C has it."""
+    try:
+        return float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return math.inf
+
+
+def _remedy(value: object, unit: str) -> str:
+    """Return what to write for a value that is no number, as far as it follows from the value; else nothing."""
+    if isinstance(value, Iterable) and not isinstance(value, str | bytes):
+        return f" (write {only[0]}, without brackets)" if len(only := list(value)) == 1 else ""
     if not isinstance(value, str):
         return ""
-    try:
-        float(value)
-    except ValueError:
-        return ""
-    return " (write it without quotes)"
+    meant = number_in(value, unit)
+    if meant == value.strip():
+        return " (write it without quotes)"
+    hint = f"write {meant}" if meant is not None else number_hint(value, unit)
+    return f" ({hint})" if hint else ""
 
 
 def _did_you_mean(name: str, allowed: tuple[str, ...]) -> str:

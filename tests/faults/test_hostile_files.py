@@ -273,7 +273,7 @@ SURFACES = {
     ),
     "parameters": Surface((PARAMETERS,), command("simulate", "tree.xml", "--params", "{}")),
     "areas": Surface(
-        ("missions/search_and_rescue/areas_file.py:_features", "ros/parameter_reader.py:ParameterReader.read_file"),
+        ("ros/parameter_reader.py:ParameterReader.read_json_file", "ros/parameter_reader.py:ParameterReader.read_file"),
         areas, "json", has_root=True,
     ),
     "a world": Surface(("sim/world.py:load_world",), lambda path: sim_command(["map", path])),

@@ -188,8 +188,8 @@ SWAPPED = [[corner[::-1] for corner in ring()]]
 @pytest.mark.parametrize(
     ("content", "changed", "said"),
     [
-        ("no json", {}, "areas_file: is no GeoJSON: "),
-        ("[" * 100_000, {}, "areas_file: is no GeoJSON: "),
+        ("no json", {}, "areas_file: is no GeoJSON file: "),
+        ("[" * 100_000, {}, "areas_file: is no GeoJSON file: "),
         ("[]", {}, "areas_file: is no GeoJSON of polygons: it must be a FeatureCollection"),
         ('{"features": [1]}', {}, "areas_file: is no GeoJSON of polygons"),
         ([feature("")], {}, "areas_file: feature 1 needs a property `name` without a dot"),
@@ -208,7 +208,7 @@ SWAPPED = [[corner[::-1] for corner in ring()]]
         ([feature()], {"georeference.lat": None}, "areas_file: is in degrees: give the place of the map on the earth"),
         ([feature()], {"areas_file": 3}, "areas_file: must be the path of a GeoJSON file, is 3"),
         ([feature()], {"areas_file": "/nowhere/areas.geojson"}, "areas_file: /nowhere/areas.geojson cannot be read"),
-        ([feature(poa=1.5)], {}, "zones.north.poa: must be a probability from 0 to 1, is 1.5"),
+        ([feature(poa=1.5)], {}, "zones.north.poa: must be a share from 0 to 1, is 1.5"),
         ([feature(rings=[ring(CORNERS[:2])])], {}, "zones.north.polygon: must hold x and y of three corners"),
         ([feature(rings=[[]])], {}, "areas_file: feature 1 ('north') is no Polygon"),
     ],
@@ -219,7 +219,7 @@ def test_each_mistake_in_the_file_is_named_before_the_flight(
     with pytest.raises(ParameterError) as raised:
         begun(tmp_path, content, **changed)
     [problem] = raised.value.problems
-    assert str(problem).startswith(said)
+    assert f"{problem.key}: {problem.text}".startswith(said)
 
 
 def test_a_corner_that_is_just_as_far_as_may_be_is_taken(

@@ -81,11 +81,11 @@ def test_without_probabilities_there_is_no_map() -> None:
     ("changed", "said"),
     [
         ({"a__poa": 0.6}, "zones.a.poa: the zones' poa sum to 1.1: write 1 at most"),
-        ({"a__poa": 1.5}, "zones.a.poa: must be a probability from 0 to 1, is 1.5"),
-        ({"b__pod": -0.5}, "zones.b.pod: must be a probability from 0 to 1, is -0.5"),
+        ({"a__poa": 1.5}, "zones.a.poa: must be a share from 0 to 1, is 1.5"),
+        ({"b__pod": -0.5}, "zones.b.pod: must be a share from 0 to 1, is -0.5"),
         ({"b__poa": None}, "zones.b.poa: is missing"),
         ({"b__pod": None}, "zones.b.pod: is missing"),
-        ({"a__look_sec": -1}, "zones.a.look_sec: must be 0 or above, is -1"),
+        ({"a__look_sec": -1}, "zones.a.look_sec: must be seconds from 0 to 1000000000, is -1"),
         ({"a__poa": "half"}, "zones.a.poa: must be a number"),
     ],
 )

@@ -74,23 +74,14 @@ def read_areas(
     areas, mistakes = dict[str, Area](), len(reader.problems)
     for zone in zones:
         prefix = f"zones.{zone['id']}"
-        poa, pod = (_probability(reader, f"{prefix}.{name}") for name in ("poa", "pod"))
+        poa, pod = (reader.number(f"{prefix}.{name}") for name in ("poa", "pod"))
         look_sec = reader.number(f"{prefix}.look_sec", (sweeps_sec or {}).get(zone["id"], 0.0))
-        if look_sec < 0:
-            reader.report(f"{prefix}.look_sec", f"must be 0 or above, is {look_sec:g}")
         areas[zone["id"]] = Area(poa, pod, look_sec)
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
         text = f"the zones' poa sum to {total:g}: write 1 at most, less if somebody may be elsewhere"
         reader.report(f"zones.{zones[0]['id']}.poa", text)
     return areas
-
-
-def _probability(reader: ParameterReader, key: str) -> float:
-    value = reader.number(key)
-    if not 0.0 <= value <= 1.0:
-        reader.report(key, f"must be a probability from 0 to 1, is {value:g}")
-    return value
 
 
 def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, float]:

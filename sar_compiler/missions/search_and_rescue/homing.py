@@ -294,6 +294,6 @@ def read_charging(reader: ParameterReader, fence: Fence) -> dict[str, MapPose]:
 
 def _share(reader: ParameterReader, name: str, default: float) -> float:
     value = reader.number(f"{ENERGY}.{name}", default)
-    if not 0.0 <= value < 1.0:
-        reader.report(f"{ENERGY}.{name}", f"must be a share from 0 to below 1, is {value:g}")
+    if value == 1.0:
+        reader.report(f"{ENERGY}.{name}", "must be a share from 0 to below 1, is 1")
     return value

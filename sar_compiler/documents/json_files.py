@@ -1,0 +1,91 @@
+"""JSON files with the place of every value: the place is looked up in the text when a finding asks for it."""
+
+import json
+from typing import Any
+
+from sar_compiler.errors import SarError
+from sar_compiler.tree.diagnostic import Source
+from sar_compiler.tree.model import NO_SPANS
+
+_BLANK = " \t\r\n"
+
+
+class JsonError(SarError):
+    """A text that is not JSON.
+
+    Attributes:
+        place: File, line and column, with colons between them.
+    """
+
+    def __init__(self, message: str, place: str) -> None:
+        self.place = place
+        super().__init__(message)
+
+
+class JsonFile:
+    """A JSON file that was read.
+
+    Args:
+        text: Its text.
+        path: Its path, as findings show it.
+
+    Attributes:
+        data: What it says.
+
+    Raises:
+        JsonError: If the text is not JSON.
+    """
+
+    def __init__(self, text: str, path: str) -> None:
+        self._source = Source(path, text, NO_SPANS)
+        try:
+            self.data: Any = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise JsonError(error.msg, self._at(error.pos)) from None
+        except (ValueError, RecursionError) as error:  # a number of thousands of digits
+            raise JsonError(f"{error}", self._at(0)) from None
+        self._read = json.JSONDecoder().raw_decode
+
+    def place(self, *path: str | int) -> str:
+        """Return file, line and column of a value, by the keys and indices that lead to it.
+
+        If the file has no such value, it is the place of the last one on the way to it.
+        """
+        text, at = self._source.text, self._next(0)
+        for step in path:
+            inner = self._find(text, at, step)
+            if inner is None:
+                break
+            at = inner
+        return self._at(at)
+
+    def _find(self, text: str, start: int, step: str | int) -> int | None:
+        """Return the offset of an entry of the mapping or the list that begins at an offset; None if it is not there."""
+        found = None
+        if text[start : start + 1] != ("{" if isinstance(step, str) else "["):
+            return None
+        at, index = self._next(start + 1), 0
+        while text[at] not in "]}":
+            key: str | int = index
+            if isinstance(step, str):
+                key, at = self._read(text, at)
+                at = self._next(self._next(at) + 1)  # behind the colon
+            if key == step:
+                found = at  # of equal keys, the last one counts
+                if isinstance(step, int):
+                    break
+            _, at = self._read(text, at)
+            at, index = self._next(at), index + 1
+            at = self._next(at + 1) if text[at] == "," else at
+        return found
+
+    def _next(self, at: int) -> int:
+        """Return the offset of the next character that is not blank."""
+        text = self._source.text
+        while text[at : at + 1] and text[at] in _BLANK:
+            at += 1
+        return at
+
+    def _at(self, offset: int) -> str:
+        line, column = self._source.place(offset)
+        return f"{self._source.path}:{line}:{column}"
