@@ -16,7 +16,7 @@ from sar_compiler.opener import DOCUMENT, FileKind, read_file
 from sar_compiler.tree.content import source_of
 from sar_compiler.tree.diagnostic import Diagnostic, Span, TreeError
 from sar_compiler.tree.yaml_events import Events
-from sar_compiler.tree.yaml_spans import YamlSpans
+from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 
 class DataError(SarError):
@@ -113,7 +113,12 @@ def _value(events: Events, document: Document) -> Value:
         entries: dict[str, tuple[Value, Value]] = {}
         while not isinstance(events.next, yaml.MappingEndEvent):
             key, inner = _value(events, document), _value(events, document)
-            if not key.text:
+            split = split_number(document.source.text, key.start, key.end) if inner.is_nothing else None
+            if split is not None:
+                number = Value(split.start, key.end, split.written, text=split.written)
+                message = SPLIT.format(split.written)
+                document.report("wrong-value", message, number, suggestion=split.meant, hint=split.hint)
+            elif not key.text:
                 document.report("wrong-shape", f"a key is a word, and this is {key.kind}", key)
             elif key.text in entries:
                 document.report("duplicate-key", f"'{key.text}' is written twice here", key)

@@ -18,6 +18,7 @@ import yaml
 from sar_compiler.errors import SarError
 from sar_compiler.opener import PARAMETERS, read_file
 from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.tree.yaml_spans import SPLIT, split_number
 
 _SECTION = "ros__parameters"
 # libyaml where PyYAML has it, which is what ROS reads with: ten times as fast.
@@ -352,6 +353,11 @@ class _Walk:
                 continue
             here.add(key.value)
             name = prefix + key.value
+            split = split_number(self._text, key.start_mark.index, key.end_mark.index)
+            if split is not None and value.value == "":
+                remedy = f"write {split.meant} with a point" if split.meant is not None else split.hint
+                self._report(key, f"{SPLIT.format(split.written)}: {remedy}")
+                continue
             if isinstance(value, yaml.MappingNode):
                 if not value.value:
                     self._report(value, f"'{name}' is empty: leave it out")

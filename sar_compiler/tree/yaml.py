@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import yaml
 
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
-from sar_compiler.tree.diagnostic import Diagnostic, Source, TreeError
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Source, TreeError
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
     MODEL_TAG,
@@ -24,9 +24,9 @@ from sar_compiler.tree.model import (
     is_name,
     text_of_yaml,
 )
-from sar_compiler.tree.showing import UNSPEAKABLE
+from sar_compiler.tree.showing import UNSPEAKABLE, in_one_line
 from sar_compiler.tree.yaml_events import Events
-from sar_compiler.tree.yaml_spans import YamlSpans
+from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
 _OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
@@ -34,6 +34,8 @@ _OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 _REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
+# A plain text goes on in a line that is indented further, whatever that begins with.
+_CONTINUED = re.compile(r"[\r\n][ \t]*(- [^\r\n]*)")
 
 
 def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
@@ -256,10 +258,8 @@ class _YamlReader:
         for said in (trailing, _header_comment(self._source.text, value), events.trailing):
             if said is not None:
                 parts.comments.append(Comment(said, attribute=key.value, trailing=True))
-        if _is_nothing(value):
-            message = f"'{key.value}' has no value"
-            hint = f"write {key.value}: '' for an empty text, or delete the line"
-            self._report("missing-value", message, *_place(key), hint=hint)
+        if self._is_no_text(key, value):
+            pass
         elif value.style == '"' and (unspeakable := re.search(UNSPEAKABLE, value.value)):
             message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
             self._report("wrong-character", message, *_place(value), hint="delete it")
@@ -353,12 +353,41 @@ class _YamlReader:
             message = "'<<' would merge another mapping into this one; in a tree file, write everything where it belongs"
             self._report("yaml-merge", message, *_place(key), hint="write the attributes out")
             return True
+        split = split_number(self._source.text, *_place(key)) if _is_nothing(self._events.next) else None
+        if split is not None:
+            message = SPLIT.format(split.written)
+            advice = Advice(suggestion=split.meant, hint=split.hint)
+            self._report("wrong-value", message, split.start, _place(key)[1], **advice)
+            return True
         if name != TEXT_KEY and not is_name(name):
             self._wrong_name(key, "an attribute")
             return True
         return False
 
+    def _is_no_text(self, key: Any, value: Any) -> bool:
+        """Report a scalar that is no text of an attribute: nothing, or a node that was meant to follow it."""
+        if _is_nothing(value):
+            message = f"'{key.value}' has no value"
+            hint = f"write {key.value}: '' for an empty text, or delete the line"
+            self._report("missing-value", message, *_place(key), hint=hint)
+            return True
+        return self._is_too_deep(value)
+
+    def _is_too_deep(self, scalar: Any) -> bool:
+        """Report a node that is indented so far that it continues the text above it; return whether there is one."""
+        start, end = _place(scalar)
+        node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
+        if node is None:
+            return False
+        above = in_one_line(self._source.text[start : node.start()].strip())
+        message = f"this line is indented deeper than '{above}', so it continues that text and is no node"
+        hint = "indent it as the '- ' of the nodes beside it"
+        self._report("wrong-shape", message, node.start(1), node.end(1), hint=hint)
+        return True
+
     def _wrong_name(self, scalar: Any, what: str) -> None:
+        if self._is_too_deep(scalar):
+            return
         written = scalar.value if len(scalar.value) < 40 else f"{scalar.value[:40]}..."  # noqa: PLR2004
         message = f"'{written}' cannot be the name of {what}" if written else f"{what} has a name"
         if "\n" in written or not written.isprintable():

@@ -4,6 +4,7 @@ import bisect
 import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 from sar_compiler.tree.diagnostic import LINE_END, AttributePlaces, Form, Spans
 from sar_compiler.tree.model import Element
@@ -137,3 +138,45 @@ def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int
         offsets.append(place if character in " \n" else found)
         place = found if character in " \n" and text[found : found + 1] != character else found + 1
     return offsets
+
+
+class SplitNumber(NamedTuple):
+    """A number with a decimal comma between the braces of a mapping, where the comma ends the value.
+
+    Attributes:
+        start: The offset of its first character.
+        written: Its text: `0,5`.
+        meant: The number with a point; None if the comma may stand between thousands as well.
+        hint: What to do.
+    """
+
+    start: int
+    written: str
+    meant: str | None
+    hint: str | None
+
+
+def split_number(text: str, start: int, end: int) -> SplitNumber | None:
+    """Return the number of which a key is the digits behind the comma; None for any other key.
+
+    Args:
+        text: The text of the file.
+        start: The offset at which the key begins.
+        end: The offset at which it ends.
+    """
+    before = _BEFORE_COMMA.search(text[max(start - _LONGEST, 0) : start])
+    digits = text[start:end]
+    if before is None or not (digits.isascii() and digits.isdigit()):
+        return None
+    number = before[1]
+    point, written = f"{number}.{digits}", f"{number},{digits}"
+    if len(digits) == 3 and number.strip("+-0"):  # noqa: PLR2004 - of a group of thousands
+        hint = f"a comma may mean either: write {number}{digits}, or {point}"
+        return SplitNumber(start - len(number) - 1, written, None, hint)
+    return SplitNumber(start - len(number) - 1, written, point, None)
+
+
+_LONGEST = 40
+_BEFORE_COMMA = re.compile(r"(?<![\w.])([+-]?[0-9]+),$")
+SPLIT = "between braces a comma ends a value, so '{}' is two"
+"""The message about such a number."""
