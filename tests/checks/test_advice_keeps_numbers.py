@@ -258,6 +258,33 @@ def changed_numbers(finding):
     ]
 
 
+# A number that is to be written, unless it is a limit, or one of several.
+TO_WRITE = re.compile(r"\bwrite (-?\d[\d.]*)(?![\w.]| or (?:fewer|more)| at most)")
+CONVERTED = re.compile(r"^(-?[\d.]+) ([\w/]+) are (-?[\d.]+)(?: [\w/]+)?: write \3$")
+MISTAKEN = {"percent": "1/100", "degrees": "pi/180", "ms": "1/1000", "mm": "1/1000", "mm/s": "1/1000"}
+
+
+def invented_numbers(finding):
+    """Return the numbers that a hint has written, and that are neither an example nor follow from the text at the place."""
+    hint, span = (finding.hint or "").partition("for example")[0], finding.span
+    start, end = finding.source.offset(*span[:2]), finding.source.offset(*span[2:])
+    written = [each for found in quantities_in(finding.source.text[start:end], "") for each in found]
+    if converted := CONVERTED.match(hint):
+        number, times = Fraction(converted[1]), factor(MISTAKEN[converted[2]])
+        meant = Fraction(converted[3])
+        is_right = number in written and abs(meant - number * times) <= ROUNDED * abs(meant)
+        return [] if is_right else [converted[0]]
+    plain = [
+        *written,
+        *(each * times for each in written for times in (factor("pi/180"), *map(Fraction, TIMES.values()))),
+    ]
+    return [
+        each
+        for each in TO_WRITE.findall(hint.replace("_", ""))
+        if not any(abs(Fraction(each) - one) <= ROUNDED * abs(one) for one in plain)
+    ]
+
+
 def variants(files):
     """Yield the files of an example as they are, and with each of the texts in place of its numbers."""
     yield files
@@ -312,6 +339,7 @@ def test_the_advice_of_every_kind_of_finding_keeps_the_numbers_that_were_written
     for finding in findings_of(code):
         if finding.code not in OF_VERSIONS:
             assert changed_numbers(finding) == [], finding.render()
+            assert invented_numbers(finding) == [], finding.render()
         if finding.suggestion is not None:
             advised.add(finding.code)
     assert code in advised or code not in SAFE, "the page of a kind that is mended has an example that is"

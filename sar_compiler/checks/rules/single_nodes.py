@@ -1,14 +1,17 @@
 """What single nodes say: their classes, their names, and values that were hardly meant."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import close_key
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.numbers import SensibleNumbers
+from sar_compiler.nodes.numbers import UNITS, SensibleNumbers, convert_mistaken, find_oddity, unit_of_key
 from sar_compiler.nodes.spec import NodeSpec, Role
 from sar_compiler.tree.diagnostic import Diagnostic
+
+_FORMER_KEY = r"(?a) *\$(\{@?[A-Za-z_]\w*\}) *"
 
 
 def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
@@ -46,9 +49,12 @@ def _texts(spec: NodeSpec) -> list[str]:
 def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
     element = bound.element
     for name in names:
-        suggestion = close_key(element.attributes.get(name, ""))
+        written = element.attributes.get(name, "")
+        suggestion, message = close_key(written), "a key of the blackboard is written between two braces"
+        if suggestion is None and (former := re.fullmatch(_FORMER_KEY, written)):
+            suggestion, message = former[1], "$ before a key is of BehaviorTree.CPP 3"
         if suggestion is not None:
-            message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard is written between two braces"
+            message = f"{name}: '{written}' is a text; {message}"
             yield element.finding("unclosed-key", message, value=name, suggestion=suggestion)
 
 
@@ -67,6 +73,28 @@ def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _bounds(spec: NodeSpec) -> dict[str, SensibleNumbers]:
     return {each.name: each.value_type.usual for each in spec.parameters.values() if each.value_type.usual}
+
+
+def check_units(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield numbers that are unusual in the unit of their attribute; negative ones mean many things, and are not looked at."""
+    for bound, units in context.nodes_with(_units):
+        for name, unit in units.items():
+            number = bound.values.get(name)
+            if not isinstance(number, int | float) or not math.isfinite(number):
+                continue
+            if find_oddity(abs(number), unit) is not None:
+                written = bound.element.attributes[name]
+                usual = f"{UNITS[unit].words} are {UNITS[unit].usual} as a rule"
+                message = f"{name}: {written} is unusual, because {usual}"
+                hint = convert_mistaken(written, unit) or None
+                yield bound.element.finding("out-of-range", message, value=name, hint=hint)
+
+
+def _units(spec: NodeSpec) -> dict[str, str]:
+    """Return the units of the attributes that are numbers."""
+    numbers = (each for each in spec.attributes if each.value_type.python in (int, float))
+    units = {each.name: each.value_type.unit or unit_of_key(each.name) for each in numbers}
+    return {name: unit for name, unit in units.items() if unit}
 
 
 # One with a blank beside it is punctuation.

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode, Collector, text_of_output
-from sar_compiler.nodes.numbers import number_in, unit_words
+from sar_compiler.nodes.numbers import number_in, unit_of_key, unit_words
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
 from sar_compiler.nodes.values import (
     CONDITION,
@@ -208,6 +208,8 @@ class AttributeBinder:
             key = self._key_meant(element.attributes[name]) if takes_keys and not error.suggestion else None
             if key is not None:
                 error = ConversionError(error.message, key)
+            elif not error.suggestion and value_type.python in (int, float) and not value_type.unit:
+                error = _in_unit_of_name(error, name, element.attributes[name], value_type)
             self._collector.wrong_value(element, name, error, code)
             return None
 
@@ -237,6 +239,11 @@ class AttributeBinder:
             return
         may_be_text = parameter.value_type.python in _TEXTS and parameter.direction is not _OUTPUT
         if not may_be_text and self._is_unclosed(bound.element, name):
+            return
+        if parameter.direction is _OUTPUT and not parameter.required and text.strip(" ") in ("", "{}"):
+            message = f"{name}: the output is written nowhere, because no key is named"
+            hint = f'leave {name} out, or write {name}="{{key}}"'
+            self._collector.add("ignored-attribute", message, bound.element, name=name, hint=hint)
             return
         if parameter.direction is _OUTPUT:
             self._collector.findings.append(text_of_output("wrong-value", bound.element, name, text))
@@ -319,6 +326,19 @@ class AttributeBinder:
             port = any_port(name)
             bound.spec = bound.spec.listing(port)
             self._value(bound, port, bound.element.attributes[name])
+
+
+def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
+    """Return the error of a number with another unit than the one that the attribute's name says, with the number in that unit."""
+    unit = unit_of_key(name)
+    meant = number_in(text, unit) if unit else None
+    try:
+        value_type.convert(meant or "")
+    except ConversionError:
+        return error
+    if unit == unit_in(name):
+        return ConversionError(error.message, meant)
+    return ConversionError(error.message, hint=f"write {meant} if '{name}' is in {unit_words(unit)}")
 
 
 def in_its_unit(name: str, text: str, spec: NodeSpec) -> str | None:

@@ -195,7 +195,8 @@ def file_of(element: Element, seen_from: Element) -> str:
 def text_of_output(code: str, element: Element, attribute: str, text: str) -> Diagnostic:
     """Return the finding about a text in place of the key that an output is written to."""
     message = f"{attribute}: an output is written to the blackboard, and '{text}' is no key of it"
-    suggestion = f"{{{text}}}" if text.isidentifier() else None
+    key = text.strip(" ").removeprefix("$").removeprefix("{").removesuffix("}")
+    suggestion = f"{{{key}}}" if key.isidentifier() else None
     hint = f'write {attribute}="{{key}}"'
     return element.finding(code, message, value=attribute, suggestion=suggestion, hint=hint)
 
