@@ -228,10 +228,26 @@ def _meant(message: str, options: Iterable[str]) -> str:
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
     if chosen := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
-        return did_you_mean(nearest(chosen[1], re.findall(r"[\w-]+", chosen[2])))
+        known, other = re.findall(r"[\w-]+", chosen[2]), _OTHER_NAMES.get(chosen[1])
+        return did_you_mean(nearest(chosen[1], known) or (other if other in known else None))
     if unknown := re.match(r"unrecognized arguments: (--[\w-]+)", message):
-        return did_you_mean(nearest(unknown[1], options))
+        written = unknown[1]
+        # `--simulate` for `--sim`, `--port` for `--web-port`.
+        longer = [each for each in options if written.startswith(each) or written[2:] in each[2:].split("-")]
+        return did_you_mean(nearest(written, options) or (longer[0] if len(longer) == 1 else None))
     return ""
+
+
+_OTHER_NAMES = {
+    **dict.fromkeys(("check", "lint", "test"), "validate"),
+    **dict.fromkeys(("draw", "print", "graph", "render"), "show"),
+    **dict.fromkeys(("run", "play", "execute"), "simulate"),
+    **dict.fromkeys(("prove", "model-check"), "verify"),
+    **dict.fromkeys(("list", "palette"), "nodes"),
+    "fmt": "format",
+    "help": "explain",
+}
+"""What other programs call our commands."""
 
 
 def columns_asked_for() -> int:

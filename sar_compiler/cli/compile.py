@@ -307,7 +307,8 @@ def _nodes(arguments: argparse.Namespace) -> int:
         from sar_compiler.nodes.palettes import palettes_with
         from sar_compiler.tree.guessing import did_you_mean
 
-        advice = did_you_mean(registry.nearest(arguments.tag))
+        others = "; `sar-compile nodes` lists those that are known, and --nodes PACKAGE.MODULE adds your own"
+        advice = did_you_mean(registry.nearest(arguments.tag)) or others
         if known := palettes_with(arguments.tag):
             advice = f"; a palette knows it: --model {' or '.join(known)}"
         raise SarError(f"no node is called '{arguments.tag}'{advice}")

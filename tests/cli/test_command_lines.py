@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
+from sar_compiler.cli.run import main as run_main
 from sar_compiler.commands import CommandParser
 from tests.trees import document
 
@@ -45,6 +46,28 @@ def test_an_option_that_there_is_not_is_told_in_two_lines_with_what_was_meant(ca
     usage, error = capsys.readouterr().err.splitlines(keepends=True)
     assert (end.value.code, usage.startswith(f"usage: sar-compile {line[0]} [options] FILE")) == (2, True)
     assert meant in error
+
+
+@pytest.mark.parametrize(
+    ("command", "line", "meant"),
+    [
+        ("sar-run", ["--simulate"], "unrecognized arguments: --simulate; did you mean '--sim'?"),
+        ("sar-run", ["--port", "80"], "unrecognized arguments: --port; did you mean '--web-port'?"),
+        ("sar-compile", ["check", "tree.xml"], "; did you mean 'validate'?"),
+        ("sar-compile", ["draw", "tree.xml"], "; did you mean 'show'?"),
+        ("sar-compile", ["fly", "tree.xml"], "'completion')\n"),
+    ],
+)
+def test_a_word_that_other_programs_use_leads_to_ours(command, line, meant, capsys):
+    with pytest.raises(SystemExit):
+        {"sar-run": run_main, "sar-compile": main}[command](line)
+    assert meant in capsys.readouterr().err
+
+
+def test_a_node_that_nobody_knows_is_answered_with_where_to_look(capsys):
+    assert main(["nodes", "MoveTo"]) == 2
+    error = capsys.readouterr().err
+    assert "`sar-compile nodes` lists those that are known, and --nodes PACKAGE.MODULE adds your own" in error
 
 
 def test_an_option_that_few_need_is_known_and_shown_by_help_all_alone(parser, capsys):
