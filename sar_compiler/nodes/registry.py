@@ -2,6 +2,7 @@
 
 import functools
 import importlib
+import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, KeysView, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from sar_compiler.nodes.installed import entry_points, import_installed, look_in
 from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.spec import MARK, NodeSpec
 from sar_compiler.opener import MODULE, read_file
+from sar_compiler.tree.content import as_written
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -255,9 +257,25 @@ def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> Module
     try:
         return load(name)
     except (Exception, SystemExit) as error:  # whatever a user's module does when it is imported
-        raise RegistryError(
-            f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {error}"
-        ) from error
+        wrong = error.msg if isinstance(error, SyntaxError) else error
+        text = f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {wrong}"
+        raise RegistryError(f"{_place_of(error)}{text}") from error
+
+
+def _place_of(error: BaseException) -> str:
+    """Return file, line and column at which a user's module has raised, with a colon behind each; empty if it has not begun."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{as_written(Path(error.filename))}:{error.lineno or 1}:{error.offset or 1}: "
+    import traceback
+
+    ours, standard = str(Path(__file__).parents[1]), str(Path(os.__file__).parent)
+    frames = [each for each in traceback.extract_tb(error.__traceback__) if each.filename.endswith(".py")]
+    theirs = [each for each in frames if not each.filename.startswith((ours, standard))]
+    if not theirs:
+        return ""
+    last = theirs[-1]
+    column = (getattr(last, "colno", None) or 0) + 1  # Python 3.10 does not know it
+    return f"{as_written(Path(last.filename))}:{last.lineno}:{column}: "
 
 
 def _is_same(first: NodeSpec, second: NodeSpec) -> bool:

@@ -1,0 +1,118 @@
+"""Each reader of a file that a person writes says file, line and column of what is wrong with it; a new reader is red until it does."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main as compile_command
+from tests.faults.test_hostile_files import SURFACES, folder
+from tests.trees import document
+
+__all__ = ["folder"]  # a fixture
+
+# Per form of file: a text that is not of the form, and where.
+MALFORMED = {
+    "xml": ("<root BTCPP_format='4'>\n  <BehaviorTree ID='A'", "2:3"),
+    "yaml": ("a: 1\nb: [", "2:5"),
+    "toml": ("a = 1\nb = ", "2:4"),
+    "json": ('{"a": 1,\n"b": }', "2:6"),
+}
+# Of each reader, a well-formed file with a wrong value, and where.
+PLANTED = {
+    "a tree": (document("\n<Sleep msec='soon'/>"), "4:14"),
+    "a tree that is fixed": (document("\n<Sleep msec='soon'/>"), "4:14"),
+    "an included tree": (document("\n<Sleep msec='soon'/>").replace("Main", "Other"), "4:14"),
+    "a palette": ("<root BTCPP_format='4'><TreeNodesModel>\n<Action/></TreeNodesModel></root>", "2:1"),
+    "a palette of the settings": ("<root BTCPP_format='4'><TreeNodesModel>\n<Action/></TreeNodesModel></root>", "2:1"),
+    "a tree in a folder": (document("\n<Sleep msec='soon'/>"), "4:14"),
+    "settings": ("[language]\nbtcpp = 9", "2:9"),
+    "settings for all tools": ("[tool.sar.language]\nbtcpp = 9", "2:9"),
+    "a scenario": ("name: a\nticks: soon", "2:8"),
+    "a scenario of many runs": ("name: a\nuntil: [1]", "2:8"),
+    "properties": ("end: none\nfacts: [1]", "2:8"),
+    "parameters": ("/**:\n  ros__parameters:\n    tick_rate_hz: fast", "3:5"),
+    "areas": ('{"features": [\n  {"geometry": {"type": "Polygon"}}]}', "2:3"),
+    "a world": ("walls: []\nrobot: {x: 0, y: 0, radius: wide}", "2:29"),
+    "the map of a world": ("image: a.pgm\nresolution: fine\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2", "2:13"),
+}  # fmt: skip
+# What no person writes, or where the place is that of the file that names it.
+WITHOUT_PLACE = {
+    "a tree that is formatted": "only whether it is well-formed is asked",
+    "a tree of a set": "its mistakes are those of a tree",
+    "a palette that lies beside a tree": "nobody has named it, so it is passed over",
+    "the trace of a scenario": "recorded by the project; the difference is shown",
+    "properties that are approved": "read for its digest alone",
+    "the image of a map": "a picture; the place is that of its name in the map",
+    "the poses of robots": "written by the project",
+    "a journal": "written by the project",
+    "a journal that is judged": "written by the project",
+    "the log beside a journal": "written by SQLite",
+    "the reserve of a journal": "written by the project",
+    "the refused start beside a journal": "written by the project",
+    "the cache of a replay": "written by the project",
+    "an approval": "written by the project",
+    "a module that is trusted": "read for its digest alone",
+    "a module of a package": "searched for a word; what goes wrong when it is imported has a test below",
+    "the metadata of a package": "written by a builder of packages",
+}
+
+
+def places_said(name, text, capsys):
+    """Return the places in the file that are named when a surface has read a text."""
+    surface = SURFACES[name]
+    path = "odd.xml" if surface.form == "xml" else "odd"
+    Path(path).write_text(text, encoding="utf-8")
+    surface.read(path)
+    out, err = capsys.readouterr()
+    file = r"(?:odd|one|sar|pyproject|params)\S*?"
+    return re.findall(rf"{file}:(\d+:\d+)", out + err), out + err
+
+
+def test_each_surface_has_a_planted_mistake_or_a_reason():
+    """Plant a mistake for a new reader in `PLANTED`, or say in `WITHOUT_PLACE` why nobody writes such a file."""
+    assert PLANTED.keys() | WITHOUT_PLACE.keys() == SURFACES.keys()
+    assert PLANTED.keys() & WITHOUT_PLACE.keys() == set()
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_wrong_value_is_reported_with_its_line_and_column(name, capsys):
+    text, place = PLANTED[name]
+    said, output = places_said(name, text, capsys)
+    assert place in said, output
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        each
+        for each in {**PLANTED, "a tree that is formatted": 0}
+        if not SURFACES[each].is_sought and each != "parameters"
+    ],
+)
+def test_a_file_that_is_not_of_its_form_is_reported_where_it_goes_wrong(name, capsys):
+    text, place = MALFORMED[SURFACES[name].form]
+    said, output = places_said(name, text, capsys)
+    assert place in said, output
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (
+            "from sar_compiler.leaves import register\nx = (\n",
+            r"2:5: .*: SyntaxError: '\(' was never closed\n",
+        ),
+        ("from sar_compiler.leaves import register\n\n@register\nclass A: ...\n", r"3:\d+: .*: TypeError"),
+        ("import os\nimport nonsense_module\n", r"2:\d+: .*: ModuleNotFoundError"),
+        ("import json\nfirst = 1\nsecond = json.loads('{')\n", r"3:\d+: .*: JSONDecodeError"),
+    ],
+)
+def test_a_module_of_leaves_that_cannot_be_imported_is_reported_with_its_line(
+    text, place, folder, monkeypatch, capsys
+):
+    monkeypatch.syspath_prepend(str(folder))
+    name = f"leaves_{abs(hash(text))}"
+    Path(f"{name}.py").write_text(text, encoding="utf-8")
+    assert compile_command(["nodes", "--nodes", name]) == 2
+    assert re.search(rf"sar-compile: {name}\.py:{place}", capsys.readouterr().err)
