@@ -185,9 +185,11 @@ def _set_over_another(_: Case, difference: Difference) -> bool:
     return match is not None and match.group(1) in {*_NUMBERS, _TEXT} and match.group(2) in {*_NUMBERS, _ANY}
 
 
-def _never_reached(_: Case, difference: Difference, refusal: Refusal) -> bool:
-    """Whether a count out of reach is refused of a node that was never ticked there; there, it raises in its tick."""
-    return refusal.code == "out-of-reach" and not any(difference.exceptions)
+def _never_reached(case: Case, difference: Difference, refusal: Refusal) -> bool:
+    """Whether a count out of reach is refused of a node that was never ticked there; there, it raises before it ticks a child."""
+    below = {each.attributes.get("id") for node in _nodes_at(case, refusal)[-1:] for each in node.iterate()}
+    ticked = {event[1] for tick in difference.run.get("ticks", ()) for event in tick.get("events", ())}
+    return refusal.code == "out-of-reach" and not below & ticked
 
 
 def _of_two_types(case: Case, _: Difference, refusal: Refusal) -> bool:

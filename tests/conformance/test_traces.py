@@ -332,6 +332,11 @@ def test_a_count_out_of_reach_of_a_node_that_is_never_ticked_is_refused_here_alo
     )
     (difference,) = replay(case)
     assert "only met where the node is ticked" in (reason_for(case, difference) or "")
+    # Something else may raise there meanwhile.
+    case["runs"][0]["ticks"][0]["exception"] = "Exception in node 'a' [Scripted]: no such file"
+    assert "only met where the node is ticked" in (reason_for(case, difference) or "")
+    case["runs"][0]["ticks"][0]["events"].append(["tick", "b", "SUCCESS"])
+    assert reason_for(case, next(iter(replay(case)))) is None
 
 
 @python_only
