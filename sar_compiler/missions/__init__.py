@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from sar_compiler.faces import lazy
 
 if TYPE_CHECKING:
-    from sar_compiler.documents.json_files import JsonFile as JsonFile
     from sar_compiler.journal.journal import Journal as Journal
     from sar_compiler.journal.journal_entries import BATTERY as BATTERY
     from sar_compiler.journal.journal_entries import FACTS_LOST as FACTS_LOST
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.serving import serve as serve
     from sar_compiler.runtime.clock import clock_text as clock_text
     from sar_compiler.runtime.context import mission_context as mission_context
+    from sar_compiler.tree.json_files import JsonFile as JsonFile
     from sar_compiler.tree.showing import short_line as short_line
 
 ENTRY_POINTS = "sar_compiler.missions"

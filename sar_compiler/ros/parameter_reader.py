@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from sar_compiler.checks.configuration import enclosing_folder
-from sar_compiler.documents.json_files import JsonError, JsonFile
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.nodes.numbers import find_oddity, number_hint, number_in, unit_of_key
 from sar_compiler.opener import FileContent, FileKind, NamedPath, OutsideError, UnreadableFileError, read_file
 from sar_compiler.ros.parameter_file import ParameterPlaces, sections_elsewhere
 from sar_compiler.tree.guessing import did_you_mean, nearest
+from sar_compiler.tree.json_files import JsonFile, MalformedJsonError
 
 _POSE = ("x", "y", "yaw")
 
@@ -363,7 +363,7 @@ class ParameterReader:
             return None
         try:
             return JsonFile(text, str(self.files[key].path))
-        except JsonError as error:
+        except MalformedJsonError as error:
             self.report(key, f"is no {noun}: {error}", error.place)
             return None
 

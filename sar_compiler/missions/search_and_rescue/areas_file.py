@@ -19,8 +19,8 @@ _ORDER = "zone_order"
 _GEOREFERENCE = tuple(f"georeference.{name}" for name in ("lat", "lon", "heading"))
 _NAMES = ("name", "title")
 _FEATURES = "features"
-_Path = tuple[str | int, ...]
-_RINGS: _Path = ("geometry", "coordinates")
+_JsonPath = tuple[str | int, ...]
+_RINGS: _JsonPath = ("geometry", "coordinates")
 _MOST_BYTES = 10 * 2**20
 _MOST_AREAS = 10_000
 # Nobody drives farther from the origin of a map.
@@ -183,7 +183,7 @@ def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where:
     return {**_pose(corners), **_beside(_inside(feature, "properties"))}
 
 
-def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_Path, list[Any]]:
+def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]]:
     """Return the corners of a polygon, and the path to them from its feature."""
     kind, rings, path = geometry.get("type"), geometry.get("coordinates"), _RINGS
     # QGIS writes a layer of polygons so.
@@ -200,7 +200,9 @@ def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_Path, list[Any]]:
     return (*path, 0), corners[:-1] if corners[-1] == corners[0] else corners
 
 
-def _placed(corner: Any, origin: tuple[float, float, float], where: str, path: _Path) -> tuple[float, float]:
+def _placed(
+    corner: Any, origin: tuple[float, float, float], where: str, path: _JsonPath
+) -> tuple[float, float]:
     """Return a position of longitude and latitude in the frame `map`, metres."""
     degrees = corner[:2] if isinstance(corner, list) else []
     if not (len(degrees) == len(_MOST_DEGREES) and all(type(each) in (int, float) for each in degrees)):

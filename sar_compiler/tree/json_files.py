@@ -10,7 +10,7 @@ from sar_compiler.tree.model import NO_SPANS
 _BLANK = " \t\r\n"
 
 
-class JsonError(SarError):
+class MalformedJsonError(SarError):
     """A text that is not JSON.
 
     Attributes:
@@ -33,7 +33,7 @@ class JsonFile:
         data: What it says.
 
     Raises:
-        JsonError: If the text is not JSON.
+        MalformedJsonError: If the text is not JSON.
     """
 
     def __init__(self, text: str, path: str) -> None:
@@ -41,9 +41,9 @@ class JsonFile:
         try:
             self.data: Any = json.loads(text)
         except json.JSONDecodeError as error:
-            raise JsonError(error.msg, self._at(error.pos)) from None
+            raise MalformedJsonError(error.msg, self._at(error.pos)) from None
         except (ValueError, RecursionError) as error:  # a number of thousands of digits
-            raise JsonError(f"{error}", self._at(0)) from None
+            raise MalformedJsonError(f"{error}", self._at(0)) from None
         self._read = json.JSONDecoder().raw_decode
 
     def place(self, *path: str | int) -> str:
