@@ -55,7 +55,11 @@ WITHOUT_PLACE = {
     "a module that is trusted": "read for its digest alone",
     "a module of a package": "searched for a word; what goes wrong when it is imported has a test below",
     "the metadata of a package": "written by a builder of packages",
-}
+    **dict.fromkeys(
+        ("a tree in an editor", "an include in an editor", "a palette in an editor", "a tree of a set in an editor", "settings in an editor"),
+        "read as for the command, and shown as ranges: tests/lsp/test_same_as_validate.py compares them",
+    ),
+}  # fmt: skip
 
 
 def places_said(name, text, capsys):
