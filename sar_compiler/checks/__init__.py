@@ -14,6 +14,7 @@ from pathlib import Path
 from types import FrameType
 
 from sar_compiler.checks.document import check_document
+from sar_compiler.checks.leaf_classes import check_leaf_classes
 from sar_compiler.checks.rules import (
     CheckContext,
     interruptions,
@@ -55,6 +56,7 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_document,
     check_meaning,
     *(rule for family in _FAMILIES for name, rule in vars(family).items() if name.startswith("check_")),
+    check_leaf_classes,
 )
 
 
@@ -140,7 +142,13 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:
-        return order.get(finding.source.path, 0), finding.span.line, finding.span.column, finding.code
+        # The modules of leaves come last.
+        return (
+            order.get(finding.source.path, len(files)),
+            finding.span.line,
+            finding.span.column,
+            finding.code,
+        )
 
     return sorted(without_suppressed(forest, findings), key=place)
 

@@ -299,7 +299,9 @@ def _nodes(arguments: argparse.Namespace) -> int:
         return _nodes_from_use(arguments)
     if arguments.from_use is not None:
         raise SarError("--from-use prints a palette, which is XML: leave --format json out")
+    from sar_compiler.checks.leaf_classes import check_class
     from sar_compiler.nodes.models.palette import palette
+    from sar_compiler.tree.diagnostic import Severity
     from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
 
     registry = _registry(arguments)
@@ -317,7 +319,10 @@ def _nodes(arguments: argparse.Namespace) -> int:
         print(palette(specs), end="")
         return OK
     print_text(nodes_as_json(specs) if arguments.format == "json" else nodes_as_text(specs))
-    return OK
+    found = [finding for spec in specs for finding in check_class(spec)]
+    for finding in found:
+        print(finding.render(), file=sys.stderr)
+    return FINDINGS if any(each.severity is Severity.ERROR for each in found) else OK
 
 
 def _nodes_from_use(arguments: argparse.Namespace) -> int:

@@ -181,7 +181,7 @@ _TAG = re.compile(r"[^\W\d][\w.-]*")
 def register(  # noqa: PLR0913 - all that there is to say of a node
     tag: str,
     *,
-    kind: Kind,
+    kind: Kind | None = None,
     outcomes: Iterable[Status] = (),
     effects: str = "",
     uses: Iterable[Use] = (),
@@ -227,7 +227,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
                 def __init__(self, name: str, message: str) -> None: ...
     """
     _require_tag(tag)
-    _require_kind(tag, kind)
+    kind = _required_kind(tag, kind)
     names = _status_names(tag, outcomes)
     needs = _uses(tag, uses)
     said = _answers(tag, answers, names)
@@ -255,6 +255,10 @@ def _refuse(what: str, value: object, advice: str) -> NoReturn:
 
 
 def _require_tag(tag: object) -> None:
+    if isinstance(tag, type):
+        name = tag.__name__
+        message = f'{tag.__module__}.{name}: @register needs the tag and the kind: write @register("{name}", kind=Kind.ACTION)'
+        raise RegistrationError(f"{message}, or another kind")
     if isinstance(tag, str) and _TAG.fullmatch(tag):
         return
     raise RegistrationError(
@@ -263,11 +267,16 @@ def _require_tag(tag: object) -> None:
     )
 
 
-def _require_kind(tag: str, kind: object) -> None:
+def _required_kind(tag: str, kind: object) -> Kind:
+    if kind is None:
+        raise RegistrationError(
+            f'<{tag}>: kind is missing: write @register("{tag}", kind=Kind.ACTION), or another kind'
+        )
     if not isinstance(kind, Kind):
         meant = [each for each in Kind if str(kind).lower() == each.value.lower()]
         choices = " or ".join(f"Kind.{each.name}" for each in meant or Kind)
         _refuse(f"<{tag}>: kind is", kind, f"; write {choices}")
+    return kind
 
 
 def _require_semantics(tag: str, semantics: object) -> None:

@@ -117,6 +117,7 @@ WARNINGS = {
     "stray-text": "text between elements",
     "touching-statements": "two statements of a script in one line with nothing between them",
     "unclosed-key": "a value that is nearly a key: with one of its braces, or with a `$` before them",
+    "undeclared-in-class": "a class of a leaf that does what its registration does not declare",
     "unneeded-allow": "an allow comment that suppresses nothing",
     "unreachable-node": "a node that is never ticked",
     "unused-argument": "a key passed to a subtree that does not use it",

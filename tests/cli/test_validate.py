@@ -229,10 +229,10 @@ def test_the_include_path_of_a_project_is_allowed(folder, capsys):
 
 
 def test_in_json_what_was_fixed_is_said_on_standard_error(folder, capsys):
-    (folder / "tree.xml").write_text(document('<NavigateToZone _skipif="true"/>'), encoding="utf-8")
+    (folder / "tree.xml").write_text(document('<NavigateToZone oneshott="ON_COMPLETION"/>'), encoding="utf-8")
     status, out, error = run(capsys, "--fix", "--format", "json", "tree.xml")
     assert (status, json.loads(out)) == (0, [])
-    assert error == "tree.xml:3:17: fixed[unknown-attribute]: _skipif -> _skipIf\n"
+    assert error == "tree.xml:3:17: fixed[unknown-attribute]: oneshott -> oneshot\n"
 
 
 def test_the_hooks_of_pre_commit_call_commands_that_there_are():

@@ -117,12 +117,12 @@ def test_a_mistake_that_several_files_come_to_is_said_once(capsys):
 
 def test_what_is_mended_in_one_file_is_mended_for_those_that_use_it(capsys):
     write("main.xml", document('<SubTree ID="Home"/>'))
-    write("home.xml", document('<NavigateToBase _skipif="true"/>', "Home"))
+    write("home.xml", document('<NavigateToBase oneshott="ON_COMPLETION"/>', "Home"))
     status, out, _ = run(capsys, "--fix", "main.xml", "home.xml")
     assert (status, out.splitlines()) == (
         0,
         [
-            "home.xml:3:17: fixed[unknown-attribute]: _skipif -> _skipIf",
+            "home.xml:3:17: fixed[unknown-attribute]: oneshott -> oneshot",
             "main.xml: no findings",
             "home.xml: no findings",
         ],

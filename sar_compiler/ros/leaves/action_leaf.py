@@ -3,8 +3,8 @@
 import math
 import time
 from abc import abstractmethod
-from collections.abc import Collection
-from typing import Any, cast
+from collections.abc import Collection, Mapping
+from typing import Any, ClassVar, cast
 
 from py_trees.common import Status
 
@@ -92,6 +92,13 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
                     return self.interface.Goal(dock_id=self._dock.get())
     """
 
+    required_attributes: ClassVar[Mapping[str, str]] = {
+        "action_type": "nav2_msgs/action/NavigateToPose",
+        "action_name": "navigate_to_pose",
+    }
+    """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
+    use_kind: ClassVar[str] = "action"
+    """The kind of `Use` that the registration of a leaf names."""
     action_type: Any = None
     action_name: str = ""
     acceptance_timeout_sec: float = 5.0

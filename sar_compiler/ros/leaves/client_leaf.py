@@ -1,6 +1,7 @@
 """The common base of leaves that call an action or a service, and that of those that call a service."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 from py_trees.common import Status
@@ -327,6 +328,13 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
                     return self.interface.Request()
     """
 
+    required_attributes: ClassVar[Mapping[str, str]] = {
+        "service_type": "std_srvs/srv/Trigger",
+        "service_name": "gripper/open",
+    }
+    """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
+    use_kind: ClassVar[str] = "service"
+    """The kind of `Use` that the registration of a leaf names."""
     service_type: Any = None
     service_name: str = ""
     timeout_sec: float = 5.0

@@ -1,7 +1,8 @@
 """The base class of leaves that read a ROS topic."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from py_trees.common import ClearingPolicy, Status
 
@@ -46,6 +47,13 @@ class TopicLeaf(RosLeaf):
                     return Status.SUCCESS if battery_share(message) > 0.2 else Status.FAILURE
     """
 
+    required_attributes: ClassVar[Mapping[str, str]] = {
+        "topic_type": "sensor_msgs/msg/BatteryState",
+        "topic_name": "battery",
+    }
+    """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
+    use_kind: ClassVar[str] = "topic"
+    """The kind of `Use` that the registration of a leaf names."""
     topic_type: Any = None
     topic_name: str = ""
     qos: Any = "sensor_data"

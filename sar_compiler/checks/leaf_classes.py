@@ -1,0 +1,208 @@
+"""Checks of the classes of leaves by their source, without ROS and without making one.
+
+A class is read as Python would run it: the attributes that its methods set hide the methods of its bases, and what it
+returns and writes is compared with what its registration declares. Only classes outside this package are checked.
+"""
+
+import ast
+import functools
+import inspect
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.checks.rules import CheckContext
+from sar_compiler.nodes.spec import MARK, NodeSpec
+from sar_compiler.opener import MODULE, UnreadableFileError, read_file
+from sar_compiler.tree.diagnostic import Diagnostic, Source, Span
+from sar_compiler.tree.model import NO_SPANS
+
+_LIBRARIES = ("sar_compiler.", "py_trees.", "builtins", "abc", "typing")
+_FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+class _WrittenClass(NamedTuple):
+    """A class of a module, with the file that it is written in.
+
+    Attributes:
+        cls: The class.
+        node: Its definition.
+        source: The file.
+    """
+
+    cls: type
+    node: ast.ClassDef
+    source: Source
+
+    def finding(self, code: str, message: str, at: ast.AST, hint: str) -> Diagnostic:
+        """Return a finding at a part of the class."""
+        line, column = getattr(at, "lineno", 1), getattr(at, "col_offset", 0) + 1
+        end = getattr(at, "end_col_offset", None) if getattr(at, "end_lineno", line) == line else None
+        # Python counts the bytes of a line, a finding its characters; names of classes and attributes are at its begin.
+        return Diagnostic(
+            code, message, self.source, Span(line, column, line, end + 1 if end else column), hint=hint
+        )
+
+    def methods(self) -> Iterator[_FunctionNode]:
+        """Yield the methods of the class."""
+        return (each for each in self.node.body if isinstance(each, _FunctionNode) and each.args.args)
+
+    def assignments(self) -> Iterator[tuple[str, ast.Attribute]]:
+        """Yield the attributes of the instance that methods set."""
+        for method in self.methods():
+            own = method.args.args[0].arg
+            for node in ast.walk(method):
+                if (
+                    isinstance(node, ast.Attribute)
+                    and isinstance(node.ctx, ast.Store)
+                    and isinstance(node.value, ast.Name)
+                    and node.value.id == own
+                ):
+                    yield node.attr, node
+
+
+def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield what is wrong with the classes of the leaves that the trees use."""
+    for spec in {spec.cls: spec for spec in context.bound.specs}.values():
+        yield from check_class(spec)
+
+
+def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
+    """Yield what is wrong with the class of a node.
+
+    Args:
+        spec: The node; one of this package, or without a class, has no findings.
+    """
+    if spec.cls is None or spec.is_foreign or spec.cls.__module__.startswith(_LIBRARIES):
+        return
+    parts = [part for base in spec.cls.__mro__ if (part := _part(base)) is not None]
+    if not parts or parts[0].cls is not spec.cls:
+        return
+    assigned = {name for part in parts for name, _ in part.assignments()}
+    yield from _missing(spec, parts[0], assigned)
+    for part in parts:
+        yield from _hidden(part)
+    yield from _undeclared_uses(spec, parts[0])
+    for part in parts:
+        yield from _undeclared_outcomes(spec, part)
+        yield from _undeclared_keys(spec, part)
+
+
+def _part(cls: type) -> _WrittenClass | None:
+    """Return a class with its definition; None for one of a library, or without a file."""
+    if f"{cls.__module__}.".startswith(_LIBRARIES):
+        return None
+    try:
+        path = inspect.getsourcefile(cls)
+        module = _module(path) if path else None
+    except (OSError, TypeError, UnreadableFileError):
+        return None
+    if module is None:
+        return None
+    source, tree = module
+    node: ast.AST | None = tree
+    for name in cls.__qualname__.split("."):
+        inside = node.body if isinstance(node, (ast.Module, ast.ClassDef)) else []
+        node = next((each for each in inside if isinstance(each, ast.ClassDef) and each.name == name), None)
+    return _WrittenClass(cls, node, source) if isinstance(node, ast.ClassDef) else None
+
+
+@functools.lru_cache(maxsize=64)
+def _read_module(path: str, text: str) -> tuple[Source, ast.Module] | None:
+    try:
+        here = Path.cwd()
+        shown = Path(path).relative_to(here) if Path(path).is_relative_to(here) else path
+        return Source(str(shown), text, NO_SPANS), ast.parse(text)
+    except SyntaxError:  # the file is another one than that which was imported
+        return None
+
+
+def _module(path: str) -> tuple[Source, ast.Module] | None:
+    return _read_module(path, read_file(Path(path), MODULE).data.decode("utf-8", "replace"))
+
+
+def _missing(spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]) -> Iterator[Diagnostic]:
+    """Yield attributes that a base class requires, and that neither the class nor a method sets."""
+    cls = part.cls
+    for name, example in getattr(cls, "required_attributes", {}).items():
+        if not getattr(cls, name, None) and name not in assigned:
+            message = f"<{spec.tag}>: the class {cls.__name__} has no '{name}'"
+            hint = f"set it in the class, for example {name} = {example!r}"
+            yield part.finding("faulty-class", message, part.node, hint)
+
+
+def _hidden(part: _WrittenClass) -> Iterator[Diagnostic]:
+    """Yield attributes that hide a method, or that have the name of a property without a setter."""
+    cls, seen = part.cls, set()
+    for name, node in part.assignments():
+        known = inspect.getattr_static(cls, name, None)
+        if name in seen:
+            continue
+        if inspect.isfunction(known) or isinstance(known, (classmethod, staticmethod)):
+            message = f"{cls.__name__}: this attribute hides the method '{name}' of {_owner(cls, name)}"
+        elif isinstance(known, property) and known.fset is None:
+            message = f"{cls.__name__}: '{name}' is a property of {_owner(cls, name)}, which cannot be set"
+        else:
+            continue
+        seen.add(name)
+        yield part.finding("faulty-class", message, node, f"give it another name, such as self._{name}")
+
+
+def _owner(cls: type, name: str) -> str:
+    return next(base.__name__ for base in cls.__mro__ if name in vars(base))
+
+
+def _undeclared_uses(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
+    """Yield a server or a topic that a leaf needs, and that its registration does not name."""
+    kind = getattr(part.cls, "use_kind", "")
+    if not kind or any(use.kind == kind for use in spec.uses) or (kind == "action" and _uses_nav2(spec)):
+        return
+    *_, attribute = getattr(part.cls, "required_attributes", {"": ""})  # the type, then the name
+    name = getattr(part.cls, attribute, "")
+    shown = repr(name) if name else '"…"'
+    message = f"<{spec.tag}>: {part.cls.__name__} needs the {kind} {shown}, and 'uses' of its registration does not name it"
+    hint = f"add uses=[Use.{kind}({shown})] to @register, so that a run waits for it before the first tick"
+    yield part.finding("undeclared-in-class", message, _registration(part), hint)
+
+
+def _uses_nav2(spec: NodeSpec) -> bool:
+    return any(use.kind == "nav2" for use in spec.uses)
+
+
+def _registration(part: _WrittenClass) -> ast.AST:
+    """Return the decorator that registers a class; the class, if there is none."""
+    return part.node.decorator_list[0] if part.node.decorator_list and MARK in vars(part.cls) else part.node
+
+
+def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
+    """Yield a status that `update` returns as it is written, and that `outcomes` does not name."""
+    for method in part.methods():
+        for node in ast.walk(method) if spec.outcomes and method.name == "update" else ():
+            status = node.value if isinstance(node, ast.Return) else None
+            if (
+                isinstance(status, ast.Attribute)
+                and isinstance(status.value, ast.Name)
+                and status.value.id == "Status"
+                and status.attr in ("SUCCESS", "FAILURE", "RUNNING")
+                and status.attr not in spec.outcomes
+            ):
+                message = f"<{spec.tag}>: update() returns {status.attr}, which 'outcomes' of its registration does not name"
+                hint = f"add Status.{status.attr} to outcomes, or return another status"
+                yield part.finding("undeclared-in-class", message, status, hint)
+
+
+def _undeclared_keys(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
+    """Yield a key that py_trees' client writes, and that `writes` does not name."""
+    for node in ast.walk(part.node):
+        if not (isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "register_key"):
+            continue
+        given: dict[str, ast.expr] = dict(zip(("key", "access"), node.args, strict=False))
+        given.update({each.arg: each.value for each in node.keywords if each.arg})
+        key, access = given.get("key"), given.get("access")
+        is_written = isinstance(access, ast.Attribute) and access.attr in ("WRITE", "EXCLUSIVE_WRITE")
+        if is_written and isinstance(key, ast.Constant) and isinstance(key.value, str):
+            name = key.value.lstrip("/")
+            if name not in spec.writes and f"@{name}" not in spec.writes:
+                message = f"<{spec.tag}>: it writes the key '{name}', which 'writes' of its registration does not name"
+                hint = f'add writes=["{name}"] to @register, or take an Output in the constructor'
+                yield part.finding("undeclared-in-class", message, node, hint)
