@@ -156,7 +156,7 @@ class ValueType(NamedTuple):
             return value
         if isinstance(value, str):
             return self.convert(value)
-        if isinstance(value, _NUMBERS) and self.python is not Script:  # a script is a text
+        if isinstance(value, _NUMBERS):
             if self.python is str:
                 # On the blackboard, true is 1.
                 return as_text(int(value) if isinstance(value, bool) else value)

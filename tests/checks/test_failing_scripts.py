@@ -10,6 +10,7 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import PlainVariables
+from sar_compiler.tree.diagnostic import Severity
 from tests.chance import rounds
 from tests.trees import forest
 
@@ -43,11 +44,26 @@ def found(script, attribute="_onSuccess"):
         ("x := 2 && y", 6),
         ("x := y || (0 - 1)", 6),
         ("x := 1; x *= 'a'", 9),
-        ("x := y ? 1 : ('a' - 1)", 15),
+        ("x := y ? 'b' * 2 : ('a' - 1)", 10),
     ],
 )
 def test_what_always_raises_is_a_finding_at_its_part(script, column):
-    assert found(script) == [("failing-script", column)]
+    assert found(script)[:1] == [("failing-script", column)]
+    assert set(severities(script)) == {Severity.ERROR}
+
+
+# BehaviorTree.CPP calculates only the branch that it takes.
+@pytest.mark.parametrize(
+    "script",
+    [
+        "x := y ? 1 : ('a' - 1)",
+        "x := y ? -'a' : 2",
+        "x := y ? (z ? -'a' : -'b') : 2",
+        "x := y ? z ? 1 : -'a' : 2",
+    ],
+)
+def test_an_error_in_a_branch_that_may_never_be_taken_is_a_warning(script):
+    assert set(severities(script)) == {Severity.WARNING}
 
 
 @pytest.mark.parametrize("script", ["'abc'", "2", "0 - 1", "x .. 'a'"])
@@ -90,6 +106,13 @@ def test_a_script_of_many_ranks_is_seen_once():
     assert found("x := " + "(" * 60 + "'a' * 2" + ") + 1" * 60) == [("failing-script", 66)]
 
 
+def severities(script):
+    findings = check(
+        forest(f'<AlwaysSuccess _onSuccess="{script.replace("&", "&amp;")}"/>'), default_registry()
+    )
+    return [each.severity for each in findings if each.code == "failing-script"]
+
+
 OPERAND = st.sampled_from(["x", "y", "0", "1", "2", "0.5", "1e300", "'a'", "'1'", "''"])
 PART = st.recursive(
     OPERAND,
@@ -115,7 +138,7 @@ def raises(script, x, y):
 @given(PART)
 def test_what_is_said_to_raise_raises_with_all_values_and_of_constants_everything_that_raises_is_said(text):
     script = parse(text)
-    is_raised = bool(raised_always(script, is_condition=True))
+    is_raised = bool(raised_always(script, is_condition=True)[0])
     runs = [raises(script, x, y) for x in VALUES for y in VALUES]
     if is_raised:
         assert all(runs)

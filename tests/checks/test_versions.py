@@ -216,6 +216,22 @@ def test_a_node_in_explicit_form_is_told_where_btcpp_does_not_find_it(around):
         ]
 
 
+@pytest.mark.parametrize(
+    ("node", "refused"),
+    [
+        ('<ScriptCondition code="{c}"/>', False),
+        ('<Precondition if="{c}" else="FAILURE"><AlwaysSuccess/></Precondition>', True),
+        ('<Script code="{c}"/>', True),
+    ],
+)
+def test_only_the_script_of_a_script_condition_has_no_type_as_in_btcpp(node, refused):
+    text = document('<Sequence><SubTree ID="S" c="1"/></Sequence>').replace(
+        "</root>", f'<BehaviorTree ID="S">{node}</BehaviorTree></root>'
+    )
+    codes = {f.code for f in check(forest_of(text), default_registry())}
+    assert ("btcpp-version" in codes) == refused
+
+
 def test_elsewhere_the_explicit_form_is_as_good_as_any():
     text = document(
         '<ReactiveFallback><Condition ID="DetectSurvivor"/><Action ID="NavigateToBase"/></ReactiveFallback>'

@@ -125,13 +125,19 @@ def test_a_script_from_the_blackboard_is_read_whenever_it_is_run():
     assert stage.entry("a").read() == 2
 
 
-@pytest.mark.parametrize(("code", "what"), [("a :=", "{code}"), (7, "7 is not a script")])
+@pytest.mark.parametrize(("code", "what"), [("a :=", "{code}"), ((7,), "is not a script")])
 def test_what_is_no_script_on_the_blackboard_is_an_error_that_names_the_node(code, what):
     stage = Stage(code=code)
     with pytest.raises(NodeScriptError) as caught:
         RunScript("run", stage.code_in("code"), stage.scope, stage.enums).tick_once()
     assert str(caught.value).startswith("'run': code: {code}: ")
     assert what in str(caught.value)
+
+
+@pytest.mark.parametrize(("code", "ended"), [(1, "S:"), (0, "F:"), (1.0, "S:"), (True, "S:")])
+def test_a_number_on_the_blackboard_is_read_as_the_script_of_its_text(code, ended):
+    stage = Stage(code=code)
+    assert stage.tick(ScriptCondition("c", stage.code_in("code"), stage.scope, stage.enums)) == ended
 
 
 def test_a_condition_is_true_or_false_and_no_other_whole_number():

@@ -29,6 +29,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _NO_OPERATORS = frozenset({"if", "then", "else"})
 _ALWAYS = "every tick that comes here raises this: calculate with numbers, join texts with .."
+_IN_BRANCH = "every tick that takes this branch raises this: calculate with numbers, join texts with .."
 _NEVER_TICKED = frozenset({("_failureIf", True), ("_successIf", True), ("_skipIf", True), ("_while", False)})
 """Conditions and the truths with which the node is never ticked."""
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
@@ -54,7 +55,7 @@ def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
 def is_condition(bound: BoundNode, attribute: str) -> bool:
     """Return whether an attribute's script is a condition."""
     parameter = bound.spec.parameters.get(attribute)
-    return attribute in _CONDITIONS or (parameter is not None and parameter.value_type is CONDITION)
+    return attribute in _CONDITIONS or (parameter is not None and parameter.value_type.name == CONDITION.name)
 
 
 def is_statement(bound: BoundNode, attribute: str, start: int) -> bool:
@@ -125,10 +126,14 @@ def _meant_by(statements: list[Expression]) -> str:
 
 def _raising(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:
     """Yield what raises whatever the variables hold."""
-    for error in raised_always(script, is_condition=is_condition):
+    always, in_branches = raised_always(script, is_condition=is_condition)
+    for error in (*always, *in_branches):
         span = bound.element.within_value(attribute, error.start, error.end)
         message = f"{attribute}: {error.message}"
-        yield bound.element.finding("failing-script", message, span, hint=error.hint or _ALWAYS)
+        usual, severity = (_ALWAYS, Severity.ERROR) if error in always else (_IN_BRANCH, Severity.WARNING)
+        yield bound.element.finding(
+            "failing-script", message, span, hint=error.hint or usual, severity=severity
+        )
 
 
 def _touching(
@@ -167,18 +172,22 @@ class _Samples(NamedTuple):
 _NUMBER, _ANY = _Samples((1.0,)), _Samples((1.0, "1"))
 
 
-def raised_always(script: Script, *, is_condition: bool) -> list[EvaluationError]:
-    """Return the errors of the parts of a script that raise whenever they are calculated."""
+def raised_always(
+    script: Script, *, is_condition: bool
+) -> tuple[list[EvaluationError], list[EvaluationError]]:
+    """Return the errors that a script raises always, and those of branches of `? :` that may never be taken."""
     folding = _Folding(script.text)
     values = [folding.values_of(statement) for statement in script.statements]
     if is_condition and values:
         folding.applied(operators.as_condition, lambda error, _: no_condition(script, error), values[-1])
-    return folding.errors
+    return folding.errors, folding.in_branches
 
 
 class _Folding:
     def __init__(self, text: str) -> None:
         self.errors: list[EvaluationError] = []
+        self.in_branches: list[EvaluationError] = []
+        """The errors of branches of `? :` that may never be taken."""
         self._text = text
 
     def values_of(self, node: Expression) -> _Samples:
@@ -247,6 +256,15 @@ class _Folding:
         chosen = self.applied(operators.is_chosen, self._failure(node.condition), condition)
         if chosen.is_known:
             return self.values_of(node.then if chosen.values[0] else node.otherwise)
-        self.values_of(node.then)
-        self.values_of(node.otherwise)
+        return self._either(node.then, node.otherwise)
+
+    def _either(self, then: Expression, otherwise: Expression) -> _Samples:
+        """Return the possible values of a choice; it raises always only if both of its branches do."""
+        before = len(self.errors)
+        self.values_of(then)
+        middle = len(self.errors)
+        self.values_of(otherwise)
+        if middle == before or len(self.errors) == middle:
+            self.in_branches += self.errors[before:]
+            del self.errors[before:]
         return _ANY

@@ -93,7 +93,7 @@ def _explicit(context: CheckContext) -> Iterator[Diagnostic]:
         for bound in control.children:
             tag = bound.element.tag
             if tag in KIND_TAGS and "ID" in bound.element.attributes:
-                message = f"BehaviorTree.CPP does not find <{tag}> directly in a <{DROPS_EXPLICIT}>"
+                message = f"BehaviorTree.CPP 4.7 to 4.10 do not find <{tag}> directly in a <{DROPS_EXPLICIT}>"
                 cause = Cause(message, bound.spec.tag)
                 hint = f"write <{bound.spec.tag}>, without ID"
                 yield bound.element.finding("explicit-node", message, hint=hint, common_cause=cause)

@@ -85,7 +85,6 @@ OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETIO
 ONESHOT_TYPE = type_of(OneShotPolicyName)
 # Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every attribute.
 _NAME, _ATTRIBUTE, _REFERENCE, _OUTPUT = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE, Direction.OUTPUT
-_SCRIPT_TYPE = type_of(Script)
 _BOOL_TYPE = type_of(bool)
 KIND_TAGS = frozenset(kind.value for kind in Kind)
 """The tags of explicit forms."""
@@ -204,7 +203,7 @@ class AttributeBinder:
         try:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
-            code = "script-error" if value_type in (CONDITION, _SCRIPT_TYPE) else "wrong-value"
+            code = "script-error" if value_type.python is Script else "wrong-value"
             key = self._key_meant(element.attributes[name]) if takes_keys and not error.suggestion else None
             if key is not None:
                 error = ConversionError(error.message, key)

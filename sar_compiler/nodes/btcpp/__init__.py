@@ -100,4 +100,4 @@ BUILT_IN = frozenset(
 """The nodes that BehaviorTree.CPP 4.10 registers by itself."""
 
 DROPS_EXPLICIT = "ReactiveSequence"
-"""The control in which BehaviorTree.CPP, up to 4.10, does not find nodes in explicit form that are its direct children."""
+"""The control in which BehaviorTree.CPP 4.7 to 4.10 do not find nodes in explicit form that are its direct children."""

@@ -292,7 +292,7 @@ class _Conversion:
         if draft.tag in KIND_TAGS and draft.tag in self._registry:
             return True  # its own name would be taken for the explicit form
         if draft.explicit and parent == DROPS_EXPLICIT:
-            message = f"BehaviorTree.CPP does not find <{draft.element.tag}> directly in <{parent}>"
+            message = f"BehaviorTree.CPP 4.7 to 4.10 do not find <{draft.element.tag}> directly in <{parent}>"
             if refused_in(draft.tag) or draft.tag in KIND_TAGS:
                 hint = "put it into a Sequence of its own"
                 self.notes.add("no-counterpart", message, draft.element, hint=hint)

@@ -88,7 +88,8 @@ BEHAVIORTREE_CPP = [
         "ScriptCondition",
         "language_nodes:ScriptCondition",
         "Runs a script, and succeeds if its value is true.",
-        input_port("code", CONDITION, "The script; its value is true or false, 1 or 0."),
+        # BehaviorTree.CPP gives this port no type, so that a subtree may be given `1` for it.
+        input_port("code", CONDITION._replace(cpp=""), "The script; its value is true or false, 1 or 0."),
         SCOPE,
         ENUMS,
         outcomes=_SUCCESS | _FAILURE,
