@@ -424,7 +424,13 @@ HOMES = (
 )
 NAMED_ELSEWHERE = {
     "tree/model.py": {"SubTree"},  # a part of the file's grammar, before any node has a meaning
-    "tree/matching.py": {"Condition"},  # the explicit form, <Condition ID="...">, not py_trees' decorator
+    "tree/yaml_fields.py": {
+        "Condition",  # the explicit form, <Condition ID="...">, not py_trees' decorator
+        "RosAction",  # whose attributes are YAML themselves, which is read before any node has a meaning
+        "RosPublish",
+        "RosService",
+        "RosTopic",
+    },
     "nodes/spec.py": {"Condition"},  # the kind, likewise
     "sim/navigator.py": {
         "FollowPath"

@@ -249,6 +249,8 @@ def _other_tag(finding: Diagnostic, start: int, end: int) -> Fix:
 def _escapes_in(source: Source, value: _AttributeSpan) -> Mapping[str, str] | None:
     """Return how characters are written in a value; None for a plain text of YAML."""
     quote = source.text[value.start - 1]
+    if source.spans.is_verbatim(value.start):
+        return {}
     if source.form is Form.XML:
         return {"&": "&amp;", "<": "&lt;", quote: "&quot;" if quote == '"' else "&apos;"}
     if quote == "'":

@@ -13,13 +13,8 @@ from typing import TypeAlias
 import yaml
 
 from sar_compiler.nodes.values import ConversionError, ValueType
-from sar_compiler.runtime.blackboard import ROOT_SIGN
+from sar_compiler.tree.yaml_fields import masked, unmasked
 
-# `@` begins no scalar in YAML, and a key may begin with it; a field such as `poses[0]` has brackets, which end one between braces.
-# Characters that nobody writes stand for them while YAML is read, so that all places stay the same.
-_MASKS = str.maketrans({ROOT_SIGN: "\ue000", "[": "\ue001", "]": "\ue002"})
-_UNMASKS = {after: before for before, after in _MASKS.items() if isinstance(after, str)}
-_MASKED = re.compile(rf"(?<=\{{)\s*{ROOT_SIGN}(?=\w)|(?<=\w)\[\d+\](?=[\w.\[\]]*\s*:)")
 _KEY = re.compile(r"[@\ue000]?[A-Za-z_]\w*", re.ASCII)
 _MOST_CHARACTERS = 100_000
 _DEEPEST = 50
@@ -137,7 +132,7 @@ def read_fields(text: str) -> Fields:
     depth = max(itertools.accumulate((each in "[{") - (each in "]}") for each in text))
     if depth > _DEEPEST:
         raise ConversionError("it is nested too deeply")
-    node, shift = _composed(_MASKED.sub(lambda match: match[0].translate(_MASKS), text))
+    node, shift = _composed(masked(text))
     found = _Reader(text, shift).value(node)
     if not isinstance(found, Fields):
         raise ConversionError(f"{_shown(text)} is no field with a value", hint=_EXAMPLE)
@@ -207,7 +202,7 @@ class _Reader:
             raise ConversionError(
                 f"'{node.value}' is no value: {problem}", hint="write it in quotes", place=place
             ) from error
-        return Scalar(_unmasked(node.value), _unmasked(found) if isinstance(found, str) else found, place)
+        return Scalar(unmasked(node.value), unmasked(found) if isinstance(found, str) else found, place)
 
     def _key(self, node: yaml.MappingNode, place: PlaceInText) -> KeyReference | None:
         """Return the key that a mapping such as `{x}` is; None for any other."""
@@ -220,7 +215,7 @@ class _Reader:
         written = self._text[place[0] : place[1]]
         if not (is_alone and is_name) or ":" in written:
             return None
-        return KeyReference(_unmasked(name.value), place)
+        return KeyReference(unmasked(name.value), place)
 
     def _fields(self, node: yaml.MappingNode, place: PlaceInText) -> Fields:
         found: dict[str, tuple[FieldValue, PlaceInText | None]] = {}
@@ -228,7 +223,7 @@ class _Reader:
             at = self._place(name)
             if not isinstance(name, yaml.ScalarNode) or name.value == "<<":
                 raise ConversionError("a field has a name", hint=_EXAMPLE, place=at)
-            field = _unmasked(name.value)
+            field = unmasked(name.value)
             if field in found:
                 raise ConversionError(f"'{field}' is written twice", hint="delete one of the two", place=at)
             found[field] = self.value(inner), at
@@ -237,10 +232,6 @@ class _Reader:
     def _place(self, node: yaml.Node) -> PlaceInText:
         begin, end = (mark.index - self._shift for mark in (node.start_mark, node.end_mark))
         return min(max(begin, 0), len(self._text)), min(max(end, 0), len(self._text))
-
-
-def _unmasked(text: str) -> str:
-    return "".join(chr(_UNMASKS.get(each, ord(each))) for each in text)
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,10 @@ class Spans:
         """Return the place of a name or a value without its quotes."""
         return start, end
 
+    def is_verbatim(self, _start: int) -> bool:
+        """Return whether a value that begins there stands in the file as it is read, but for its indentation."""
+        return False
+
     def characters(self, _text: str, start: int, end: int, _value: str) -> Sequence[int]:
         """Return the place of each character of a value as it was read, and of its end."""
         return range(start, end + 1)

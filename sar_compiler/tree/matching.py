@@ -8,8 +8,8 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from sar_compiler.tree.model import EDITOR_ATTRIBUTES, MODEL_TAG, ROOT_TAG, Element, TreeFile
+from sar_compiler.tree.yaml_fields import EXPLICIT_TAGS
 
-_EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
 _NAMES = ("name", "ID", "path")
 
 
@@ -105,7 +105,7 @@ def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
 def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, ordered: bool) -> Node:
     """Make a node of an element; those that say the same get equal marks."""
     kind, attributes = element.tag, dict(element.attributes)
-    if kind in _EXPLICIT_TAGS and "ID" in attributes and ordered:
+    if kind in EXPLICIT_TAGS and "ID" in attributes and ordered:
         kind = attributes.pop("ID")
     if parent is None:
         attributes = {k: v for k, v in attributes.items() if not k.startswith(EDITOR_ATTRIBUTES)}

@@ -26,6 +26,7 @@ from sar_compiler.tree.model import (
 )
 from sar_compiler.tree.showing import UNSPEAKABLE, in_one_line
 from sar_compiler.tree.yaml_events import Events
+from sar_compiler.tree.yaml_fields import dedented, takes_fields
 from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
@@ -33,7 +34,8 @@ _OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
 # Written behind a plain text, with nothing but one blank in between: few comments are.
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
-_REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
+REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
+"""A key in braces, which is a mapping in YAML."""
 # A plain text goes on in a line that is indented further, whatever that begins with.
 _CONTINUED = re.compile(r"[\r\n][ \t]*(- [^\r\n]*)")
 
@@ -51,7 +53,7 @@ def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
 class _Parts:
     """The parts of an element while it is read."""
 
-    __slots__ = ("attributes", "children", "comments", "places", "seen", "text")
+    __slots__ = ("attributes", "children", "comments", "places", "seen", "text", "unquoted")
 
     def __init__(self) -> None:
         self.attributes: dict[str, str] = {}
@@ -62,6 +64,8 @@ class _Parts:
         self.places: list[int] = []
         # Where each key began.
         self.seen: dict[str, int] = {}
+        # What is wrong with the attributes that are lists or mappings, if they are none of fields.
+        self.unquoted: dict[str, Diagnostic] = {}
 
 
 class _YamlReader:
@@ -152,7 +156,7 @@ class _YamlReader:
         self._report("wrong-root", message, *_place(first), hint=hint)
         number = self._spans.begin(*_place(first))
         self._depth += 1
-        self._content(parts)
+        self._content(ROOT_TAG, parts)
         self._depth -= 1
         tag = yaml.ScalarEvent(None, None, (True, False), ROOT_TAG, first.start_mark, first.end_mark)
         return self._element(tag, parts, number)
@@ -182,7 +186,7 @@ class _YamlReader:
             if self._depth > MAX_DEPTH:
                 self._refuse("too-deep", tag, f"elements are nested more than {MAX_DEPTH} deep")
             events.take()
-            self._content(parts)
+            self._content(tag.value, parts)
             self._depth -= 1
             self._models -= tag.value == MODEL_TAG
         elif _is_nothing(content):
@@ -222,7 +226,7 @@ class _YamlReader:
         children, comments = tuple(parts.children), tuple(parts.comments)
         return Element(tag.value, parts.attributes, children, self._source, *place, parts.text, comments)
 
-    def _content(self, parts: _Parts) -> None:
+    def _content(self, tag: str, parts: _Parts) -> None:
         """Read attributes and children up to the end of their mapping."""
         events = self._events
         column = self._source.place(events.next.start_mark.index)[1]
@@ -243,6 +247,7 @@ class _YamlReader:
             else:
                 self._attribute(parts, key, trailing)
         parts.comments += [_comment(one, len(parts.children)) for one in events.comments(column)]
+        self._refuse_structures(tag, parts)
         if parts.text and parts.children:
             place, message = parts.seen[TEXT_KEY], "an element has children or text, not both"
             self._report("wrong-shape", message, place, place + len(TEXT_KEY))
@@ -252,7 +257,7 @@ class _YamlReader:
         events = self._events
         value = events.next
         if not isinstance(value, yaml.ScalarEvent):
-            self._not_a_text(parts, key)
+            self._structure(parts, key, trailing)
             return
         events.take()
         for said in (trailing, _header_comment(self._source.text, value), events.trailing):
@@ -288,17 +293,43 @@ class _YamlReader:
         span = self._source.span(end + 1, cut.end())
         self._doubts.append(Diagnostic("cut-text", message, self._source, span, hint=hint))
 
-    def _not_a_text(self, parts: _Parts, key: Any) -> None:
-        """Report a list or a mapping in place of an attribute's value."""
-        value = self._events.next
-        start, end = _place(value)[0], self._events.skip()
+    def _structure(self, parts: _Parts, key: Any, trailing: str | None) -> None:
+        """Read a list or a mapping in place of an attribute's value: its text is the value, as it is written."""
+        events, value = self._events, self._events.next
         if isinstance(value, yaml.AliasEvent):
+            events.skip()
             return
+        parts.comments += [_comment(one, 0, key.value) for one in events.comments()]
+        start = _place(value)[0]
+        end, behind = events.skip_fields()
+        for said in (trailing, behind.text if behind is not None else None):
+            if said is not None:
+                parts.comments.append(Comment(said, attribute=key.value, trailing="\n" not in said))
+        if not events.is_cut and value.tag is None:
+            parts.unquoted[key.value] = self._not_a_text(parts, key, value, end)
+            parts.attributes[key.value] = dedented(self._source.text[start:end], self._source.place(start)[1])
+            parts.places += (*_place(key), start, end)
+            self._spans.add_verbatim(start)
+
+    def _refuse_structures(self, tag: str, parts: _Parts) -> None:
+        """Report lists and mappings in place of texts.
+
+        Only now is the ID known, which may stand behind the others and says what takes fields.
+        """
+        for name, finding in parts.unquoted.items():
+            if not takes_fields(tag, parts.attributes, name):
+                index = 4 * [*parts.attributes].index(name)
+                del parts.attributes[name], parts.places[index : index + 4]
+                self._events.findings.append(finding)
+
+    def _not_a_text(self, parts: _Parts, key: Any, value: Any, end: int) -> Diagnostic:
+        """Return the finding about a list or a mapping in place of a text."""
+        start = _place(value)[0]
         written = self._source.text[start:end]
-        if value.flow_style and _REFERENCE.fullmatch(written):
+        if value.flow_style and REFERENCE.fullmatch(written):
             message = f"{key.value}: braces are a mapping in YAML, so put a reference in quotes"
-            self._report("wrong-shape", message, start, end, suggestion=f"'{written}'")
-            return
+            span = self._source.span(start, end)
+            return Diagnostic("wrong-shape", message, self._source, span, suggestion=f"'{written}'")
         what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
         message = f"'{key.value}' is an attribute, and its value is {what}, not a text"
         hint = (
@@ -306,7 +337,8 @@ class _YamlReader:
         )
         block = isinstance(value, yaml.SequenceStartEvent) and not value.flow_style
         meant = CHILDREN_KEY if block and CHILDREN_KEY not in parts.seen else None
-        self._report("wrong-shape", message, *_place(key), suggestion=meant, hint=hint)
+        span = self._source.span(*_place(key))
+        return Diagnostic("wrong-shape", message, self._source, span, suggestion=meant, hint=hint)
 
     def _children(self, parts: _Parts, key: Any) -> None:
         events = self._events

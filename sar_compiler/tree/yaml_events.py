@@ -17,6 +17,7 @@ import yaml
 from sar_compiler.tree.content import MAX_DEPTH
 from sar_compiler.tree.diagnostic import LINE_END, Advice, Diagnostic, Source, TreeError
 from sar_compiler.tree.model import text_of_yaml
+from sar_compiler.tree.yaml_fields import end_of_block, masked, unmasked
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -31,6 +32,7 @@ _UNREADABLE = re.compile(
 # An element takes three levels: its list, its tag's mapping, its own. Deeper brackets only cost the parser time.
 _MAX_NESTING = 3 * (MAX_DEPTH + 2)
 _COMMENT = re.compile(r"#([^\r\n]*)")
+_COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
 
 
 @dataclass
@@ -86,7 +88,9 @@ class Events:
             hint = f'delete it, or write "\\u{code:04x}" in double quotes'
             self.report("wrong-character", message, *unreadable.span(), hint=hint)
             raise TreeError(self.findings)
-        self._stream: Iterator[Any] = yaml.parse(source.text, Loader=_LOADER)
+        self._text = masked(source.text) if closing else source.text
+        self._is_masked = self._text != source.text
+        self._stream: Iterator[Any] = yaml.parse(self._text, Loader=_LOADER)
         self.next: Any = None
         self.take()
 
@@ -115,6 +119,8 @@ class Events:
             self.next = event = next(self._stream)
         self.trailing = None
         if event is not None:
+            if self._is_masked and isinstance(event, yaml.ScalarEvent):
+                event.value = unmasked(event.value)
             if isinstance(event, yaml.CollectionStartEvent):
                 self._enter(event)
             elif isinstance(event, yaml.CollectionEndEvent):
@@ -131,7 +137,7 @@ class Events:
         opened: list[tuple[Any, bool]] = []
         mark: Any = yaml.Mark("", 0, 0, 0, None, 0)
         with suppress(yaml.YAMLError):
-            for event in yaml.parse(self._source.text, Loader=_LOADER):
+            for event in yaml.parse(self._text, Loader=_LOADER):
                 mark = event.end_mark
                 if isinstance(event, yaml.CollectionEndEvent):
                     opened.pop()
@@ -154,15 +160,21 @@ class Events:
 
     def skip(self) -> int:
         """Pass over the value that comes next, whatever it is; returns the offset of its end."""
-        depth = 0
+        depth = end = 0
         while True:
             event = self.take()
             if isinstance(event, yaml.CollectionStartEvent):
                 depth += 1
             elif isinstance(event, yaml.CollectionEndEvent):
                 depth -= 1
+            at = event.start_mark.index, event.end_mark.index
+            if isinstance(event, yaml.ScalarEvent) and event.style in ("|", ">"):
+                end = end_of_block(self._source.text, *at, event.value)
+            elif isinstance(event, yaml.ScalarEvent) or at[0] < at[1]:
+                # The end of a block has no characters, and stands where the next token begins.
+                end = at[1]
             if depth == 0:
-                return int(event.end_mark.index)
+                return end
 
     def comments(self, from_column: int = 0) -> list[Waiting]:
         """Take the comments before the next event.
@@ -174,6 +186,26 @@ class Events:
         count = next((i for i, one in enumerate(waiting) if one.column < from_column), len(waiting))
         self._waiting = waiting[count:]
         return waiting[:count]
+
+    def skip_fields(self) -> tuple[int, Waiting | None]:
+        """Pass over a list or a mapping with the comments and tags in it, which are a part of its text.
+
+        Returns:
+            The offset of its end, and the comment in the line of a bracket that ends it.
+        """
+        is_block, found = not self.next.flow_style, len(self.findings)
+        start = self.next.start_mark.index
+        end = self.skip()
+        of_the_last = _COMMENT_BEHIND.match(self._source.text, end)
+        if is_block and of_the_last is not None:
+            end = of_the_last.end()
+        tags = [one for one in self.findings[found:] if one.code == "yaml-tag"]
+        inside = self._source.span(start, end)
+        for one in tags:
+            if inside[:2] <= one.span[:2] < inside[2:]:
+                self.findings.remove(one)
+        self._waiting = [one for one in self._waiting if one.end > end]
+        return end, self._waiting.pop(0) if not is_block and of_the_last is not None else None
 
     def _enter(self, event: Any) -> None:
         self._nested += 1

@@ -35,6 +35,8 @@ class YamlSpans(Spans):
         self._first = array("L")
         # For each attribute: begin and end of its name, begin and end of its value with quotes.
         self._places = array("L")
+        # Where values begin that are a part of the file as it stands: lists and mappings.
+        self._verbatim: set[int] = set()
 
     def begin(self, start: int, end: int) -> int:
         """Note the place of a tag, and return its number for `finish`."""
@@ -47,6 +49,14 @@ class YamlSpans(Spans):
         """Note the places of the attributes of an element: four numbers for each, in their order."""
         self._first[number] = len(self._places)
         self._places.extend(places)
+
+    def add_verbatim(self, start: int) -> None:
+        """Note where a value begins that is a list or a mapping."""
+        self._verbatim.add(start)
+
+    def is_verbatim(self, start: int) -> bool:
+        """Return whether a value that begins there stands in the file as it is read, but for its indentation."""
+        return start in self._verbatim
 
     def tag(self, element: Element) -> tuple[int, int]:
         """Return where the element's tag is."""
@@ -61,10 +71,12 @@ class YamlSpans(Spans):
 
     def inside(self, text: str, start: int, end: int) -> tuple[int, int]:
         """Return the place of a name or a value, without quotes and without the header of a block."""
-        return unquoted(text, start, end)
+        return (start, end) if start in self._verbatim else unquoted(text, start, end)
 
     def characters(self, text: str, start: int, end: int, value: str) -> Sequence[int]:
         """Return the place of each character of a value as it was read, and of its end."""
+        if start in self._verbatim:
+            return [min(offset, end) for offset in _offsets_in_literal(text, start, end, value)]
         return offsets_in_scalar(text, start, end, value)
 
     def _number(self, element: Element) -> int:

@@ -2,7 +2,8 @@
 
 A text is plain where no reader of YAML could take it for anything else. So are `true`, `false` and decimal
 numbers, which every reader gives back as they were written; `no`, `12:30` and `1e3` stand in quotes. A text
-of several lines is a block, if a block can hold it.
+of several lines is a block, if a block can hold it. Fields of messages are written as the YAML that they are, if
+that is read as the same text; a key that stands for all of them is in quotes, as everywhere.
 """
 
 import re
@@ -10,6 +11,8 @@ from collections.abc import Iterator
 
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.model import CHILDREN_KEY, TEXT_KEY, Comment, Element, TreeFile
+from sar_compiler.tree.yaml import REFERENCE, parse_yaml
+from sar_compiler.tree.yaml_fields import takes_fields
 
 _WHOLE_NUMBER = re.compile(r"0|-?[1-9][0-9]{0,14}")
 _DECIMAL_NUMBER = re.compile(r"-?[0-9]{1,9}\.[0-9]{1,6}")
@@ -76,8 +79,8 @@ def _attributes(element: Element, indent: str) -> Iterator[str]:
         for index, comment in enumerate(above):
             yield from _comment(comment, indent, after_blank_line=index > 0)
         trailing = [comment for comment in comments if comment.trailing]
-        first, *rest = _value(value, indent)
-        yield f"{indent}{scalar(name)}: {first}{_trailing(trailing)}"
+        first, *rest = _fields(element, name, value, indent) or _value(value, indent)
+        yield f"{indent}{scalar(name)}:{first and f' {first}'}{_trailing(trailing)}"
         yield from rest
 
 
@@ -120,6 +123,28 @@ def _value(text: str, indent: str) -> list[str]:
     if len(lines) == 1 or not body or not body[0] or body[0].startswith(" ") or not body[-1] or not fits:
         return [scalar(text)]
     return ["|" if lines[-1] == "" else "|-", *(f"{indent}  {line}".rstrip() for line in body)]
+
+
+def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
+    """Return the lines of fields as YAML; none if that would be read as another text, or if they are none."""
+    if not takes_fields(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
+        return []
+    lines = text.removesuffix("\n").split("\n")
+    if len(lines) == 1 and text[:1] in ("{", "["):
+        first, below = text, []
+    else:
+        first, below = "", [f"  {line}" if line else "" for line in lines]
+    # Reading it is the one certain way to know what it is read as.
+    trial = [f"{element.tag}:", f"  ID: {scalar(element.attributes.get('ID', '-'))}", f"  {name}: {first}"]
+    try:
+        root = parse_yaml("\n".join([*trial, *(f"  {line}" for line in below), "  name: '-'"])).root
+    except TreeError:
+        return []
+    places = root.source.attribute(root, name)
+    is_same = root.attributes.get(name) == text and "name" in root.attributes and not root.comments
+    if not is_same or places is None or not root.source.spans.is_verbatim(places[2]):
+        return []
+    return [first, *(f"{indent}{line}" if line else "" for line in below)]
 
 
 def _is_plain(text: str) -> bool:

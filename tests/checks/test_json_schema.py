@@ -13,7 +13,7 @@ from hypothesis import given
 from sar_compiler.checks import RULES, check
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
-from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.registry import Registry, default_registry, load_registry
 from sar_compiler.nodes.schemas.json_schema import json_schema
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature
 from sar_compiler.tree.conversion import convert
@@ -183,3 +183,16 @@ def test_an_editor_shows_what_a_bare_tag_means_and_what_any_node_may_have():
     for name in (ONESHOT, *CONDITIONS):
         assert common[name] == {"$ref": f"#/$defs/{name}"}
         assert SCHEMA["$defs"][name]["description"]
+
+
+def test_fields_of_ros_leaves_may_be_a_mapping_and_other_attributes_may_not():
+    validator = jsonschema.Draft202012Validator(json_schema(load_registry(palettes=["ros:jazzy"])))
+
+    def is_valid(**attributes):
+        text = in_a_tree({"RosService": {"service": "a", "type": "b/srv/C", **attributes}})
+        return validator.is_valid(yaml.safe_load(text))
+
+    assert is_valid(request={"data": True})
+    assert is_valid(request="data: true", fields={"message": {"text": None}})
+    assert not is_valid(request=["data"])
+    assert not is_valid(success={"a": "b"})

@@ -8,6 +8,9 @@ from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.errors import SarError
 from sar_compiler.nodes import ros_leaves
 from sar_compiler.project import load
+from sar_compiler.tree.conversion import convert
+from sar_compiler.tree.diagnostic import Form
+from sar_compiler.tree.xml import parse_xml
 from tests.trees import document
 
 BOOL = 'type="std_srvs/srv/SetBool"'
@@ -37,12 +40,11 @@ ALWAYS = {
 }  # fmt: skip
 
 
-def findings(leaf: str, folder: Path) -> list[tuple[str, str, str]]:
+def findings(leaf: str, folder: Path, form: Form = Form.XML) -> list[tuple[str, str, str]]:
     """Return the findings about a leaf: the code, the part of the file that is marked, and the message."""
-    path = folder / "tree.xml"
-    path.write_text(
-        document(f"<Sequence>{leaf}</Sequence>" if leaf.count("<") > 1 else leaf), encoding="utf-8"
-    )
+    path = folder / f"tree.{form.value}"
+    text = document(f"<Sequence>{leaf}</Sequence>" if leaf.count("<") > 1 else leaf)
+    path.write_text(convert(parse_xml(text), form).text, encoding="utf-8")
     lines = path.read_text(encoding="utf-8").split("\n")
     found = load(path, models=["ros:jazzy"]).findings
     return [
@@ -52,11 +54,14 @@ def findings(leaf: str, folder: Path) -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.ros
+@pytest.mark.parametrize("form", Form)
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_found_where_it_stands_if_ros_is_installed(name: str, tmp_path: Path) -> None:
+def test_a_mistake_is_found_where_it_stands_if_ros_is_installed(
+    name: str, form: Form, tmp_path: Path
+) -> None:
     leaf, code, part, said = MISTAKES[name]
-    (found,) = findings(leaf, tmp_path)
-    assert found[:2] == (code, part)
+    (found,) = findings(leaf, tmp_path, form)
+    assert found[:2] == (code, part if form is Form.XML else part.removeprefix("<"))
     assert found[2].startswith(said)
 
 

@@ -165,6 +165,8 @@ def _value(value_type: ValueType) -> Schema:
     if value_type.pattern:
         text = {"type": "string", "pattern": f"^({value_type.pattern})$"}
         return {"anyOf": [_number(value_type), text, key], "description": value_type.label}
+    if value_type.takes_braces:
+        return {"type": [*_SCALAR["type"], "object"], "description": value_type.label}
     return dict(_SCALAR)
 
 

@@ -1,0 +1,62 @@
+"""Attributes that are YAML themselves: the fields of messages, which `nodes.ros_fields` reads."""
+
+import re
+from collections.abc import Mapping
+
+from sar_compiler.tree.diagnostic import LINE_END
+
+FIELD_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
+    "RosAction": ("goal", "fields", "feedback"),
+    "RosPublish": ("message",),
+    "RosService": ("request", "fields"),
+    "RosTopic": ("fields",),
+}
+"""The attributes of fields by the node's tag.
+
+A tree file is read without node models, so the ports of `nodes.ros_leaves` are named here once more; a test compares them.
+"""
+EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
+"""The tags of nodes that are named by their ID."""
+
+# `@` begins no scalar in YAML, and a key may begin with it; a field such as `poses[0]` has brackets, which end one between braces.
+# Private characters stand for them while YAML is read, so that all offsets stay the same.
+_MASKS = {ord("@"): "\ue000", ord("["): "\ue001", ord("]"): "\ue002"}
+_UNMASKS = {ord(after): chr(before) for before, after in _MASKS.items()}
+_MASKED = re.compile(r"(?<=\{)\s*@(?=\w)|(?<=\w)\[\d+\](?=[\w.\[\]]*\s*:)")
+
+
+def takes_fields(tag: str, attributes: Mapping[str, str], name: str) -> bool:
+    """Return whether an attribute of an element is YAML itself."""
+    return name in FIELD_ATTRIBUTES.get(attributes.get("ID", "") if tag in EXPLICIT_TAGS else tag, ())
+
+
+def masked(text: str) -> str:
+    """Return a text with other characters for those of keys and fields that YAML does not read."""
+    return _MASKED.sub(lambda match: match[0].translate(_MASKS), text)
+
+
+def unmasked(text: str) -> str:
+    """Return a part of a masked text as it was."""
+    return text.translate(_UNMASKS)
+
+
+def dedented(text: str, column: int) -> str:
+    """Return a part of a file as a text of its own.
+
+    Args:
+        text: The part.
+        column: The column of its first character, from 1; the other lines lose so many blanks at most.
+    """
+    first, *rest = LINE_END.split(text)
+    blanks = re.compile(f" {{0,{column - 1}}}")
+    return "\n".join([first, *(blanks.sub("", line, count=1) for line in rest)])
+
+
+def end_of_block(text: str, start: int, end: int, value: str) -> int:
+    """Return the offset at which a block scalar ends, without blank lines that its value does not have."""
+    last = start + len(text[start:end].rstrip())
+    ends = [*LINE_END.finditer(text, last, end)]
+    if not ends:
+        return end
+    breaks = len(value) - len(value.rstrip("\n"))
+    return ends[min(breaks, len(ends)) - 1].end() if breaks else ends[0].start()
