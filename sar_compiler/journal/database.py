@@ -33,6 +33,7 @@ from sar_compiler.journal.journal_entries import (
     JournalEntry,
     JournalRun,
     Row,
+    check_value_types,
     end_data,
 )
 from sar_compiler.journal.json_values import json_text, json_value
@@ -375,7 +376,7 @@ class JournalFile:
         """Return the runs, the latest last."""
         with self._reading():
             rows = self._connection.execute(_RUNS if self.is_chained else _RUNS.replace("hex(closed)", "''"))
-            return [
+            runs = [
                 JournalRun(
                     number,
                     _finite(began),
@@ -388,6 +389,9 @@ class JournalFile:
                 )
                 for number, began, about, ended, ending, status, reason, head in rows
             ]
+            for run in runs:
+                check_value_types(RUN_BEGAN, run.about)
+            return runs
 
     def facts(self) -> Iterator[JournalEntry]:
         """Yield all facts, in their order."""
@@ -530,7 +534,9 @@ class JournalFile:
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._reading():
             for number, run, wall, time_, kind, data in self._connection.execute(query, tuple(values)):
-                yield JournalEntry(number, run, _finite(wall), _finite(time_), str(kind), _mapping(data))
+                entry = JournalEntry(number, run, _finite(wall), _finite(time_), str(kind), _mapping(data))
+                check_value_types(entry.kind, entry.data)
+                yield entry
 
     @property
     def is_chained(self) -> bool:

@@ -47,6 +47,32 @@ OF_EVERY_MISSION = (RUN_BEGAN, RUN_ENDED, FACTS_LOST, GOAL_SENT, PROPERTY_BROKEN
 """Kinds of events that a mission's state receives beside those that the mission declares itself."""
 
 
+_NUMBERS: dict[str, type] = dict.fromkeys(("node", "leaf", "tick", "last"), int)
+_TEXTS: dict[str, type] = dict.fromkeys(("status", "message", "label"), str)
+_VALUE_TYPES: dict[str, dict[str, type]] = {
+    STATUS: {**_NUMBERS, **_TEXTS},
+    CHANGED: _NUMBERS,
+    PROPERTY_BROKEN: _NUMBERS,
+    ASSUMPTION_FAILED: _NUMBERS,
+    RUN_BEGAN: dict.fromkeys(("tree_id", "tree_file"), str),
+}
+"""The types of values by kind and name, for every reader of a journal; a value may be missing, and null except in a status."""
+
+
+def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
+    """Check the values of an entry as it is read from a file, which may have been altered.
+
+    Raises:
+        TypeError: If the project never writes such a value.
+    """
+    for name, wanted in _VALUE_TYPES.get(kind, {}).items():
+        value = data.get(name)
+        is_missing = name not in data if kind == STATUS else value is None
+        if not is_missing and (not isinstance(value, wanted) or isinstance(value, bool)):
+            what = "an integer" if wanted is int else "a string"
+            raise TypeError(f"'{name}' of an entry '{kind}' is {value!r:.40} instead of {what}")
+
+
 def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
     """Return seconds since 1970 as the local date and time; as they are if there is no such day."""
     try:

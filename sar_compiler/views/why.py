@@ -292,7 +292,11 @@ def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
 
 def _is_of_tree(entry: JournalEntry, count: int) -> bool:
     """Return whether an entry tells of the tree, which has so many nodes, or the mission, as those of this project do."""
-    return is_status(entry, count) if entry.kind == STATUS else entry.kind not in OF_ROBOT
+    return (
+        is_status(entry, count) and "message" in entry.data
+        if entry.kind == STATUS
+        else entry.kind not in OF_ROBOT
+    )
 
 
 class _NodeKinds(NamedTuple):

@@ -62,6 +62,32 @@ def test_what_no_journal_has_is_refused_by_its_name(place, statements, named):
             opened(place)
 
 
+@pytest.mark.parametrize("command", [["stats"], ["show"], ["why"], ["report", "-o", "report.html"]])
+@pytest.mark.parametrize(
+    ("statement", "said"),
+    [
+        (
+            """UPDATE watched SET kind = 'status', data = '{"node": 0, "tick": 1, "status": "IDLE", "last": "x"}'""",
+            "last",
+        ),
+        (
+            """UPDATE watched SET kind = 'status', data = '{"node": [], "tick": 1, "status": "IDLE"}'""",
+            "node",
+        ),
+        ("""UPDATE watched SET kind = 'changed', data = '{"leaf": {}, "tick": 1}'""", "leaf"),
+        ("""UPDATE run SET about = '{"tree_id": [[1]]}'""", "tree_id"),
+    ],
+)
+def test_a_value_that_is_never_written_is_an_error_of_the_journal_for_every_command(
+    place, command, statement, said, capsys, monkeypatch, tmp_path
+):
+    monkeypatch.chdir(tmp_path)
+    change(place, statement)
+    assert main([command[0], str(place), *command[1:]]) == 2
+    error = capsys.readouterr().err
+    assert f"the journal {place} cannot be used: '{said}' of an entry" in error
+
+
 def test_what_sqlites_own_tools_leave_is_read(place):
     change(place, "ANALYZE", "VACUUM")
     assert [fact.kind for fact in open_journal(place, resume=True).facts()] == ["zone_searched"]

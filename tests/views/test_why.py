@@ -223,10 +223,11 @@ def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on()
     [
         {"node": 9, "tick": 1, "status": "FAILURE", "message": ""},
         {"node": 0, "status": "FAILURE", "message": ""},
+        {"node": 0, "tick": 1, "status": "FAILURE"},
         {"node": "one", "tick": 1, "status": "FAILURE"},
         {},
     ],
-    ids=["unknown node", "no tick", "text", "nothing"],
+    ids=["unknown node", "no tick", "no message", "text", "nothing"],
 )
 def test_entries_of_somebody_else_do_not_count(odd):
     stream = flown(leaf("one", F))
