@@ -128,11 +128,15 @@ def _world(name: str) -> "SimulatedWorld":
 
 
 def _map(options: argparse.Namespace) -> int:
-    from sar_compiler.cli.writing import write_bytes
+    from sar_compiler.cli.writing import WriteError, same_file, write_bytes
     from sar_compiler.sim.occupancy import map_files
     from sar_compiler.sim.survey import survey
 
     world = _world(options.world)
+    prefix: Path = options.output or Path(world.name)
+    if same_file(prefix.with_name(f"{prefix.name}.yaml"), Path(options.world)):
+        message = f"the map's description would overwrite the world {options.world}: write -o {prefix}_map"
+        raise WriteError(message)
     line = ProgressLine()
 
     def show(part: float) -> None:
@@ -142,7 +146,7 @@ def _map(options: argparse.Namespace) -> int:
         occupancy = survey(world, seed=options.seed, on_progress=show)
     finally:
         line.clear()
-    files = map_files(occupancy, options.output or Path(world.name))
+    files = map_files(occupancy, prefix)
     for path, content in files.items():
         write_bytes(path, content)
         print_text(str(path))

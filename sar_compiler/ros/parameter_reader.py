@@ -357,15 +357,18 @@ class ParameterReader:
         return text
 
     def read_json_file(self, key: str, noun: str, most_bytes: int) -> JsonFile | None:
-        """Return what the file that a parameter names says, as `read_file`; None if there is none, or it is not JSON, which is reported."""
+        """Return what the file that a parameter names says, as `read_file`; None if there is none, or it is not JSON, which is reported, as keys that are written twice are."""
         text = self.read_file(key, noun, most_bytes)
         if text is None:
             return None
         try:
-            return JsonFile(text, str(self.files[key].path))
+            file = JsonFile(text, str(self.files[key].path))
         except MalformedJsonError as error:
             self.report(key, f"is no {noun}: {error}", error.place)
             return None
+        for name, place in file.duplicates():
+            self.report(key, f"has the key '{name}' twice in one mapping: delete one of them", place)
+        return file
 
     def complain(self) -> None:
         """Raise an error with all mistakes, if there are any.

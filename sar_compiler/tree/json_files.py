@@ -1,6 +1,8 @@
 """JSON files with the place of every value: the place is looked up in the text when a finding asks for it."""
 
 import json
+import re
+from collections.abc import Iterator
 from typing import Any
 
 from sar_compiler.errors import SarError
@@ -8,6 +10,7 @@ from sar_compiler.tree.diagnostic import Source
 from sar_compiler.tree.model import NO_SPANS
 
 _BLANK = " \t\r\n"
+_TEXT_OR_BRACKET = re.compile(r'("(?:[^"\\]|\\.)*")(\s*:)?|[{}\[\]]')
 
 
 class MalformedJsonError(SarError):
@@ -30,7 +33,8 @@ class JsonFile:
         path: Its path, as findings show it.
 
     Attributes:
-        data: What it says.
+        data: What it says; of equal keys in a mapping, the last one is in it.
+        has_duplicates: Whether a mapping of it has a key twice.
 
     Raises:
         MalformedJsonError: If the text is not JSON.
@@ -39,12 +43,32 @@ class JsonFile:
     def __init__(self, text: str, path: str) -> None:
         self._source = Source(path, text, NO_SPANS)
         try:
-            self.data: Any = json.loads(text)
+            self.has_duplicates = False
+            self.data: Any = json.loads(text, object_pairs_hook=self._mapping)
         except json.JSONDecodeError as error:
             raise MalformedJsonError(error.msg, self._at(error.pos)) from None
         except (ValueError, RecursionError) as error:  # a number of thousands of digits
             raise MalformedJsonError(f"{error}", self._at(0)) from None
         self._read = json.JSONDecoder().raw_decode
+
+    def _mapping(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        mapping = dict(pairs)
+        self.has_duplicates |= len(mapping) < len(pairs)
+        return mapping
+
+    def duplicates(self) -> Iterator[tuple[str, str]]:
+        """Yield each key that its mapping has already, with file, line and column."""
+        around: list[set[str]] = []
+        for match in _TEXT_OR_BRACKET.finditer(self._source.text if self.has_duplicates else ""):
+            if match[0] in {"{", "["}:
+                around.append(set())
+            elif match[0] in {"}", "]"}:
+                around.pop()
+            elif match[2]:
+                key = json.loads(match[1])
+                if key in around[-1]:
+                    yield key, self._at(match.start())
+                around[-1].add(key)
 
     def place(self, *path: str | int) -> str:
         """Return file, line and column of a value, by the keys and indices that lead to it.

@@ -158,6 +158,18 @@ def test_each_mistake_in_an_areas_file_has_its_line_and_column(tmp_path: Path) -
     assert marked == ['""', "[", "[", '"corner"', '"Circle"', '"twice"', '"a.b"']
 
 
+def test_a_key_of_an_areas_file_that_is_written_twice_is_an_error_at_its_second_place(tmp_path: Path) -> None:
+    text = json.dumps({"type": "FeatureCollection", "features": [feature(title='{ "name": [')]}, indent=1)
+    text = text.replace('"title"', '"n\\u0061me" : "south", "title"')
+    assert '"n\\u0061me"' in text
+    with pytest.raises(ParameterError) as raised:
+        begun(tmp_path, text)
+    (problem,) = raised.value.problems
+    assert "has the key 'name' twice" in str(problem)
+    line, column = map(int, problem.place.rsplit(":", 2)[1:])
+    assert text.splitlines()[line - 1][column - 1 :].startswith('"n\\u0061me" :')
+
+
 def test_a_place_in_a_json_file_is_that_of_the_value_or_of_the_last_one_on_the_way() -> None:
     file = JsonFile(
         '{"a": [1,\n  {"b\\"": "\\u00e9", "c": {}}],\n "a ": 2, "a": [{"c": null, "d": [[], 3]}]}', "f"

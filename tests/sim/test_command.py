@@ -161,6 +161,19 @@ def test_the_map_goes_where_it_is_told(tmp_path: Path, capsys: pytest.CaptureFix
     assert (tmp_path / "there.yaml").read_text(encoding="utf-8").startswith("image: there.pgm\n")
 
 
+@pytest.mark.parametrize("output", [[], ["-o", "./flat"]])
+def test_a_map_does_not_overwrite_its_world(
+    output: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = Path("worlds/empty.yaml").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    Path("flat.yaml").write_text(text, encoding="utf-8")
+    assert main(["map", "flat.yaml", *output]) == 2
+    assert "would overwrite the world flat.yaml: write -o flat_map" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["flat.yaml"]
+    assert Path("flat.yaml").read_text(encoding="utf-8") == text
+
+
 def test_the_core_needs_no_ros() -> None:
     modules = ["world", "robot", "survey", "planner", "navigator", "occupancy", "placement"]
     code = (
