@@ -37,7 +37,6 @@ _OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
 """The results of comparing a value with itself."""
 
 
-@functools.lru_cache(maxsize=4096)
 def constant_truth(script: Script) -> bool | None:
     """Return the truth of a condition that is the same for all values of its variables.
 
@@ -47,8 +46,14 @@ def constant_truth(script: Script) -> bool | None:
     Returns:
         True or False; None if the values decide, if it assigns a variable, or if it raises for every value.
     """
+    # Most scripts need no evaluation, and to look for them in the cache takes longer than to see that.
     if not script.statements or _is_decided_by_a_value(script):
         return None
+    return _sampled_truth(script)
+
+
+@functools.lru_cache(maxsize=4096)
+def _sampled_truth(script: Script) -> bool | None:
     if any(isinstance(part, Assignment) for each in script.statements for part in parts(each)):
         return None
     return _SampledCondition(script).constant_truth()

@@ -108,3 +108,15 @@ def test_a_slip_in_a_port_of_a_subtrees_model_brings_the_key_that_was_meant():
     text = SUBTREE.format(use='<SubTree ID="Part" tiem="{pause}"/>', port="tiem")
     findings = check(forest_of(text.replace('<input_port name="time"/>', "")), default_registry())
     assert ("model-mismatch", "time") in [(each.code, each.suggestion) for each in findings]
+
+
+def test_a_text_is_found_at_the_end_of_a_long_chain_of_copies():
+    chain = [
+        f'<SetBlackboard value="{{k{number}}}" output_key="k{number + 1}"/>' * copies
+        for copies in (1, 2)
+        for number in range(20 * (copies - 1), 20 * copies)
+    ]
+    # Each entry of the second half has two copies of the one before, which are one value.
+    body = "\n".join(["<Script code=\"k0 := 'fast'\"/>", *chain])
+    last = f'<SetBlackboard value="{{k{len(chain)}}}" output_key="value"/>'
+    assert ("key-of-two-types", 4 + len(chain), 23) in found(f"{body}\n{last}")

@@ -1,7 +1,7 @@
 """Values that the ports of a key cannot read, or that BehaviorTree.CPP cannot write to it."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, EntryTable
 from sar_compiler.nodes.binding.bound import BoundNode, file_of
@@ -25,7 +25,8 @@ from sar_compiler.runtime.expressions import Assignment, Expression, Literal, Na
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
 from sar_compiler.tree.model import Element
 
-_MOST_COPIES = 8
+_MOST_COPIES = 50
+_MOST_VALUES = 100
 _SETTING = (":=", "=")
 _WRITING = (AccessKind.WRITE, AccessKind.CHANGE, AccessKind.BOTH)
 
@@ -68,6 +69,9 @@ class _WrittenValue(NamedTuple):
     is_shown: bool = False
 
 
+_PossibleValues: TypeAlias = tuple[_WrittenValue, ...] | None
+
+
 class _KeyWrite(NamedTuple):
     """A place that writes an entry.
 
@@ -86,7 +90,7 @@ class _KeyWrite(NamedTuple):
     attribute: str
     key: str
     place: tuple[str, tuple[int, int] | None]
-    values: tuple[_WrittenValue, ...] | None
+    values: _PossibleValues
     port: _TypedPort | None = None
     is_copy: bool = False
     is_constant: bool = False
@@ -116,20 +120,30 @@ class KeyTypeRules:
         self._severity = Severity.WARNING if btcpp is None else Severity.ERROR
         self._cpp: dict[int, str] = {}
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
+        # What may be in the entries that were asked for; a copy of a copy is asked for often.
+        self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
     def misfits(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
         """Yield values of an entry that one of its ports cannot read, or that BehaviorTree.CPP refuses in a tick."""
-        first = self._types.get((entry.scope, entry.key))
         # Of an entry with many uses, each port of a kind of node is compared once.
-        ports_by_kind: dict[int, _TypedPort] = {}
+        ports_by_kind: dict[int, _TypedPort | None] = {}
+        others_write = bool(entry.given)
         for use in entry.uses:
-            port = self._port(use)
-            if port is not None:
-                ports_by_kind.setdefault(id(port.parameter), port)
-        ports = list(ports_by_kind.values())
-        if len({port.cpp for port in ports}) == 1 and not entry.given and self._is_of_ports(entry):
+            bound, access = use.bound, use.access
+            if access.place is None:
+                kind = id(bound.spec.parameters.get(access.attribute))
+                if ports_by_kind.get(kind) is None:
+                    ports_by_kind[kind] = self._port(use)
+            if not others_write and access.kind in _WRITING:
+                others_write = access.place is not None or bool(bound.spec.semantics.copies)
+        ports = [port for port in ports_by_kind.values() if port is not None]
+        if not ports or (not others_write and len({port.cpp for port in ports}) == 1):
             return
-        if first is None or not ports:
+        first = self._types.get((entry.scope, entry.key))
+        # Most entries without a type are passed over: whatever is written to them, each port takes it.
+        if first is None or not (
+            first.cpp or any(port.cpp or port.parameter.value_type.python for port in ports)
+        ):
             return
         writes = [*self._constants(entry), *self._writes(entry)]
         for write in writes:
@@ -139,27 +153,19 @@ class KeyTypeRules:
             readers = [port for port in ports if is_untyped(first.cpp) or is_loop_queue(port.cpp)]
             yield from self._unreadable(writes, readers)
 
-    def _is_of_ports(self, entry: EntryAccesses) -> bool:
-        """Return whether ports alone write an entry."""
-        return all(
-            use.access.place is None and not use.bound.spec.semantics.copies for use in entry.of(*_WRITING)
-        )
-
     def _port(self, use: EntryAccess) -> _TypedPort | None:
         bound, name = use.bound, use.access.attribute
         parameter = bound.spec.parameters.get(name)
-        if (
-            use.access.place is not None
-            or parameter is None
-            or parameter.direction is None
-            or name not in bound.keys
-        ):
+        if use.access.place is not None or parameter is None or name not in bound.keys:
+            return None
+        if parameter.direction is None:
             return None
         cpp = self._cpp.get(id(parameter))
         if cpp is None:
             name = parameter.value_type.name
-            cpp = name if is_loop_queue(name) else cpp_type(parameter, self._version)
-            self._cpp[id(parameter)] = cpp
+            cpp = self._cpp[id(parameter)] = (
+                name if is_loop_queue(name) else cpp_type(parameter, self._version)
+            )
         return _TypedPort(bound, parameter, cpp)
 
     def _constants(self, entry: EntryAccesses) -> Iterator[_KeyWrite]:
@@ -167,72 +173,71 @@ class KeyTypeRules:
             text = place.remapping.constants.get(entry.key)
             if text is None:
                 continue
-            value, element = literal_value(text), place.element
-            cpp = type_of_constant(text, self._version) or TEXT
+            element, value = place.element, self._constant(text)
             # `check_subtrees` reports a key without its braces.
-            is_shown = not (isinstance(value, str) and text in self._board.written_keys)
+            is_shown = not (isinstance(value.value, str) and text in self._board.written_keys)
             written = (entry.key if entry.key in element.attributes else "ID", None)
-            values = (_WrittenValue(cpp, value, is_shown),)
+            values = (value._replace(is_shown=is_shown),)
             yield _KeyWrite(element, entry.key, entry.key, written, values, is_constant=True)
+
+    def _constant(self, text: str) -> _WrittenValue:
+        return _WrittenValue(
+            type_of_constant(text, self._version) or TEXT, literal_value(text), is_shown=True
+        )
 
     def _writes(self, entry: EntryAccesses) -> Iterator[_KeyWrite]:
         for use in entry.of(*_WRITING):
-            access, bound = use.access, use.bound
-            element = bound.element
-            port, part = self._port(use), access.place or access.place_in_braces
-            attribute = access.attribute
-            values, is_copy = None, bool(bound.spec.semantics.copies) and access.place is None
+            access, semantics = use.access, use.bound.spec.semantics
+            port, place = self._port(use), (access.attribute, access.place or access.place_in_braces)
+            expression, is_copy = None, False
             if access.place is not None:
                 expression = _assigned(use)
                 if expression is not None:
-                    values = self._values_of(expression, use.instance.scope)
-                    part = (expression.start, expression.end)
-            elif is_copy:
-                values, port = self._copied(use), None
-                attribute, part = bound.spec.semantics.copies, None
-            elif port is not None and port.writes and not is_untyped(port.cpp):
-                values = (_WrittenValue(port.cpp),)
-            yield _KeyWrite(element, access.attribute, access.key, (attribute, part), values, port, is_copy)
+                    place = access.attribute, (expression.start, expression.end)
+            elif semantics.copies:
+                port, place, is_copy = None, (semantics.copies, None), True
+            values = self._values_written(use, port, expression)
+            yield _KeyWrite(use.bound.element, access.attribute, access.key, place, values, port, is_copy)
 
-    def _copied(self, use: EntryAccess, depth: int = 0) -> tuple[_WrittenValue, ...] | None:
-        """Return what a node writes that copies an entry, or writes a text."""
-        source = use.bound.spec.semantics.copies
-        if source in use.bound.keys:
-            return self._values_in(use.instance.scope, use.bound.keys[source], depth)
-        text = use.bound.values.get(source)
-        return (_WrittenValue(TEXT, text, is_shown=True),) if isinstance(text, str) else None
+    def _values_written(
+        self, use: EntryAccess, port: _TypedPort | None, expression: Expression | None, depth: int = 0
+    ) -> _PossibleValues:
+        """Return what a use writes: the values of a script's expression, of the key or the text that a node copies, or of a port."""
+        bound, scope = use.bound, use.instance.scope
+        source = bound.spec.semantics.copies
+        if use.access.place is not None:
+            return None if expression is None else self._values_of(expression, scope, depth)
+        if source in bound.keys:
+            return self._values_in(scope, bound.keys[source], depth)
+        if source:
+            text = bound.values.get(source)
+            return (_WrittenValue(TEXT, text, is_shown=True),) if isinstance(text, str) else None
+        is_typed = port is not None and port.writes and not is_untyped(port.cpp)
+        return (_WrittenValue(port.cpp),) if port is not None and is_typed else None
 
-    def _values_in(self, scope: Scope, key: str, depth: int) -> tuple[_WrittenValue, ...] | None:
+    def _values_in(self, scope: Scope, key: str, depth: int) -> _PossibleValues:
         """Return the values that may be in an entry; None if not all of them are known."""
-        entry = self._entries.get(scope.owner(key))
+        owner = scope.owner(key)
+        if owner in self._values:
+            return self._values[owner]
+        entry = self._entries.get(owner)
         if entry is None or entry.is_parameter or depth > _MOST_COPIES:
             return None
-        found: list[_WrittenValue] = []
-        for place in entry.given:
-            text = place.remapping.constants.get(entry.key, "")
-            found.append(
-                _WrittenValue(
-                    type_of_constant(text, self._version) or TEXT, literal_value(text), is_shown=True
-                )
-            )
+        found = dict.fromkeys(
+            self._constant(place.remapping.constants.get(entry.key, "")) for place in entry.given
+        )
         for use in entry.of(*_WRITING):
-            values, port = None, self._port(use)
-            if use.access.place is not None:
-                expression = _assigned(use)
-                if expression is not None:
-                    values = self._values_of(expression, use.instance.scope, depth + 1)
-            elif use.bound.spec.semantics.copies:
-                values = self._copied(use, depth + 1)
-            elif port is not None and port.writes and not is_untyped(port.cpp):
-                values = (_WrittenValue(port.cpp),)
-            if values is None:
-                return None
-            found += values
+            values = self._values_written(use, self._port(use), _assigned(use), depth + 1)
+            if values is None or len(found) > _MOST_VALUES:
+                found = {}
+                break
+            found.update(dict.fromkeys(values))
+        # A chain that was too long from elsewhere may be short enough from an entry further on.
+        if found or not depth:
+            self._values[owner] = tuple(found) or None
         return tuple(found) or None
 
-    def _values_of(
-        self, expression: Expression, scope: Scope, depth: int = 0
-    ) -> tuple[_WrittenValue, ...] | None:
+    def _values_of(self, expression: Expression, scope: Scope, depth: int) -> _PossibleValues:
         """Return what an expression may be; None if that is not known."""
         if isinstance(expression, Literal):
             value = expression.value
@@ -373,8 +378,10 @@ def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Di
 
 def _assigned(use: EntryAccess) -> Expression | None:
     """Return the expression that a script assigns to a key as it is; None for any other use."""
-    script = dict(use.bound.scripts()).get(use.access.attribute)
-    if use.access.place is None or script is None:
+    if use.access.place is None:
+        return None
+    script = next((script for name, script in use.bound.scripts() if name == use.access.attribute), None)
+    if script is None:
         return None
     statement = script.by_start.get(use.access.place[0])
     if not isinstance(statement, Assignment) or statement.operator not in _SETTING:

@@ -61,6 +61,8 @@ def report_key_types(top: Instance, collector: Collector) -> EntryTypes:
     """
     types: dict[tuple[Scope, str], EntryType] = {}
     cpp_of: dict[int, str] = {}
+    # The types and ports that may share a key: of many nodes, there are few kinds.
+    sharing: set[tuple[str, int, int]] = set()
     for instance, bound in top.in_place():
         for name, key in bound.keys.items():
             parameter = bound.spec.parameters[name]
@@ -73,8 +75,12 @@ def report_key_types(top: Instance, collector: Collector) -> EntryTypes:
             known = types.get(entry)
             if known is None:
                 types[entry] = EntryType(cpp, bound, name, parameter)
-            elif known.parameter is not parameter or known.cpp != cpp:
-                _compare(known, EntryType(cpp, bound, name, parameter), key, collector)
+            elif known.parameter is not parameter:
+                pair = known.cpp, id(known.parameter), id(parameter)
+                if pair in sharing:
+                    continue
+                if _may_share(known, EntryType(cpp, bound, name, parameter), key, collector):
+                    sharing.add(pair)
         inner = instance.inner.get(bound)
         for key, text in bound.remapping.constants.items() if inner is not None else ():
             assert inner is not None  # noqa: S101 - asked above
@@ -105,7 +111,8 @@ def fits(value_type: ValueType, value: object) -> bool:
     return True
 
 
-def _compare(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+def _may_share(first: EntryType, later: EntryType, key: str, collector: Collector) -> bool:
+    """Return whether a port may share the key of the first one, after a report if it may not."""
     assert later.parameter is not None  # noqa: S101 - a constant comes first
     if first.parameter is not None and not _agree(first.parameter, later.parameter):
         _report_here(first, later, key, collector)
@@ -114,6 +121,9 @@ def _compare(first: EntryType, later: EntryType, key: str, collector: Collector)
             _report_constant(first, later, key, collector)
         else:
             _report_there(first, later, key, collector)
+    else:
+        return True
+    return False
 
 
 def _agree(first: Parameter, later: Parameter) -> bool:
