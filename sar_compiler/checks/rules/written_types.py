@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeAlias
 
 from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, EntryTable
 from sar_compiler.nodes.binding.bound import BoundNode, file_of
-from sar_compiler.nodes.binding.key_types import EntryType, EntryTypes, cpp_type, fits
+from sar_compiler.nodes.binding.key_types import EntryType, EntryTypes, cpp_type, fits, port_label
 from sar_compiler.nodes.btcpp import NEWEST, NUMBERS, Version
 from sar_compiler.nodes.btcpp.port_types import (
     can_be_copied,
@@ -53,6 +53,11 @@ class _TypedPort(NamedTuple):
     def writes(self) -> bool:
         """Whether the node writes the entry with the type of the port."""
         return self.parameter.direction is not Direction.INPUT
+
+    @property
+    def shown(self) -> str:
+        """The type, for a message."""
+        return "items" if is_loop_queue(self.cpp) else self.cpp or ANY
 
 
 class _WrittenValue(NamedTuple):
@@ -156,9 +161,9 @@ class KeyTypeRules:
     def _port(self, use: EntryAccess) -> _TypedPort | None:
         bound, name = use.bound, use.access.attribute
         parameter = bound.spec.parameters.get(name)
-        if use.access.place is not None or parameter is None or name not in bound.keys:
+        if use.access.place is not None or name not in bound.keys:
             return None
-        if parameter.direction is None:
+        if parameter is None or parameter.direction is None:
             return None
         cpp = self._cpp.get(id(parameter))
         if cpp is None:
@@ -253,14 +258,11 @@ class KeyTypeRules:
 
     def _misfit(self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType) -> Iterator[Diagnostic]:
         """Yield the first port that does not go with what a place writes."""
-        values = write.values
+        values, element = write.values, write.element
         if write.port is not None and not is_untyped(write.port.cpp):
             if first.cpp == TEXT and write.port.cpp != TEXT:
-                message = (
-                    f"{write.attribute}: {write.port.cpp} is written to '{write.key}', which is {first.label}"
-                    f"{file_of(first.bound.element, write.element)})"
-                )
-                yield self._refused(write, message, write.port)
+                what = f"{write.port.cpp} is written to '{write.key}', which is {first.label(element)}"
+                yield self._refused(f"{write.attribute}: {what}", element, write.span, write.port)
             return
         if not values:
             return
@@ -268,65 +270,44 @@ class KeyTypeRules:
             if not any(_is_taken(value, port, write) for value in values):
                 yield _misfit_here(write, values[0], port)
                 return
-        yield from self._misfit_there(write, values, ports, first)
-
-    def _misfit_there(
-        self, write: _KeyWrite, values: tuple[_WrittenValue, ...], ports: list[_TypedPort], first: EntryType
-    ) -> Iterator[Diagnostic]:
         types = [value.cpp for value in values]
         shown = " or ".join(dict.fromkeys(types))
         if write.is_copy and not any(can_be_copied(each, first.cpp) for each in types):
-            message = (
-                f"{write.attribute}: {shown} is copied with its type to '{write.key}', which is {first.label}"
-                f"{file_of(first.bound.element, write.element)})"
-            )
-            yield self._refused(write, message, None)
+            what = f"{shown} is copied with its type to '{write.key}', which is {first.label(element)}"
+            yield self._refused(f"{write.attribute}: {what}", element, write.span, None)
             return
         is_given = first.parameter is None
+        refuses_text = first.cpp == ANY and types == [TEXT] and not is_given
         for port in ports:
             if is_given and not is_loop_queue(port.cpp):
                 continue  # the types of constants and ports are compared where the tree is bound
-            refuses_text = first.cpp == ANY and types == [TEXT] and not is_given
             is_overwritten = port.writes and all(_is_lost(value, port.cpp) for value in values)
-            if (
-                refuses_text
-                or is_overwritten
-                or not any(can_be_read(each, port.cpp, self._version) for each in types)
-            ):
-                what = "items" if is_loop_queue(port.cpp) else port.cpp or ANY
-                message = (
-                    f"{write.attribute}: '{write.key}' is {shown} here, and {what} for {port.parameter.name} of "
-                    f"'{port.bound.name}' (line {port.bound.element.line}{file_of(port.bound.element, write.element)})"
-                )
-                yield self._refused(write, message, port, is_new=is_given and types != [TEXT])
+            is_read = any(can_be_read(each, port.cpp, self._version) for each in types)
+            if refuses_text or is_overwritten or not is_read:
+                whose = port_label(port.parameter.name, port.bound, element)
+                what = f"'{write.key}' is {shown} here, and {port.shown} for {whose}"
+                is_new = is_given and types != [TEXT]
+                yield self._refused(f"{write.attribute}: {what}", element, write.span, port, is_new=is_new)
                 return
 
     def _unreadable(self, writes: list[_KeyWrite], ports: list[_TypedPort]) -> Iterator[Diagnostic]:
-        """Yield the ports that can read none of the values that other ports write."""
+        """Yield the first port that can read none of the values that other ports write."""
         types = [value.cpp for write in writes for value in write.values or ()]
-        if not writes or any(write.values is None for write in writes):
-            return
         writer = next((write for write in writes if write.port is not None), None)
+        if writer is None or writer.port is None or any(write.values is None for write in writes):
+            return
         for port in ports:
-            if (
-                writer is None
-                or not port.reads
-                or (writer.port is not None and port.parameter is writer.port.parameter)
-            ):
+            if not port.reads or port.parameter is writer.port.parameter:
                 continue
             if not any(can_be_read(each, port.cpp, self._version) for each in types):
-                what = "items" if is_loop_queue(port.cpp) else port.cpp
-                element = port.bound.element
-                message = (
-                    f"{port.parameter.name}: '{port.bound.keys[port.parameter.name]}' is {what} here, and {types[0]} is "
-                    f"written to it (line {writer.element.line}{file_of(writer.element, element)})"
-                )
-                name = port.parameter.name
-                yield self._refused(_KeyWrite(element, name, "", (name, None), None), message, port)
+                name, element = port.parameter.name, port.bound.element
+                line = f"line {writer.element.line}{file_of(writer.element, element)}"
+                what = f"'{port.bound.keys[name]}' is {port.shown} here, and {types[0]} is written to it ({line})"
+                yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
                 return
 
     def _refused(
-        self, write: _KeyWrite, message: str, port: _TypedPort | None, *, is_new: bool = False
+        self, message: str, element: Element, span: Span, port: _TypedPort | None, *, is_new: bool = False
     ) -> Diagnostic:
         """Return the finding about a value over which BehaviorTree.CPP raises an error in a tick."""
         message = f"{message}, over which BehaviorTree.CPP raises an error"
@@ -335,7 +316,7 @@ class KeyTypeRules:
             code, message = "btcpp-version", f"{message} since {NUMBERS.release}"
         elif port is not None and not port.bound.spec.is_foreign and not is_loop_queue(port.cpp):
             message = f"{message}, although it is converted here"
-        return write.element.finding(code, message, write.span, hint="use two keys", severity=self._severity)
+        return element.finding(code, message, span, hint="use two keys", severity=self._severity)
 
 
 def _is_lost(value: _WrittenValue, cpp: str) -> bool:
@@ -350,40 +331,29 @@ def _is_lost(value: _WrittenValue, cpp: str) -> bool:
 
 def _is_taken(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
     """Return whether a value goes with a port here: one that only writes has to go with what scripts write as texts."""
-    if not value.is_shown or fits(port.parameter.value_type, value.value):
+    written = value.value
+    if not value.is_shown or fits(port.parameter.value_type, written):
         return True
-    if port.reads:
-        return False
+    if port.reads or write.is_constant or not isinstance(written, str):
+        return not port.reads
     # BehaviorTree.CPP converts a script's text to the type of the entry, and reads a number at its front.
-    is_number_there = (
-        isinstance(value.value, str)
-        and port.parameter.value_type.python is not bool
-        and value.value.lstrip("-")[:1].isdecimal()
-    )
-    return write.is_constant or not isinstance(value.value, str) or is_number_there
+    return port.parameter.value_type.python is not bool and written.lstrip("-")[:1].isdecimal()
 
 
 def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:
-    reader = port.bound.element
     what = "a text" if isinstance(value.value, str) else str(value.value)
-    whose = (
-        f"{port.parameter.name} of '{port.bound.name}' (line {reader.line}{file_of(reader, write.element)})"
-    )
-    label = port.parameter.value_type.label
+    label, whose = port.parameter.value_type.label, port_label(port.parameter.name, port.bound, write.element)
     message = f"{write.attribute}: '{write.key}' is {what} here, and {label} for {whose}"
-    return write.element.finding(
-        "key-of-two-types", message, write.span, hint=f"write {label}, or use two keys"
-    )
+    hint = f"write {label}, or use two keys"
+    return write.element.finding("key-of-two-types", message, write.span, hint=hint)
 
 
 def _assigned(use: EntryAccess) -> Expression | None:
     """Return the expression that a script assigns to a key as it is; None for any other use."""
     if use.access.place is None:
         return None
-    script = next((script for name, script in use.bound.scripts() if name == use.access.attribute), None)
-    if script is None:
-        return None
-    statement = script.by_start.get(use.access.place[0])
-    if not isinstance(statement, Assignment) or statement.operator not in _SETTING:
-        return None
-    return statement.value
+    for name, script in use.bound.scripts():
+        statement = script.by_start.get(use.access.place[0]) if name == use.access.attribute else None
+        if isinstance(statement, Assignment) and statement.operator in _SETTING:
+            return statement.value
+    return None

@@ -21,6 +21,7 @@ from sar_compiler.nodes.values import ConversionError, ValueType, literal_value
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.model import Element
 
 _TEXTS = (str, Script, Path, None)
 _NUMBERS = (int, float, bool, list)
@@ -42,11 +43,9 @@ class EntryType(NamedTuple):
     name: str
     parameter: Parameter | None
 
-    @property
-    def label(self) -> str:
-        """What it is and where, for a message: `int for value of 'LoopInt' (line 4)`."""
-        what = self.cpp or "of any type"
-        return f"{what} for {self.name} of '{self.bound.name}' (line {self.bound.element.line}"
+    def label(self, seen_from: Element) -> str:
+        """Return what it is and where, for a message about an element: `int for value of 'LoopInt' (line 4)`."""
+        return f"{self.cpp or 'of any type'} for {port_label(self.name, self.bound, seen_from)}"
 
 
 EntryTypes = Mapping[tuple[Scope, str], EntryType]
@@ -86,6 +85,12 @@ def report_key_types(top: Instance, collector: Collector) -> EntryTypes:
             assert inner is not None  # noqa: S101 - asked above
             types[inner.scope, key] = EntryType(type_of_constant(text, collector.version), bound, key, None)
     return types
+
+
+def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
+    """Return a port and its place, for a message about an element: `value of 'LoopInt' (line 4)`."""
+    element = bound.element
+    return f"{name} of '{bound.name}' (line {element.line}{file_of(element, seen_from)})"
 
 
 def cpp_type(parameter: Parameter, version: Version) -> str:
@@ -136,8 +141,7 @@ def _report_here(first: EntryType, later: EntryType, key: str, collector: Collec
     assert first.parameter is not None and later.parameter is not None  # noqa: S101, PT018 - both are ports
     message = (
         f"{later.name}: '{key}' is {later.parameter.value_type.label} here, and {first.parameter.value_type.label} for "
-        f"{first.name} of '{first.bound.name}' (line {first.bound.element.line}"
-        f"{file_of(first.bound.element, later.bound.element)})"
+        f"{port_label(first.name, first.bound, later.bound.element)}"
     )
     collector.add("key-of-two-types", message, later.bound.element, value=later.name, hint="use two keys")
 
@@ -146,8 +150,7 @@ def _report_there(first: EntryType, later: EntryType, key: str, collector: Colle
     """Report a port that is refused in C++ only."""
     runs_here = not (first.bound.spec.is_foreign or later.bound.spec.is_foreign)
     message = (
-        f"{later.name}: '{key}' is {later.cpp} here, and {first.label}"
-        f"{file_of(first.bound.element, later.bound.element)}), which BehaviorTree.CPP refuses"
+        f"{later.name}: '{key}' is {later.cpp} here, and {first.label(later.bound.element)}, which BehaviorTree.CPP refuses"
         f"{', although the tree runs here' if runs_here else ''}"
     )
     hint = "use two keys"
