@@ -7,7 +7,7 @@ from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.tree_ids import find_main_tree, is_node
 from sar_compiler.nodes.models import read_models
-from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Provenance
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Form, Severity, TreeError
 from sar_compiler.tree.forest import Forest
@@ -18,6 +18,7 @@ from sar_compiler.tree.model import (
     PROJECT_ATTRIBUTE,
     ROOT_TAG,
     SECTIONS,
+    SUBTREE_TAG,
     TREE_TAG,
     Element,
     TreeFile,
@@ -141,6 +142,12 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if name in known or name.startswith(("xmlns", "xsi:")):
             continue
         message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
+        if element.tag == TREE_TAG and (today := subtree().former_attributes.get(name)):
+            use = f'<{SUBTREE_TAG} ID="{element.attributes.get("ID", "...")}" {today}="true"/>'
+            yield element.finding(
+                "ignored-attribute", message, name=name, hint=f"where it is used, write {use}"
+            )
+            continue
         is_note = name.startswith("_")
         near = None if is_note else guesses.nearest(name, known)
         if name == "name" and is_misnamed(element) and "ID" in known:

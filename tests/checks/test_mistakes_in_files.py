@@ -1,11 +1,14 @@
 """The mistakes that the language has room for, in XML, in YAML and in files that are included."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from sar_compiler.checks import MOST, check
-from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.language.other_engines import REPLACEMENTS
+from sar_compiler.nodes.palettes import load_palettes
+from sar_compiler.nodes.registry import default_registry, subtree
 from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.forest import Forest, load_forest
 from sar_compiler.tree.gathering import read_tree_file
@@ -201,6 +204,42 @@ def test_a_name_of_an_older_version_is_said_to_be_one():
     assert (
         finding.message == "no node is called 'SequenceStar' any more: that is a name of BehaviorTree.CPP 3"
     )
+
+
+@pytest.mark.parametrize("tag", REPLACEMENTS)
+def test_a_node_of_another_engine_is_answered_with_nodes_and_attributes_that_exist(tag):
+    (finding, *_) = check(forest_of(document(f"<{tag}/>")), default_registry())
+    assert finding.message == f"no node is called '{tag}', which is known from {REPLACEMENTS[tag].engine}"
+    hint = finding.hint or ""
+    assert hint.startswith(REPLACEMENTS[tag].hint)
+    written = re.findall(r"<(\w+)([^>]*)", hint)
+    of_ros = load_palettes(["ros:jazzy"]) if "--model ros:jazzy" in hint else []
+    specs = [subtree(), *default_registry().specs(), *of_ros]
+    assert written
+    for name, attributes in written:
+        assert name in {spec.tag for spec in specs}
+        names = {each.name for spec in specs if spec.tag == name for each in spec.attributes} | {"ID"}
+        assert set(re.findall(r"(\w+)=", re.sub('"[^"]*"', "", attributes))) <= names
+
+
+REMAP = '<remap internal="goal" external="target"/>'
+
+
+@pytest.mark.parametrize("where", ["<Sequence>", f"{REMAP}<Sequence>"])
+def test_a_remap_of_version_3_is_answered_with_the_attribute_of_its_subtree(where):
+    inside = "" if REMAP in where else REMAP
+    body = f'<Sequence><SubTree ID="Part">{inside}</SubTree><Success/></Sequence>'
+    part = f'<BehaviorTree ID="Part">{where}<Success/><Success/></Sequence></BehaviorTree></root>'
+    found = check(forest_of(document(body).replace("</root>", part)), default_registry())
+    assert [each.code for each in found if each.severity is Severity.ERROR] == ["unknown-node"]
+    assert '<SubTree ID="Part" goal="{target}"/>' in (found[0].hint or "")
+
+
+def test_a_shared_blackboard_of_a_tree_is_answered_with_the_attribute_of_its_uses():
+    text = document("<Success/>").replace('ID="Main"', 'ID="Main" __shared_blackboard="true"')
+    (finding,) = check(forest_of(text), default_registry())
+    assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
+    assert finding.hint == 'where it is used, write <SubTree ID="Main" _autoremap="true"/>'
 
 
 @pytest.mark.parametrize("place", ["root", "include", "BehaviorTree"])

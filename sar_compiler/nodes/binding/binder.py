@@ -19,6 +19,7 @@ from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles,
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
 from sar_compiler.nodes.btcpp import Version
+from sar_compiler.nodes.language.other_engines import REPLACEMENTS
 from sar_compiler.nodes.models import Model, Models, compare_models, read_models, yielding
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, is_own_word, subtree
@@ -35,6 +36,7 @@ _KEYS = r"(?a)\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:="
 OF_ANY = ("ID", "name", ONESHOT)
 """Attributes that say nothing of whose node it is."""
 _UNKNOWN = "no nodes are called like these"
+_REMAP = "remap"
 _UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette (nodes --from-use makes one)"
 _LIKE_UNUSED = 0.9
 """How alike the words of two tags are if one is a slip for the other, which nothing here speaks for."""
@@ -233,15 +235,16 @@ class Binder:
 
     def _bind_content(self, tree: BoundTree) -> None:
         element = tree.element
-        if not element.children:
+        children = self._own_children(element, tree.name)
+        if not children:
             self._collector.add("missing-child", f"<{TREE_TAG}> has no node in it", element)
             return
-        for extra in element.children[1:]:
+        for extra in children[1:]:
             message = f"<{TREE_TAG}> holds one node; this is another"
             hint = "put them together in a Sequence or a Selector"
             self._collector.add("too-many-children", message, extra, hint=hint)
         tree.nesting = self._level
-        bound = [self._node(child) for child in element.children]
+        bound = [self._node(child) for child in children]
         tree.root = bound[0]
 
     def _node(self, element: Element) -> BoundNode | None:
@@ -392,10 +395,32 @@ class Binder:
         if tag in self._forest.known_ids:
             hint = f'write <{SUBTREE_TAG} ID="{tag}"/>'
             return f"{message}; that is a tree", None, hint, "these are trees, not nodes"
+        if other := REPLACEMENTS.get(tag):
+            hint = (
+                f"{other.hint}; if it is a node of your own, name its module (--nodes) or palette (--model)"
+            )
+            return f"{message}, which is known from {other.engine}", None, hint, f"these are like <{tag}>"
         if known := palettes_with(tag):
             names = " or ".join(known)
             return message, None, f"a palette knows it: --model {names}", f"these are nodes of {names}"
         return message, near, _UNKNOWN_HINT, _UNKNOWN
+
+    def _own_children(self, element: Element, tree_id: str) -> Sequence[Element]:
+        """Report each `<remap>` of BehaviorTree.CPP 3 in a tree or its use; return the other children."""
+        if not any(child.tag == _REMAP for child in element.children) or self._variants(_REMAP):
+            return element.children
+        where = "this" if element.tag == SUBTREE_TAG else "each"
+        for child in (child for child in element.children if child.tag == _REMAP):
+            inner, outer = (
+                child.attributes.get(name, default)
+                for name, default in (("internal", "INNER"), ("external", "OUTER"))
+            )
+            message = f"<{_REMAP}> is BehaviorTree.CPP 3's: since 4, keys are attributes of <{SUBTREE_TAG}>"
+            hint = (
+                f'delete it, and write {where} use as <{SUBTREE_TAG} ID="{tree_id}" {inner}="{{{outer}}}"/>'
+            )
+            self._collector.add("unknown-node", message, child, hint=hint)
+        return [child for child in element.children if child.tag != _REMAP]
 
     def _report_without_id(self, element: Element, message: str, what: str) -> None:
         """Report an element without its required ID; `id` in another case does not count, nor a tree's name in another attribute."""
@@ -488,7 +513,7 @@ class Binder:
         bound = BoundNode(element, subtree(), element.attributes.get("name") or tree_id or SUBTREE_TAG)
         self._current.nodes.append(bound)
         self._current.uses.append(bound)
-        for child in element.children:
+        for child in self._own_children(element, tree_id or "..."):
             message = f"<{SUBTREE_TAG}> names a tree; its nodes belong in that <{TREE_TAG}>"
             self._collector.add("child-of-leaf", message, child)
         if not tree_id:

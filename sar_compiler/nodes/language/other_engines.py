@@ -1,0 +1,88 @@
+"""Nodes of other behaviour tree engines, and the nodes that replace them here."""
+
+from typing import NamedTuple
+
+
+class Replacement(NamedTuple):
+    """What replaces a node of another engine.
+
+    Attributes:
+        engine: The engine, as a user would search for it.
+        hint: What to write instead.
+    """
+
+    engine: str
+    hint: str
+
+
+def _of(engine: str, **hints: str) -> dict[str, Replacement]:
+    return {tag: Replacement(engine, hint) for tag, hint in hints.items()}
+
+
+_ROS = "with --model ros:jazzy, write "
+_TOPIC = f'{_ROS}<RosTopic topic="..." type="..." fields="FIELD: {{KEY}}" waits="true"/>'
+_ACTION = f'{_ROS}<RosAction action="..." type="..." goal="..."/>'
+_PUBLISH = f'{_ROS}<RosPublish topic="..." type="..." message="data: {{KEY}}"/>'
+_CHECK = 'write <ScriptCondition code="KEY == VALUE"/>'
+_REPEAT = 'write <Repeat num_cycles="-1"> around the child'
+_UNTIL_SUCCESS = 'write <RetryUntilSuccessful num_attempts="-1"> around the child'
+_UNTIL_FAILURE = "write <KeepRunningUntilFailure> around the child"
+_MEMORY_FALLBACK = "write <Fallback>, which continues with the child that was running"
+_REACTIVE = "write <ReactiveFallback>"
+_SLEEP = 'write <Sleep msec="..."/>, in milliseconds'
+_NO_CHANCE = "there is no random order: write <Fallback>, or let a leaf choose"
+
+REPLACEMENTS = {
+    **_of(
+        "py_trees_ros",
+        ToBlackboard=_TOPIC,
+        EventToBlackboard=_TOPIC,
+        WaitForData=_TOPIC,
+        CheckData=_TOPIC.replace(' waits="true"', ""),
+        FromAction=_ACTION,
+        FromConstant=_ACTION,
+        ActionClient=_ACTION,
+        ServiceClient=f'{_ROS}<RosService service="..." type="..." request="..."/>',
+        FromBlackboard=_PUBLISH,
+        TransformToBlackboard=f'{_ROS}<RosTransform target_frame="..." source_frame="..." x="{{KEY}}"/>',
+    ),
+    **_of(
+        "BehaviorTree.CPP 3", ManualSelector="write <Fallback>: no node asks the operator to choose a child"
+    ),
+    **_of(
+        "other engines",
+        MemSequence="write <Sequence>, which continues with the child that was running",
+        MemSelector=_MEMORY_FALLBACK,
+        MemPriority=_MEMORY_FALLBACK,
+        SelectorStar=_MEMORY_FALLBACK,
+        Priority=_REACTIVE,
+        PrioritySelector=_REACTIVE,
+        RandomSelector=_NO_CHANCE,
+        RandomSequence=_NO_CHANCE.replace("Fallback", "Sequence"),
+        SimpleParallel='write <Parallel success_count="1" failure_count="1">',
+        ParallelSequence='write <Parallel success_count="-1" failure_count="1">',
+        ParallelSelector='write <Parallel success_count="1" failure_count="-1">',
+        Repeater=_REPEAT,
+        RepeatForever=_REPEAT,
+        UntilSuccess=_UNTIL_SUCCESS,
+        RepeatUntilSuccess=_UNTIL_SUCCESS,
+        UntilFail=_UNTIL_FAILURE,
+        UntilFailure=_UNTIL_FAILURE,
+        RepeatUntilFailure=_UNTIL_FAILURE,
+        Negate="write <Inverter> around the child",
+        Succeeder="write <ForceSuccess> around the child",
+        AlwaysSucceed="write <ForceSuccess> around the child",
+        Failer="write <ForceFailure> around the child",
+        AlwaysFail="write <ForceFailure> around the child",
+        MaxTime='write <Timeout msec="..."> around the child, in milliseconds',
+        TimeLimit='write <Timeout msec="..."> around the child, in milliseconds',
+        WaitAction=_SLEEP,
+        SetVariable='write <Script code="KEY := VALUE"/>',
+        CheckVariable=_CHECK,
+        BlackboardCondition=_CHECK,
+        Expression='write <ScriptCondition code="..."/>',
+        RunSubTree='write <SubTree ID="..."/>',
+        Concurrence='write <Parallel success_count="-1" failure_count="1">',
+    ),
+}
+"""What replaces well-known nodes, by tag. A name that BehaviorTree.CPP 3 gave a node of ours is one of its `former_tags`."""
