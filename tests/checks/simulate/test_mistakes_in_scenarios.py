@@ -103,7 +103,7 @@ MISTAKES = {
         "wrong-value",
         1,
         51,
-        None,
+        "60min",
     ),
     "times that are no number": (
         "leaves: {NavigateToZone: {answer: arrived, times: often}}",
