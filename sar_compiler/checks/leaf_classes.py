@@ -63,7 +63,7 @@ class _WrittenClass(NamedTuple):
 
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what is wrong with the classes of the leaves that the trees use."""
-    for spec in {spec.cls: spec for spec in context.bound.specs}.values():
+    for spec in {spec.class_path: spec for spec in context.bound.specs}.values():
         yield from check_class(spec)
 
 
@@ -73,7 +73,8 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
     Args:
         spec: The node; one of this package, or without a class, has no findings.
     """
-    if spec.cls is None or spec.is_foreign or spec.cls.__module__.startswith(_LIBRARIES):
+    # A class of this package need not be imported to know where it is.
+    if spec.is_foreign or spec.class_path.startswith(_LIBRARIES) or spec.cls is None:
         return
     parts = [part for base in spec.cls.__mro__ if (part := _part(base)) is not None]
     if not parts or parts[0].cls is not spec.cls:

@@ -276,7 +276,12 @@ class _SetSearch:
         tree_id = reference.attributes[attribute]
         having = [(self.forest.place, home)] if tree_id in home.trees else self._having(tree_id, reference)
         if not having:
-            self.findings += [each for each in self.tree_set.findings if tree_id in each.source.text]
+            # A file that is malformed itself, and of which only the beginning is checked, has its own finding.
+            self.findings += [
+                each
+                for each in self.tree_set.findings
+                if tree_id in each.source.text and real_path(Path(each.source.path)) != self.forest.place
+            ]
             for reason in self.tree_set.unreadable if self.tree_set.is_declared else ():
                 message = f"the tree '{tree_id}' may be in a file of the set: {reason}"
                 self.findings.append(reference.finding("unreadable-include", message, value=attribute))

@@ -107,7 +107,10 @@ def test_a_file_that_is_not_of_its_form_is_reported_where_it_goes_wrong(name, ca
             "from sar_compiler.leaves import register\nx = (\n",
             r"2:5: .*: SyntaxError: '\(' was never closed\n",
         ),
-        ("from sar_compiler.leaves import register\n\n@register\nclass A: ...\n", r"3:\d+: .*: TypeError"),
+        (
+            "from sar_compiler.leaves import register\n\n@register\nclass A: ...\n",
+            r"3:\d+: .*: RegistrationError: .* needs the tag and the kind",
+        ),
         ("import os\nimport nonsense_module\n", r"2:\d+: .*: ModuleNotFoundError"),
         ("import json\nfirst = 1\nsecond = json.loads('{')\n", r"3:\d+: .*: JSONDecodeError"),
     ],

@@ -166,7 +166,7 @@ def test_of_several_trees_the_one_to_execute_is_asked_for_with_their_names(folde
     )
     assert main(["validate", "two.xml"]) == 0
     capsys.readouterr()
-    for command in ("show", "simulate", "verify"):
+    for command in ("simulate", "verify"):
         assert main([command, "two.xml"]) != 0
         err = capsys.readouterr().err
         assert "error[no-main-tree]: the file has 2 trees and does not say which one to execute: A, B" in err
@@ -193,12 +193,12 @@ def test_a_groot2_project_is_named_as_such(folder, capsys):
     for name in ("a", "b"):
         write(folder, f"{name}.xml", document("<NavigateToBase/>", name))
     write(folder, "Project.btproj", PROJECT.format('<include path="a.xml"/><include path="b.xml"/>', ""))
-    assert main(["show", "Project.btproj"]) == 1
+    assert main(["simulate", "Project.btproj"]) == 1
     assert (
         "this Groot2 project has 2 trees and does not say which one to execute: a, b"
         in capsys.readouterr().err
     )
-    assert main(["show", "--tree", "a", "Project.btproj"]) == 0
+    assert main(["simulate", "--tree", "a", "Project.btproj"]) == 0
 
 
 def test_a_tree_file_has_no_name_of_a_project(folder):

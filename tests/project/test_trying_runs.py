@@ -37,7 +37,6 @@ def found(folder, body):
     [
         ("<Script code=\"x := 'goal'; y := x * 2\"/>", 4, 33),
         ('<Script code="x := 1"/>\n<Script code="y := x + \'a\'"/>', 5, 20),
-        ('<Script code="x := \'goal\'; y := x"/>\n<Sleep msec="{y}"/>', 4, 28),
         ("<AlwaysSuccess _skipIf=\"x := 'a'; x * 2 > 2\"/>", 4, 35),
     ],
 )
@@ -49,7 +48,6 @@ def test_what_every_run_raises_is_an_error_at_its_place(tmp_path, body, line, co
     "node",
     [
         '<CheckBlackboardVariableValue variable="x" operator="gt" value="3"/>',
-        '<LoopInt queue="{x}"><AlwaysSuccess/></LoopInt>',
         '<SetBlackboard value="1" output_key="{n}"/>',
         '<Parallel success_count="{many}"><AlwaysSuccess/></Parallel>',
     ],
@@ -74,12 +72,6 @@ GIVEN = (
         (
             document('<Sequence><Script code="x := 1"/><ScriptCondition code="x = \'a\'"/></Sequence>'),
             "assign",
-        ),
-        (
-            document(
-                '<Sequence><Script code="x := 1;2"/><LoopInt queue="{x}"><Success/></LoopInt></Sequence>'
-            ),
-            "idle-statement",
         ),
         (GIVEN.format("soon"), "key-as-text"),
         (GIVEN.format("later"), "failing-tick"),
