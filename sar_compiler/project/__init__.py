@@ -163,15 +163,19 @@ class Project:
         if self.additions.trust:
             content.trust()
         elif not content.is_trusted:
-            raise TreeError([self._trust_finding(each) for each in modules])
+            raise TreeError([self._trust_finding(each, modules) for each in modules])
         content.make_importable()
 
-    def _trust_finding(self, module: str) -> Diagnostic:
+    def _trust_finding(self, module: str, modules: Sequence[str]) -> Diagnostic:
         message = (
             f"'{module}' is not of an installed package that registers leaves ('{ENTRY_POINTS}'), and a configuration "
             "brings no code along"
         )
-        hint = f"install it, name it yourself (--nodes {module}), or trust what lies here, until it changes: --trust"
+        options = " ".join(f"--nodes {each}" for each in modules)
+        hint = (
+            f"add {options} to the command, as in CI, or run pip install in a step before it; "
+            "--trust runs what lies here until it changes"
+        )
         source, span = self.configuration.source, self.configuration.spans[module]
         return Diagnostic("untrusted-nodes", message, source, span, hint=hint)
 

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -48,6 +49,13 @@ class TestModulesThatAConfigurationNames:
         assert "--trust" in said
         assert "unknown-node" not in said
         assert not named.has_run
+
+    def test_are_said_with_the_options_that_a_command_in_ci_needs(self, named):
+        said = named.validate()
+        options = re.search(r"add ((?:--nodes [\w.]+ ?)+) ?to the command, as in CI", said)
+        assert options is not None, said
+        assert "untrusted-nodes" not in named.validate(*options[1].split())
+        assert named.has_run
 
     @pytest.mark.parametrize("command", ["show", "simulate", "verify"])
     def test_are_not_imported_by_any_command(self, named, command):
