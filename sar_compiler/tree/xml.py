@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from xml.parsers import expat
 
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
-from sar_compiler.tree.diagnostic import AttributePlaces, Diagnostic, Source, Spans, TreeError
+from sar_compiler.tree.diagnostic import AttributePlaces, Diagnostic, Severity, Source, Spans, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile, text_of_xml
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, mistake_at, recover
@@ -76,6 +76,8 @@ class _XmlReader:
         self._parser = parser = expat.ParserCreate(encoding="utf-8")
         parser.StartDoctypeDeclHandler = self._doctype
         parser.CommentHandler = self._comment
+        parser.ProcessingInstructionHandler = self._instruction
+        self._instructions: list[Diagnostic] = []
         # What is open: tag, attributes, line, column; and the elements of each level that have ended.
         self._open: list[tuple[str, dict[str, str], int, int]] = []
         self._levels: list[list[Element]] = [[]]
@@ -103,6 +105,7 @@ class _XmlReader:
 
     def _file(self) -> TreeFile:
         findings = self._recovered.findings if self._recovered is not None else ()
+        findings = (*findings, *self._instructions)
         return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())), findings)
 
     def _beginning(self) -> FileBeginning | None:
@@ -177,6 +180,19 @@ class _XmlReader:
         else:
             comment = Comment(text, len(siblings), after_blank_line=self._source.blank_before(start))
             self._comments.setdefault(depth, []).append(comment)
+
+    def _instruction(self, target: str, _data: str) -> None:
+        """Report the first processing instruction that does not stand before the root element."""
+        if (self._open or self._levels[0]) and not self._instructions:
+            start = self._here()
+            span = self._source.span(start, start + len(target) + 2)
+            message = f"BehaviorTree.CPP reads processing instructions before <root> only: <?{target}?>"
+            hint, severity = "put it in a comment, or delete it", Severity.WARNING
+            self._instructions.append(
+                Diagnostic(
+                    "processing-instruction", message, self._source, span, hint=hint, severity=severity
+                )
+            )
 
     def _doctype(self, *_declaration: object) -> None:
         message = "a DOCTYPE is not allowed in a tree file (entities could hide what the file says)"

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.opener import TREE, UnreadableFileError
 from sar_compiler.tree.content import MAX_DEPTH
-from sar_compiler.tree.diagnostic import Span, TreeError
+from sar_compiler.tree.diagnostic import Severity, Span, TreeError
 from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.xml import parse_xml
@@ -214,3 +214,20 @@ def test_only_the_ports_of_a_model_have_text():
     port = '<input_port name="x"> Where <![CDATA[to]]> go </input_port>'
     root = parse_xml(f"<root><A>a</A><TreeNodesModel>{port}</TreeNodesModel><B>b</B></root>").root
     assert [element.text for element in root.iterate()] == ["", "", "", "Where to go", ""]
+
+
+# BehaviorTree.CPP 4.8.2, 4.9.0, 4.9.1 and 4.10 refuse, or read, files with one there.
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("<root><?note x?><BehaviorTree/></root>", [7]),
+        ("<root><BehaviorTree><A><?note x?></A></BehaviorTree><?more?></root>", [24]),
+        ("<root><BehaviorTree/></root><?note x?>", [29]),
+        ('<?xml version="1.0"?><?note x?><root><BehaviorTree/></root>', []),
+    ],
+)
+def test_the_first_processing_instruction_behind_the_start_of_the_root_is_a_warning(text, columns):
+    found = parse_xml(text).findings
+    assert [(each.code, each.severity, each.span.column) for each in found] == [
+        ("processing-instruction", Severity.WARNING, column) for column in columns
+    ]
