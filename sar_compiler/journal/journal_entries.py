@@ -35,11 +35,17 @@ LEAF_RAISED = "leaf_raised"
 CHANGED = "changed"
 """The kind of an entry behind a fact: the fact as a sentence, and the changes of the mission's display."""
 
-STATUS, PROGRESS, LACKS, BREAKPOINT = "status", "progress", "lacks", "breakpoint"
-"""Kinds that are recorded of the run: a node's status, how far a drive is, why the robot cannot drive, where a breakpoint holds the tree."""
+STATUS, LACKS, BREAKPOINT = "status", "lacks", "breakpoint"
+"""Kinds that are recorded of the run: a node's status, why the robot cannot drive, where a breakpoint holds the tree."""
 
-POSE, PLAN, MAP, BATTERY, LOG = "pose", "plan", "map", "battery", "log"
+PROGRESS = "progress"
+"""The kind of an entry that says how far a drive is."""
+
+POSE, PLAN, MAP, LOG = "pose", "plan", "map", "log"
 """Kinds that are recorded from the robot's topics, one by one."""
+
+BATTERY = "battery"
+"""The kind of an entry with the state of the robot's battery."""
 OF_ROBOT = (POSE, PLAN, MAP, BATTERY, LOG)
 """All of them."""
 
