@@ -96,11 +96,16 @@ def test_a_value_that_the_entry_cannot_take_is_an_error_that_names_node_and_entr
     assert stage.entry("k").read() == 1
 
 
-def test_copying_an_entry_that_is_named_and_empty_fails():
+def test_copying_an_entry_that_is_named_and_empty_fails_and_says_so_until_it_succeeds():
     stage = Stage()
     stage.entry("source").declare()
-    assert stage.tick(setting(stage, stage.port("source"))) == "F:"
+    node = setting(stage, stage.port("source"))
+    assert stage.tick(node) == "F:"
+    assert node.feedback_message == "nothing has been written to 'source' yet"
     assert not stage.entry("k").exists
+    stage.entry("source").write(1)
+    assert stage.tick(node) == "S:"
+    assert node.feedback_message == ""
 
 
 def test_copying_what_nobody_has_named_is_an_error():
