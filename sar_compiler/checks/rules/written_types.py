@@ -123,32 +123,35 @@ class KeyTypeRules:
         self._types = types
         self._version = btcpp or NEWEST
         self._severity = Severity.WARNING if btcpp is None else Severity.ERROR
-        self._cpp: dict[int, str] = {}
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
+        # Kinds of ports that have one type, and need no comparison where they alone use an entry.
+        self._of_one_type: set[tuple[int, ...]] = set()
         # What may be in the entries that were asked for; a copy of a copy is asked for often.
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
     def misfits(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
         """Yield values of an entry that one of its ports cannot read, or that BehaviorTree.CPP refuses in a tick."""
+        first = self._types.get((entry.scope, entry.key))
+        if first is None:
+            return
         # Of an entry with many uses, each port of a kind of node is compared once.
-        ports_by_kind: dict[int, _TypedPort | None] = {}
+        kinds: dict[int, EntryAccess] = {}
         others_write = bool(entry.given)
         for use in entry.uses:
-            bound, access = use.bound, use.access
-            if access.place is None:
-                kind = id(bound.spec.parameters.get(access.attribute))
-                if ports_by_kind.get(kind) is None:
-                    ports_by_kind[kind] = self._port(use)
+            access = use.access
+            bound, name = access.bound, access.attribute
+            if access.place is None and name in bound.keys:
+                kinds.setdefault(id(bound.spec.parameters.get(name)), use)
             if not others_write and access.kind in _WRITING:
                 others_write = access.place is not None or bool(bound.spec.semantics.copies)
-        ports = [port for port in ports_by_kind.values() if port is not None]
-        if not ports or (not others_write and len({port.cpp for port in ports}) == 1):
+        if not others_write and tuple(kinds) in self._of_one_type:
             return
-        first = self._types.get((entry.scope, entry.key))
+        ports = [port for use in kinds.values() if (port := self._port(use)) is not None]
+        if not others_write and len({port.cpp for port in ports}) <= 1:
+            self._of_one_type.add(tuple(kinds))
+            return
         # Most entries without a type are passed over: whatever is written to them, each port takes it.
-        if first is None or not (
-            first.cpp or any(port.cpp or port.parameter.value_type.python for port in ports)
-        ):
+        if not first.cpp and not any(port.cpp or port.parameter.value_type.python for port in ports):
             return
         writes = [*self._constants(entry), *self._writes(entry)]
         for write in writes:
@@ -165,12 +168,8 @@ class KeyTypeRules:
             return None
         if parameter is None or parameter.direction is None:
             return None
-        cpp = self._cpp.get(id(parameter))
-        if cpp is None:
-            name = parameter.value_type.name
-            cpp = self._cpp[id(parameter)] = (
-                name if is_loop_queue(name) else cpp_type(parameter, self._version)
-            )
+        kind = parameter.value_type.name
+        cpp = kind if is_loop_queue(kind) else cpp_type(parameter, self._version)
         return _TypedPort(bound, parameter, cpp)
 
     def _constants(self, entry: EntryAccesses) -> Iterator[_KeyWrite]:

@@ -59,7 +59,6 @@ def report_key_types(top: Instance, collector: Collector) -> EntryTypes:
     the subtree is given. A port that takes anything, or a text, leaves it open.
     """
     types: dict[tuple[Scope, str], EntryType] = {}
-    cpp_of: dict[int, str] = {}
     # The types and ports that may share a key: of many nodes, there are few kinds.
     sharing: set[tuple[str, int, int]] = set()
     for instance, bound in top.in_place():
@@ -67,18 +66,16 @@ def report_key_types(top: Instance, collector: Collector) -> EntryTypes:
             parameter = bound.spec.parameters[name]
             if parameter.direction is None:
                 continue
-            cpp = cpp_of.get(id(parameter))
-            if cpp is None:
-                cpp = cpp_of[id(parameter)] = cpp_type(parameter, collector.version)
             entry = instance.scope.owner(key)
             known = types.get(entry)
             if known is None:
-                types[entry] = EntryType(cpp, bound, name, parameter)
+                types[entry] = EntryType(cpp_type(parameter, collector.version), bound, name, parameter)
             elif known.parameter is not parameter:
                 pair = known.cpp, id(known.parameter), id(parameter)
                 if pair in sharing:
                     continue
-                if _may_share(known, EntryType(cpp, bound, name, parameter), key, collector):
+                later = EntryType(cpp_type(parameter, collector.version), bound, name, parameter)
+                if _may_share(known, later, key, collector):
                     sharing.add(pair)
         inner = instance.inner.get(bound)
         for key, text in bound.remapping.constants.items() if inner is not None else ():
