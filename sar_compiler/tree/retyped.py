@@ -103,7 +103,8 @@ def retyped(before: TreeFile, text: str) -> TreeFile | None:
     went, came = source.text[edit.start : edit.end], text[edit.start : edit.start + edit.length]
     if any(character in part for part in (went, came) for character in "<>\r\n"):
         return None
-    path = _path_to(before.root, source.place(edit.start))
+    place = source.place(edit.start)
+    path = _path_to(before.root, place)
     attributes = _attributes_after(path[-1], text, edit)
     if attributes is None:
         return None
@@ -111,7 +112,8 @@ def retyped(before: TreeFile, text: str) -> TreeFile | None:
     with gc_paused(len(text)):
         root = _copied(before.root, Source(source.path, text, source.spans))
     _path_to(root, old.place)[-1].attributes = attributes
-    _move(root, old.place, edit.growth)
+    # A start tag may go on in further lines: what moves stands in the line of the edit.
+    _move(root, place, edit.growth)
     new = dataclasses.replace(old, attributes=attributes)
     return TreeFile(root.source, root, before.comments, retyped=Retyped(tuple(around), old, new))
 

@@ -57,6 +57,14 @@ def test_other_attributes_of_one_tag_are_read_alone(old, new):
     assert found.retyped.before.attributes != found.retyped.after.attributes
 
 
+def test_what_follows_an_edit_in_a_later_line_of_its_tag_moves_along():
+    before = BEFORE.replace('<Sleep msec="10"/>', '<Sleep name="x"\n msec="10"/>')
+    after = before.replace("10", "1000")
+    found = retyped(parse_xml(before), after)
+    assert found is not None
+    assert said(found) == said(parse_xml(after))
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
