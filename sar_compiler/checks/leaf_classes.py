@@ -7,7 +7,7 @@ returns and writes is compared with what its registration declares. Only classes
 import ast
 import functools
 import inspect
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -59,6 +59,25 @@ class _WrittenClass(NamedTuple):
                     and node.value.id == own
                 ):
                     yield node.attr, node
+
+    def replaced(self) -> set[str]:
+        """Return the attributes that are set to a function: to replace a method of one instance is right Python."""
+        found = set()
+        for method in self.methods():
+            given = {each.arg: ast.unparse(each.annotation) for each in method.args.args if each.annotation}
+            for node in ast.walk(method):
+                if isinstance(node, ast.Assign) and _is_function(node.value, given):
+                    found |= {each.attr for each in node.targets if isinstance(each, ast.Attribute)}
+        return found
+
+
+def _is_function(value: ast.expr, annotations: Mapping[str, str]) -> bool:
+    """Return whether a value is written as a function: a lambda, `partial(...)`, a method, or an argument that is callable."""
+    if isinstance(value, ast.Call):
+        return ast.unparse(value.func).endswith("partial")
+    if isinstance(value, ast.Name):
+        return "Callable" in annotations.get(value.id, "")
+    return isinstance(value, (ast.Lambda, ast.Attribute))
 
 
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
@@ -134,10 +153,10 @@ def _missing(spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]) -> 
 
 def _hidden(part: _WrittenClass) -> Iterator[Diagnostic]:
     """Yield attributes that hide a method, or that have the name of a property without a setter."""
-    cls, seen = part.cls, set()
+    cls, seen, replaced = part.cls, set(), part.replaced()
     for name, node in part.assignments():
         known = inspect.getattr_static(cls, name, None)
-        if name in seen:
+        if name in seen or (name in replaced and not isinstance(known, property)):
             continue
         if inspect.isfunction(known) or isinstance(known, (classmethod, staticmethod)):
             message = f"{cls.__name__}: this attribute hides the method '{name}' of {_owner(cls, name)}"

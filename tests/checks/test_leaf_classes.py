@@ -159,6 +159,21 @@ def test_an_attribute_may_be_set_elsewhere(findings: Any, case: str) -> None:
     assert findings(SET_ELSEWHERE[case]) == []
 
 
+@pytest.mark.parametrize("value", ["lambda: None", "functools.partial(print, width)", "self.other", "width"])
+def test_a_method_may_be_replaced_by_a_function(findings: Any, value: str) -> None:
+    text = GRIP.replace("self._width = width", f"self._width = width\n        self.nav2_reason = {value}")
+    text = text.replace(
+        "width: Input[float]",
+        "width: 'typing.Callable[[], str]'" if value == "width" else "width: Input[float]",
+    )
+    assert "faulty-class" not in [each.code for each in findings_of_source(findings, text)]
+
+
+def findings_of_source(findings: Any, text: str) -> list[Diagnostic]:
+    """Return the findings about a class that names further modules."""
+    return list(findings(f"import functools\nimport typing\n{text}"))
+
+
 def test_a_leaf_that_waits_for_nav2_need_not_name_its_action(findings: Any) -> None:
     assert findings(GRIP.replace('Use.action("grip")', "Use.nav2()")) == []
 
