@@ -83,7 +83,7 @@ HELD_BY = {
             "test_a_check_that_takes_longer_than_it_may_is_reported_and_the_next_file_is_checked",
             "test_a_request_that_waits_for_a_check_can_be_cancelled", "test_a_command_that_is_cancelled_leaves_no_process",
         ),
-        "change after somebody": (
+        "change after it was": (
             "test_a_tree_runs_only_as_it_was_approved", "test_another_tree_of_an_approved_file_may_not_start",
             "test_the_file_that_has_changed_is_named", "test_one_that_is_changed_is_named_with_both_values_and_how_to_approve_it",
             "test_the_areas_that_a_parameter_names_belong_to_it",
@@ -111,7 +111,7 @@ HELD_BY = {
         ),
         "be a journal with circular": ("test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up",),
         "be a journal that names": ("test_no_file_is_read_that_a_journal_names",),
-        "be a journal that somebody": (
+        "be an altered journal": (
             "test_whatever_is_altered_inside_the_chain_is_found_with_the_first_entry_that_is_wrong",
             "test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it",
         ),
