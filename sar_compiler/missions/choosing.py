@@ -4,16 +4,24 @@ import functools
 import traceback
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from sar_compiler.commands import not_installed
 from sar_compiler.errors import SarError
 from sar_compiler.missions import ENTRY_POINTS
-from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.clock import Clock
+from sar_compiler.runtime.variables import Enums
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.guessing import did_you_mean, nearest
+
+if TYPE_CHECKING:
+    from sar_compiler.missions.mission import Mission, MissionRun
+
+# Every tree has these, with a mission or without.
+_OF_EVERY_TREE = {Clock, Enums, Scope}
 
 
 class MissionError(SarError):
@@ -23,7 +31,7 @@ class MissionError(SarError):
 class _GuardedMission:
     """A mission or a run of one, whose exceptions say that they are its own."""
 
-    def __init__(self, guarded: Mission | MissionRun, name: str) -> None:
+    def __init__(self, guarded: "Mission | MissionRun", name: str) -> None:
         self._guarded = guarded
         self._name = name
 
@@ -46,12 +54,14 @@ class _GuardedMission:
             raise MissionError(message) from error
         if method.__name__ != "begin":
             return result
+        from sar_compiler.missions.mission import MissionRun
+
         if not isinstance(result, MissionRun):
             raise MissionError(f"{failed}: it returned {result!r} in place of a MissionRun")
         return _GuardedMission(result, self._name)
 
 
-def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
+def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
     """Return the missions that are installed, by name.
 
     Raises:
@@ -74,6 +84,8 @@ def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
 
 def _flaw(mission: object) -> str:
     """Return what is wrong with the object that an entry point names; empty if it is a mission."""
+    from sar_compiler.missions.mission import Mission
+
     if not isinstance(mission, Mission):
         return f"is no Mission, but {mission!r}"
     name = getattr(mission, "name", None)
@@ -85,7 +97,7 @@ def _flaw(mission: object) -> str:
     return f"needs the classes of its context objects as context_types, in brackets; they are {types!r}"
 
 
-def find_mission(name: str, checkout: Path | None = None) -> Mission:
+def find_mission(name: str, checkout: Path | None = None) -> "Mission":
     """Return a mission by its name.
 
     Raises:
@@ -100,7 +112,9 @@ def find_mission(name: str, checkout: Path | None = None) -> Mission:
     raise MissionError(f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}")
 
 
-def choose_mission(binding: Binding, name: str | None = None, checkout: Path | None = None) -> Mission | None:
+def choose_mission(
+    binding: Binding, name: str | None = None, checkout: Path | None = None
+) -> "Mission | None":
     """Return the mission of a bound tree: the one whose context objects its leaves require.
 
     Args:
@@ -118,7 +132,10 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
     """
     if name is not None:
         return _guard(find_mission(name, checkout))
-    asking = [(bound, {each.target for each in bound.spec.handed_over}) for bound in binding.nodes()]
+    asking = [
+        (bound, {each.target for each in bound.spec.handed_over} - _OF_EVERY_TREE)
+        for bound in binding.nodes()
+    ]
     # The leaves of a plain tree ask for nothing, and no mission is imported for it.
     missions = [*load_missions(checkout).values()] if any(asked for _, asked in asking) else []
     first: dict[Mission, BoundNode] = {}
@@ -136,5 +153,5 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
     return _guard(next(iter(first))) if first else None
 
 
-def _guard(mission: Mission) -> Mission:
+def _guard(mission: "Mission") -> "Mission":
     return cast("Mission", _GuardedMission(mission, mission.name))

@@ -1,0 +1,69 @@
+"""The commands of a checker load no part of a robot's: the modules are counted in processes that run these commands."""
+
+import subprocess
+import sys
+from contextlib import closing
+
+import pytest
+
+from sar_compiler.journal.opening import open_journal
+from tests.trees import document
+from tests.views.flown import Said, flown, simulated
+
+# The parts that these commands do without, each with the modules of it that are loaded all the same.
+FORBIDDEN: dict[str, set[str]] = {
+    "sar_compiler.agent": set(),
+    "sar_compiler.lsp": set(),
+    "sar_compiler.missions": {
+        "sar_compiler.missions",
+        "sar_compiler.missions.choosing",
+        # An installed package of leaves: its entry point declares them.
+        "sar_compiler.missions.search_and_rescue",
+        "sar_compiler.missions.search_and_rescue.leaf_specs",
+    },
+    "sar_compiler.monitoring": set(),
+    "sar_compiler.ros": set(),
+    "sar_compiler.sim": set(),
+    "sar_compiler.web": set(),
+    "rclpy": set(),
+}
+# Scripts, clocks and keys are handed over to nodes like the objects of a mission.
+TREE = '<Sequence><Script code="a := 1"/><Timeout msec="5000"><Sleep msec="5"/></Timeout><A name="Drive"/></Sequence>'
+NODES = ("--nodes", "tests.checks.verify.leaves")
+COMMANDS = [
+    ("sar_compiler.cli.compile", "validate", "tree.xml"),
+    ("sar_compiler.cli.compile", "verify", "tree.xml"),
+    ("sar_compiler.cli.compile", "show", "tree.xml"),
+    ("sar_compiler.cli.journal_command", "why", "run.journal"),
+]
+_PROGRAM = """
+import sys
+from {module} import main
+
+status = main(sys.argv[1:])
+print(*sorted(sys.modules), file=sys.stderr)
+sys.exit(status)
+"""
+
+
+@pytest.mark.parametrize(("module", "command", "file"), COMMANDS, ids=[each[1] for each in COMMANDS])
+def test_a_command_of_a_checker_loads_no_part_of_a_robot(module, command, file, tmp_path):
+    tree = tmp_path / "tree.xml"
+    tree.write_text(document(TREE), encoding="utf-8")
+    if command == "why":
+        with closing(open_journal(tmp_path / file)) as journal:
+            flown(simulated(tree), Said(Drive=["FAILURE"]), journal, tree_file=str(tree), tree_id="Main")
+    done = subprocess.run(
+        [sys.executable, "-c", _PROGRAM.format(module=module), command, str(tmp_path / file), *NODES],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    loaded = set(done.stderr.split())
+    assert done.returncode == 0, done.stderr
+    assert "sar_compiler.project" in loaded, "the tree was not read"
+    found = {
+        part: {each for each in loaded if f"{each}.".startswith(f"{part}.")} - allowed
+        for part, allowed in FORBIDDEN.items()
+    }
+    assert {part: sorted(modules) for part, modules in found.items() if modules} == {}
