@@ -1,16 +1,20 @@
-"""Trees that need not end: every command that analyses comes to its end all the same, by its limits, with what it knows."""
+"""Trees that need not end: each command that analyses a tree or a run of it ends within its limits, and prints its result."""
 
 import json
 import random
+from contextlib import closing
 
 import pytest
 
+from sar_compiler.cli.compile import main as sar_compile
+from sar_compiler.cli.journal_command import main as sar_journal
+from sar_compiler.journal.opening import open_journal
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import bound
-from tests.cli.running import run
 from tests.trees import document
+from tests.views.flown import flown, simulated
 
 NODES = ("--nodes", "tests.checks.verify.leaves")
 ENDLESS = (
@@ -20,15 +24,34 @@ ENDLESS = (
     "<Fallback><X/>{}<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure></Fallback>",
     "<ReactiveSequence><KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>{}</ReactiveSequence>",
 )
-SEARCHES = (*NODES, "--max-states", "2000", "--format", "json")
-COMMANDS = {
-    "verify": SEARCHES,
-    "predict": SEARCHES,
-    "simulate": (*NODES, "--ticks", "200", "--format", "json"),
-    "sweep": (*NODES, "--unusual", "0.3", "--ticks", "50", "--runs", "5", "--jobs", "1", "--format", "json"),
-    "validate": (*NODES, "--format", "json"),
-    "diff": (),
-}
+TREE, OTHER, JOURNAL = "tree.xml", "other.xml", "run.journal"
+JSON = ("--format", "json")
+SEARCHES = (TREE, *NODES, "--max-states", "2000", *JSON)
+COMMANDS = (
+    ("verify", *SEARCHES),
+    ("predict", *SEARCHES),
+    ("simulate", TREE, *NODES, "--ticks", "200", *JSON),
+    ("sweep", TREE, *NODES, "--unusual", "0.3", "--ticks", "50", "--runs", "5", "--jobs", "1", *JSON),
+    ("validate", TREE, *NODES, *JSON),
+    ("show", TREE, *NODES, *JSON),
+    ("diff", TREE, OTHER),
+    ("conform", TREE, JOURNAL, *NODES, *JSON),
+    ("why", JOURNAL, *NODES, *JSON),
+)
+
+
+class RandomPolicy:
+    """Lets each leaf return any of its outcomes.
+
+    Args:
+        seed: The seed of the random numbers.
+    """
+
+    def __init__(self, seed):
+        self._chance = random.Random(seed)  # noqa: S311 - the same in every run
+
+    def choose(self, _, options):
+        return self._chance.choice(options)
 
 
 def tree_of(seed: int) -> str:
@@ -45,19 +68,28 @@ def tree_of(seed: int) -> str:
         return body
 
 
+def record_run(folder, seed):
+    """Record a random run of the tree in a journal; a run that does not end is stopped."""
+    about = {"tree_file": str(folder / TREE), "tree_id": "Main"}
+    with closing(open_journal(folder / JOURNAL)) as journal:
+        flown(simulated(folder / TREE), RandomPolicy(seed), journal, **about)
+
+
 @pytest.mark.random
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("seed", range(rounds(10)))
-def test_every_analysis_of_a_tree_that_need_not_end_ends_by_itself(seed, capsys, tmp_path):
-    tree, other = tmp_path / "tree.xml", tmp_path / "other.xml"
-    tree.write_text(document(tree_of(seed)), encoding="utf-8")
-    other.write_text(document(tree_of(seed + 1)), encoding="utf-8")
-    for command, options in COMMANDS.items():
-        files = (tree, other) if command == "diff" else (tree,)
-        status, out, err = run(capsys, command, *files, *options)
+@pytest.mark.parametrize("seed", range(rounds(20)))
+def test_every_analysis_of_a_tree_that_need_not_end_ends_by_itself(seed, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / TREE).write_text(document(tree_of(seed)), encoding="utf-8")
+    (tmp_path / OTHER).write_text(document(tree_of(seed + 1)), encoding="utf-8")
+    record_run(tmp_path, seed)
+    for command, *options in COMMANDS:
+        status = (sar_journal if command == "why" else sar_compile)([command, *options])
+        out, err = capsys.readouterr()
         assert status in (0, 1), f"{command}: {err}"
         # The limit of time is for larger trees; it is processor time, so others on the machine do not count.
-        assert "stopped after" not in err, command
+        assert "stopped after" not in out + err, command
         assert out or "nothing can be predicted: " in err, command
-        if out and "json" in options:
-            json.loads(out)
+        found = json.loads(out) if out and "json" in options else {}
+        if command == "conform":
+            assert [each["misfit"] for each in found["flights"]] == [None]
