@@ -9,9 +9,8 @@ prints what it has found when the budget is spent. There are two steps, because 
    the thread, which ends it at its next instruction of Python.
 """
 
-import ctypes
 import math
-import mmap
+import os
 import signal
 import sys
 import threading
@@ -182,6 +181,8 @@ class _LeftBehindExit(SystemExit):
 def _end(thread: threading.Thread) -> None:
     """Raise an exception in a thread at its next instruction of Python."""
     if thread.ident is not None:
+        import ctypes
+
         error = ctypes.py_object(_LeftBehindExit)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), error)
 
@@ -192,7 +193,7 @@ def memory_now_mb() -> float:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:
         return memory_mb()
-    return pages * mmap.PAGESIZE / _MB
+    return pages * os.sysconf("SC_PAGESIZE") / _MB
 
 
 def memory_mb() -> float:
