@@ -6,6 +6,10 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import pytest
+import yaml
+from catkin_pkg.package import parse_package
+
 # Modules whose rosdep key has another name.
 KEYS = {
     "PIL": "python3-pil",
@@ -78,6 +82,40 @@ def test_whatever_the_launch_files_start_is_a_dependency():
     depended = {entry.text for entry in manifest().iter("exec_depend")}
     assert started
     assert sorted(started - depended) == []
+
+
+MANIFESTS = sorted(
+    [Path("package.xml"), *Path("interfaces").glob("*/*.xml"), *Path("pip_interfaces").glob("*/*.xml")]
+)
+
+
+def test_rosdep_knows_every_key():
+    packages = [parse_package(str(path)) for path in MANIFESTS]
+    keys = {
+        depend.name
+        for package in packages
+        for depends in (
+            package.build_depends,
+            package.buildtool_depends,
+            package.exec_depends,
+            package.test_depends,
+        )
+        for depend in depends
+    }
+    known = yaml.safe_load(Path("tests/packaging/rosdep_keys.yaml").read_text(encoding="utf-8"))
+    listed = {*known["jazzy/distribution.yaml"], *known["rosdep/python.yaml"]}
+    # A package of this repository has a key once it is released with it.
+    assert keys - {package.name for package in packages} == listed - {package.name for package in packages}
+
+
+@pytest.mark.parametrize(("environment", "is_asked"), [({}, False), ({"SAR_BRINGUP": "1"}, True)])
+def test_nav2_rviz_and_the_recorder_are_asked_for_only_by_who_wants_the_launch_file(environment, is_asked):
+    package = parse_package("package.xml")
+    package.evaluate_conditions({"ROS_VERSION": "2", "ROS_DISTRO": "jazzy", **environment})
+    asked = {depend.name for depend in package.exec_depends if depend.evaluated_condition}
+    started = {"nav2_bringup", "ros2bag", "rosbag2_storage_mcap", "rviz2"}
+    assert asked & started == (started if is_asked else set())
+    assert "rclpy" in asked
 
 
 def test_the_changelog_has_a_section_for_what_is_not_released():
