@@ -29,7 +29,6 @@ from sar_compiler.checks.rules import (
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Collector
-from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.models import compare_models, described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
@@ -104,12 +103,11 @@ def context_of(
     registry: Registry,
     palettes: Palettes = (),
     btcpp: Version | None = None,
-    memory: Memory | None = None,
 ) -> CheckContext:
-    """Return a forest with what its tags mean; arguments as for `check`, and what was found out by checks before."""
+    """Return a forest with what its tags mean; arguments as for `check`."""
     palettes = tuple(palettes)
     registry = yielding(registry, read_models([*forest.files, *palettes], Collector()))
-    return CheckContext(forest, registry, palettes, btcpp, memory)
+    return CheckContext(forest, registry, palettes, btcpp)
 
 
 def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
@@ -121,7 +119,7 @@ def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagn
     forest, registry, findings = context.forest, context.registry, [*found]
     described = described_specs([*forest.files, *context.palettes], registry)
     for tree_file in forest.files:
-        schema = functools.partial(check_schema, tree_file, registry, described, findings, context.memory)
+        schema = functools.partial(check_schema, tree_file, registry, described, findings)
         findings += itertools.islice(_guard(check_schema.__name__, schema, forest, findings), MOST)
     return findings[len(found) :]
 

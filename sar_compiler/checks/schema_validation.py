@@ -16,7 +16,6 @@ from weakref import WeakKeyDictionary
 from lxml import etree
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS
-from sar_compiler.nodes.binding.memory import Memory, Validated
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.nodes.spec import NodeSpec
@@ -27,8 +26,6 @@ from sar_compiler.tree.xml_writer import one_tag_a_line
 
 _TEXT = "Character content other than whitespace"
 """libxml2's message about text between elements."""
-_UNEXPECTED = "not expected"
-"""Of an element, whose content it then does not look at."""
 _MALFORMED = "not well-formed XML: "
 _DECLARATION = re.compile(r"^<\?xml\s[^>]*\?>")
 _IGNORED = re.compile(
@@ -66,7 +63,6 @@ def schema_errors(
     tree_file: TreeFile,
     registry: Registry,
     described: Sequence[NodeSpec] = (),
-    memory: Memory | None = None,
 ) -> list[tuple[int, str]]:
     """Return what lxml says about a file: pairs of line and message.
 
@@ -77,21 +73,12 @@ def schema_errors(
         tree_file: The file.
         registry: What tags mean.
         described: Nodes that only a model describes.
-        memory: What was said of other texts of the file; None where nothing is to be kept.
     """
-    path = tree_file.source.path
-    known = memory.validated.pop(path, None) if memory is not None else None
-    if known is not None and not described and _is_as_before(tree_file, registry, known):
-        schema, errors = known.schema, known.errors
-    else:
-        elements = list(tree_file.root.iterate())
-        tags, notes = frozenset({element.tag for element in elements}), _notes(elements)
-        schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
-        text, lines = _as_xml(tree_file)
-        errors = [(lines[line - 1], message) for line, message in _refused(text, schema)]
-    if memory is not None and not described:
-        memory.validated[path] = Validated(tree_file.source, registry, schema, errors)
-    return errors
+    elements = list(tree_file.root.iterate())
+    tags, notes = frozenset({element.tag for element in elements}), _notes(elements)
+    schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
+    text, lines = _as_xml(tree_file)
+    return [(lines[line - 1], message) for line, message in _refused(text, schema)]
 
 
 def _refused(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
@@ -107,41 +94,6 @@ def _refused(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
         return []
     # The log grows over the life of the schema object; the last validation's errors are those of now.
     return [(error.line, error.message) for error in schema.error_log.filter_from_errors()]
-
-
-def _is_as_before(tree_file: TreeFile, registry: Registry, known: Validated) -> bool:
-    """Return whether the schema says of a file what it said of its text before.
-
-    What it says of attributes depends on these, and on the tags around them. So it is asked about the one tag that has changed, as
-    it was and as it is, with nothing around it but what it stands in.
-    """
-    if registry is not known.registry:
-        return False
-    if tree_file.source is known.source:
-        return True
-    change = tree_file.retyped
-    if change is None or change.before.source is not known.source:
-        return False
-    both = change.before, change.after
-    if _notes([change.before]) != _notes([change.after]) or any(
-        _is_of_namespaces(name) for each in both for name in each.attributes
-    ):
-        return False
-    before, after = (_refused(one_tag_a_line(_within(change.around, each)), known.schema) for each in both)
-    return before == after and not any(
-        message.startswith(_MALFORMED) or _UNEXPECTED in message for _, message in before
-    )
-
-
-def _is_of_namespaces(name: str) -> bool:
-    return ":" in name or name == "xmlns"
-
-
-def _within(around: Iterable[Element], element: Element) -> Element:
-    """Return the outermost of some elements, with one in the innermost."""
-    for each in reversed([*around]):
-        element = dataclasses.replace(each, children=(element,))
-    return element
 
 
 def _notes(elements: Iterable[Element]) -> frozenset[str]:
@@ -168,7 +120,6 @@ def check_schema(
     registry: Registry,
     described: Sequence[NodeSpec],
     findings: Iterable[Diagnostic],
-    memory: Memory | None = None,
 ) -> Iterator[Diagnostic]:
     """Yield what the schema refuses in places where the rules found nothing.
 
@@ -177,11 +128,10 @@ def check_schema(
         registry: What tags mean.
         described: Nodes that only a model describes.
         findings: What the rules found.
-        memory: What was said of other texts of the file; None where nothing is to be kept.
     """
     errors = [
         (line, message)
-        for line, message in schema_errors(tree_file, registry, described, memory)
+        for line, message in schema_errors(tree_file, registry, described)
         if not _IGNORED.match(message)
     ]
     if not errors:

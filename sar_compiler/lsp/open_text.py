@@ -4,7 +4,7 @@ While a tag is half typed, most of a file cannot be understood, and what was fou
 closed. So the findings of the last text that could be understood stay, but those whose own text was edited.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +13,49 @@ from sar_compiler.project import LoadedTree
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.gathering import FORMS, is_of_another_kind
-from sar_compiler.tree.retyped import Edit, edit_between
+
+
+class Edit(NamedTuple):
+    """One piece of text in place of another.
+
+    Attributes:
+        start: The offset of the first character that goes.
+        end: The offset behind the last one.
+        length: The number of characters that come.
+    """
+
+    start: int
+    end: int
+    length: int
+
+    @property
+    def growth(self) -> int:
+        """By how many characters the text grows."""
+        return self.length - (self.end - self.start)
+
+
+def edit_between(old: str, new: str) -> Edit:
+    """Return the smallest edit that makes one text of another."""
+    most = min(len(old), len(new))
+    start = _most(most, lambda low, high: old[low:high] == new[low:high])
+    ends = len(old), len(new)
+    behind = _most(
+        most - start,
+        lambda low, high: old[ends[0] - high : ends[0] - low] == new[ends[1] - high : ends[1] - low],
+    )
+    return Edit(start, len(old) - behind, len(new) - behind - start)
+
+
+def _most(limit: int, are_alike: Callable[[int, int], bool]) -> int:
+    """Return how many characters of two texts are alike, up to a limit, given whether those from one number to another are."""
+    alike, different = 0, limit + 1
+    while different - alike > 1:
+        middle = (alike + different) // 2
+        if are_alike(alike, middle):
+            alike = middle
+        else:
+            different = middle
+    return alike
 
 
 class Placed(NamedTuple):

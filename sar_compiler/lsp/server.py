@@ -33,7 +33,6 @@ from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
 from sar_compiler.tree.gathering import parse_tree
 from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_before
-from sar_compiler.tree.retyped import TextReader
 
 _SEVERITIES = {
     Severity.ERROR: lsp.DiagnosticSeverity.Error,
@@ -94,8 +93,7 @@ class TreeServer(LanguageServer):
         self._additions = additions
         self._open: dict[str, OpenText] = {}
         self._texts: Mapping[Path, str] = {}  # those that a check goes by
-        self._reader = TextReader()
-        self._unchanged: dict[Path, tuple[FileIdentity | None, TreeFile]] = {}
+        self._unchanged: dict[Path, tuple[FileIdentity | str | None, TreeFile]] = {}
         self._loader = self._new_loader()
         self._wanted: dict[str, None] = {}
         self._work: asyncio.Task[None] | None = None
@@ -110,7 +108,7 @@ class TreeServer(LanguageServer):
         def note(text: str) -> None:
             self._log(lsp.MessageType.Info, text)
 
-        return Workspace(self._additions, self._read, note, checks_again=True)
+        return Workspace(self._additions, self._read, note)
 
     def open_folders(self, uris: Iterable[str]) -> None:
         """Let the files in the folders that are open in the editor belong together."""
@@ -131,19 +129,14 @@ class TreeServer(LanguageServer):
         self._loop.call_soon_threadsafe(self.window_log_message, lsp.LogMessageParams(kind, text))
 
     def _read(self, path: Path) -> TreeFile:
+        """Read a file as the editor has it; one that is unchanged only once, as each change checks the files around too."""
         text = self._texts.get(real_path(path))
-        if text is None:
-            self._reader.forget(str(path))
-            return self._read_unless_unchanged(path)
-        return self._reader.read(text, str(path))
-
-    def _read_unless_unchanged(self, path: Path) -> TreeFile:
-        """Read a file that is not open: it is sought for a tree after each change of one that is."""
-        content = read_file(path, TREE)
-        identity, tree_file = self._unchanged.get(path, (None, None))
-        if tree_file is None or identity != content.identity:
-            tree_file = parse_tree(content.data, str(path))
-            self._unchanged[path] = content.identity, tree_file
+        content = read_file(path, TREE) if text is None else None
+        version = text if content is None else content.identity
+        known, tree_file = self._unchanged.get(path, (None, None))
+        if tree_file is None or known != version:
+            tree_file = parse_tree(content.data if content is not None else text or "", str(path))
+            self._unchanged[path] = version, tree_file
         return tree_file
 
     # Texts

@@ -19,7 +19,6 @@ from sar_compiler.checks.rules import CheckContext
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
 from sar_compiler.nodes.models import described_specs, enums_file, supplements, undescribed_tags
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
@@ -101,7 +100,6 @@ class Project:
         used_trees: Those of these tree files that were used, by their paths.
         additions: The user's additions.
         tree_set: The files in which a tree is sought that a file lacks; None if there are none.
-        memory: What was found out by checks before; None where nothing is to be kept.
     """
 
     def __init__(
@@ -109,7 +107,6 @@ class Project:
         surroundings: FileSurroundings,
         additions: Additions,
         read: Read,
-        memory: Memory | None = None,
     ) -> None:
         self.configuration, self.checkout, self.files_around = surroundings
         self.additions = additions
@@ -117,7 +114,6 @@ class Project:
         self.used_trees: dict[Path, None] = {}
         self._names = {real_path(each): each for each in additions.names}
         self.tree_set: TreeSet | None = None
-        self.memory = memory
         self._read = read
         self.renew_set()
 
@@ -299,13 +295,11 @@ class Workspace:
         additions: The user's additions.
         read: Reads one tree file; an editor provides the text of open ones.
         note: Called once for each thing that is ignored for safety.
-        checks_again: Whether files are checked again and again, each time a little changed.
     """
 
     additions: Additions = Additions()  # noqa: RUF009 - cannot be changed
     read: Read = read_tree_file
     note: Callable[[str], None] = lambda _text: None
-    checks_again: bool = False
     _projects: dict[tuple[Path | None, ...], Project] = field(default_factory=dict, init=False)
     _files_around: dict[tuple[Path | None, ...], FilesAround] = field(default_factory=dict, init=False)
     _noted: set[str] = field(default_factory=set, init=False)
@@ -351,9 +345,8 @@ class Workspace:
         configuration, checkout, files = found
         key = (configuration.path, checkout, files.folder, files.root)
         if key not in self._projects or self._projects[key].configuration != configuration:
-            memory = Memory() if self.checks_again else None
             around = self._files_around.setdefault((files.folder, files.root), files)
-            self._projects[key] = Project(found._replace(files=around), self.additions, self.read, memory)
+            self._projects[key] = Project(found._replace(files=around), self.additions, self.read)
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self._note(
                     f"the leaves of '{entry_point.value}' are passed over: {place} says that they are installed, "
@@ -467,9 +460,7 @@ class LoadedTree:
             SarError: As `Project.registry` and `palettes` do.
         """
         project = self.project
-        return context_of(
-            self.forest, project.registry, self.palettes, project.configuration.btcpp, project.memory
-        )
+        return context_of(self.forest, project.registry, self.palettes, project.configuration.btcpp)
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:

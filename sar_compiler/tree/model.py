@@ -182,20 +182,6 @@ def last_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Elemen
     return elements[index - 1] if index else None
 
 
-class Retyped(NamedTuple):
-    """What is different in a text from the one before: the attributes of one tag, with no line more or less.
-
-    Attributes:
-        around: The elements around, the outermost first, each without its children.
-        before: The element as it was, in the source as it was, without its children.
-        after: The element as it is, without its children.
-    """
-
-    around: tuple[Element, ...]
-    before: Element
-    after: Element
-
-
 @dataclass(frozen=True)
 class TreeFile:
     """A file with behaviour trees.
@@ -206,7 +192,6 @@ class TreeFile:
         comments: The comments before (index 0) and behind it (index 1).
         findings: What reading it has mended.
         is_named: Whether somebody has named it, and it does not only lie beside others.
-        retyped: What is different from the text before, where somebody types and so little is.
     """
 
     source: Source
@@ -214,7 +199,6 @@ class TreeFile:
     comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
     findings: tuple[Diagnostic, ...] = field(default=(), repr=False, compare=False)
     is_named: bool = True
-    retyped: Retyped | None = field(default=None, repr=False, compare=False)
 
     @functools.cached_property
     def trees(self) -> tuple[Element, ...]:

@@ -4,17 +4,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.checks import RULES, check
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.schema_validation import check_schema, schema_errors
-from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.retyped import TextReader
 from sar_compiler.tree.xml import parse_xml
 from tests.checks.test_mistakes import CORRECT, IN_A_TREE
 from tests.nodes import leaves
@@ -51,34 +49,6 @@ BEYOND = {name for name, case in IN_A_TREE.items() if "reference" in case[1]} | 
 def test_the_schema_refuses_what_is_wrong_in_itself(name):
     errors = schema_errors(parse_xml(document(IN_A_TREE[name][0])), default_registry())
     assert [line for line, _ in errors]
-
-
-TYPED = (
-    '<Sleep msec="1"/>',
-    '<Sleep msec="12"/>',
-    '<Sleep msec="12x"/>',
-    '<Sleep msec="12xy"/>',
-    '<Sleep msec="12xy" _note="x"/>',
-    '<Sleep msec="12" _note="x"/>',
-    '<Sleep msec="12" often="x"/>',
-    '<Sleep  often="x"/>',
-    "<Sleep />",
-    '<Sleep x:msec="1"/>',
-    '<Sleep xmlns="x" msec="1"/>',
-)
-
-
-@given(
-    st.lists(st.sampled_from(TYPED), min_size=2, max_size=6),
-    st.sampled_from(("", "<Sequence/>", "<Sleep/>", "<Wrong/>")),
-)
-@settings(deadline=None)
-def test_the_schema_says_of_a_text_that_is_typed_what_it_says_of_it_alone(typed, beside):
-    reader, memory, registry = TextReader(), Memory(), default_registry()
-    for each in typed:
-        text = document(f'<Sequence>\n{beside}\n{each}\n<Sleep msec="x"/>\n</Sequence>')
-        again = schema_errors(reader.read(text, "typed.xml"), registry, memory=memory)
-        assert again == schema_errors(parse_xml(text), registry)
 
 
 def test_a_schema_error_is_shown_where_the_rules_found_nothing():

@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.lsp.open_text import OpenText, Placed
+from sar_compiler.lsp.open_text import Edit, OpenText, Placed, edit_between
 from sar_compiler.tree.diagnostic import Diagnostic, Source, Span
 from sar_compiler.tree.model import NO_SPANS
-from sar_compiler.tree.retyped import Edit, edit_between
 
 BEFORE = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">\n<Sequence memroy="true">\n'
 BEHIND = (

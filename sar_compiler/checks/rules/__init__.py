@@ -11,7 +11,6 @@ from sar_compiler.checks.rules.entry_accesses import KeyAccesses, key_accesses_o
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.btcpp import NEWEST, Version
 from sar_compiler.nodes.registry import Registry
@@ -34,19 +33,17 @@ class CheckContext:
         registry: The registered nodes.
         palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
         btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
-        memory: What was found out by checks before this one; None where nothing is to be kept.
     """
 
     forest: Forest
     registry: Registry
     palettes: tuple[TreeFile, ...] = ()
     btcpp: Version | None = None
-    memory: Memory | None = None
 
     @functools.cached_property
     def bound(self) -> BoundForest:
         """Every tree, bound."""
-        return bind_all(self.forest, self.registry, self.palettes, self.btcpp, self.memory)
+        return bind_all(self.forest, self.registry, self.palettes, self.btcpp)
 
     @property
     def version(self) -> Version:

@@ -14,7 +14,6 @@ from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT,
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector, Remapping
 from sar_compiler.nodes.binding.instances import Instance, expand
 from sar_compiler.nodes.binding.key_types import EntryTypes, report_key_types
-from sar_compiler.nodes.binding.memory import Memory
 from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
@@ -90,7 +89,6 @@ def bind_all(
     registry: Registry,
     palettes: Iterable[TreeFile] = (),
     btcpp: Version | None = None,
-    memory: Memory | None = None,
 ) -> BoundForest:
     """Bind every tree of a forest, executed or not.
 
@@ -99,7 +97,6 @@ def bind_all(
         registry: What tags mean.
         palettes: Further files with descriptions of nodes.
         btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
-        memory: What was found out before, for the same version; None where nothing is to be kept.
 
     Returns:
         The bound trees and their findings, in the order of the files.
@@ -107,7 +104,7 @@ def bind_all(
     collector, palettes = Collector(btcpp), tuple(palettes)
     models = read_models([*forest.files, *palettes], collector)
     compare_models(models, yielding(registry, models), collector)
-    binder = Binder(forest, registry, models, collector, palettes, memory)
+    binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         own = [binder.tree(tree) for tree in forest.iterate()]
     trees = list(dict.fromkeys([*own, *binder.trees]))
@@ -152,14 +149,11 @@ class Binder:
         models: Models,
         collector: Collector,
         palettes: tuple[TreeFile, ...] = (),
-        memory: Memory | None = None,
     ) -> None:
         self._forest = forest
         self._palettes = palettes
         self._registered = registry
         self._registry = yielding(registry, models)
-        self._memory = memory
-        self._known = memory.elements(self._registry) if memory is not None else None
         self._models = models
         self._collector = collector
         self._guesses = collector.guesses
@@ -210,7 +204,6 @@ class Binder:
         home = self._forest.homes.get(id(tree.element))
         if home is not self._home:
             self._registry, self._models, self._meanings, self._meant = self._words_of(home)
-            self._known = self._memory.elements(self._registry) if self._memory is not None else None
             self._home = home
             self.__dict__.pop("_tags", None)
         self._current = tree
@@ -256,19 +249,15 @@ class Binder:
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
-        known = self._known.get(element) if self._known is not None else None
-        if known is not None:
-            bound = BoundNode(element, *known)
-        else:
-            if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
-                variants = []
-            if not variants:
-                return self._report_unknown(element, tag)
-            spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
-            if spec.required and is_own_word(tag) and is_anothers(element, variants, self._guesses):
-                self._report_anothers(element, spec)
-                return None
-            bound = self._alone(element, tag, spec, variants)
+        if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
+            variants = []
+        if not variants:
+            return self._report_unknown(element, tag)
+        spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
+        if spec.required and is_own_word(tag) and is_anothers(element, variants, self._guesses):
+            self._report_anothers(element, spec)
+            return None
+        bound = self._alone(element, tag, spec, variants)
         if bound.spec.is_plain and not (element.children or bound.keys or bound.conditions or bound.oneshot):
             self._current.nodes.append(bound)
             return bound
@@ -281,15 +270,11 @@ class Binder:
 
     def _alone(self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]) -> BoundNode:
         """Bind an element by what it says itself."""
-        count = len(self._collector.findings)
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._check_kind(bound)
         others = () if len(variants) == 1 else [other for other in variants if other is not spec]
         self._attributes.bind(bound, others)
-        # What models describe may be described otherwise in the next text.
-        if self._known is not None and count == len(self._collector.findings) and tag in self._registry:
-            self._known.keep(bound)
         return bound
 
     def _is_meant(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
