@@ -309,7 +309,7 @@ SURFACES = {
 }  # fmt: skip
 ELSEWHERE = {
     "checks/leaf_classes.py:_module": "tests/checks/test_leaf_classes.py: a module that is exchanged after its import",
-    "lsp/server.py:TreeServer._read_unless_unchanged": "tests/lsp/test_projects.py: a tree of the set that is no file",
+    "lsp/server.py:TreeServer._read": "tests/lsp/test_projects.py: a tree of the set that is no file",
     "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",
 }
 """Readers that no command line reaches, and who tries them."""
