@@ -1,4 +1,7 @@
-"""What `make release` does beside building: before it, the changelog's section and its commit; after it, the tag."""
+"""What `make release` does beside building: before it, the changelog's section and its commit; after it, the tag.
+
+`python .ci/release.py fill` replaces the placeholders of `release/publication.toml` in all files.
+"""
 
 import datetime as dt
 import re
@@ -6,13 +9,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-CHANGELOG, CITATION = Path("CHANGELOG.md"), Path("CITATION.cff")
+CHANGELOG, CITATION, PUBLICATION = Path("CHANGELOG.md"), Path("CITATION.cff"), "release/publication.toml"
 # Where the version stands.
 VERSIONED = {
     "pyproject.toml": r'^version = "(.+)"$',
     "package.xml": r"^  <version>(.+)</version>$",
     str(CITATION): r"^version: (.+)$",
     "QUALITY_DECLARATION.md": r"`(\d\S*)` in \[package\.xml\]",
+    "release/recipe.yaml": r'^  version: "(.+)"$',
 }
 UNRELEASED = "## [Unreleased]\n"
 KIND = re.compile(r"^### .*", re.DOTALL | re.MULTILINE)
@@ -128,9 +132,20 @@ def tag(folder: Path, pythons: "list[str]") -> None:
     git("tag", "--annotate", f"v{name}", "--message", f"sar_compiler {name}")
 
 
+def fill() -> None:
+    """Replace each placeholder that has a value in all tracked files but the one that declares it."""
+    declared = Path(PUBLICATION).read_text(encoding="utf-8")
+    for placeholder, value in re.findall(r'^placeholder = "(.+)"\nvalue = "(.+)"$', declared, re.MULTILINE):
+        for name in git("grep", "-lIFe", placeholder, "--", ".", f":!{PUBLICATION}").splitlines():
+            text = Path(name).read_text(encoding="utf-8")
+            Path(name).write_text(text.replace(placeholder, value), encoding="utf-8")
+
+
 if __name__ == "__main__":
     try:
-        if sys.argv[1] == "prepare":
+        if sys.argv[1] == "fill":
+            fill()
+        elif sys.argv[1] == "prepare":
             prepare()
         else:
             tag(Path(sys.argv[2]), sys.argv[3:])

@@ -22,8 +22,8 @@ TEXT = "# Changelog\n\n## [Unreleased]\n\nSoon.\n\n### Added\n\n- **A**\n\n### F
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
     """A new repository with the files that a release changes or reads, in which the test stands."""
-    (tmp_path / ".ci").mkdir()
-    for name in (*RELEASE["VERSIONED"], "CHANGELOG.md", "Makefile", ".ci/release.py"):
+    for name in (*RELEASE["VERSIONED"], "CHANGELOG.md", "Makefile", ".ci/release.py", RELEASE["PUBLICATION"]):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(Path(name).read_bytes())
     (tmp_path / "CHANGELOG.md").write_text(TEXT, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -53,6 +53,18 @@ def refused(*released):
     assert run.returncode == 2, run.stdout + run.stderr
     assert ({*Path().iterdir()}, git("log", "--format=%s")) == (there, "Begin\n")
     return run.stdout + run.stderr
+
+
+def test_a_placeholder_is_replaced_in_every_file_but_its_own_once_it_has_a_value(checkout):
+    declared = checkout / RELEASE["PUBLICATION"]
+    text = declared.read_text(encoding="utf-8")
+    [placeholder] = re.findall(r'^\[maintainer\]\n.*\nplaceholder = "(.+)"$', text, re.MULTILINE)
+    head, _, rest = text.partition("[maintainer]")
+    declared.write_text(head + "[maintainer]" + rest.replace('value = ""', 'value = "us@robots.example"'))
+    assert f'email="{placeholder}"' in (checkout / "package.xml").read_text(encoding="utf-8")
+    RELEASE["fill"]()
+    assert 'email="us@robots.example"' in (checkout / "package.xml").read_text(encoding="utf-8")
+    assert git("diff", "--name-only").split() == ["package.xml", RELEASE["PUBLICATION"]]
 
 
 def made(folder, *pythons):
