@@ -1,13 +1,8 @@
 """`sar-sim`: run the simulated world without a mission."""
 
 import argparse
-import os
-import subprocess
 import sys
-import threading
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +16,7 @@ from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
-from sar_compiler.sim.placement import MANNER_NAMES, PARTS, QUICK_NAME, ROBOT, Placement, parse_placement
+from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME, Placement, parse_placement
 
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
@@ -49,8 +44,6 @@ def _command(argv: Sequence[str]) -> int:
     split = split_arguments(argv)
     parser = _parser()
     options = parser.parse_args(split.own)
-    if options.command == "run" and options.fault and (options.separate or options.only):
-        parser.error("--fault is for a simulation in one process; of several, kill the one that is to fail")
     if options.command == "run":
         return _run(options, split.ros)
     interruptible()
@@ -107,14 +100,6 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     add("--keep", type=FILE, metavar="FILE", help=text)
     text = "let the localisation know where the robots are without being told: for robots that go on where they stood"
     add("--localised", action="store_true", help=text)
-    parts = parser.add_mutually_exclusive_group()
-    text = (
-        "run localisation (amcl), planner and controller (controller_server) and navigator (bt_navigator) in processes of "
-        "their own, which can be killed alone; their ids are printed"
-    )
-    parts.add_argument("--separate", action="store_true", help=text)
-    text = f"run one of these processes alone, such as one that was killed: {', '.join(PARTS)}"
-    parts.add_argument("--only", choices=PARTS, metavar="PART", help=text)
 
 
 def _world(name: str) -> "SimulatedWorld":
@@ -164,22 +149,15 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
 
     world = _world(options.world)
     robots = options.robot or [Placement("")]
-    if options.only not in {None, ROBOT}:
-        robots = [replace(each, localised=options.localised, like=options.like) for each in robots]
-        return run_part(options, robots, ros_arguments, signals)
     kept = KeptPlaces(options.keep, world.name) if options.keep is not None else None
     if kept is not None:
         robots = kept.restore(robots)
-    in_parts = options.separate or options.only is not None
-    robots = [
-        replace(each, localised=options.localised, like=options.like, separate=in_parts) for each in robots
-    ]
+    robots = [replace(each, localised=options.localised, like=options.like) for each in robots]
     check_placements(world, robots)
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()
     with ros_up(arguments) as context:
-        actions = [robot.action for robot in robots if options.only is None]
-        look_around(signals, context=context, actions=actions)
+        look_around(signals, context=context, actions=[robot.action for robot in robots])
         if signals.came:
             return OK
         faults = FaultPlan(options.fault)
@@ -188,11 +166,10 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         )
         if kept is not None:
             simulation.keep_places(kept)
-        others = other_parts(options, robots, ros_arguments) if options.separate else nullcontext()
-        with simulation, others as parts:
+        with simulation:
             how = f"at most {options.speed:g} times as fast as real time"
             print(f"sar-sim: '{world.name}' runs{_with(robots)}, {how}", flush=True)
-            return _wait(simulation, signals, parts)
+            return _wait(simulation, signals)
 
 
 def _with(robots: Sequence[Placement]) -> str:
@@ -200,106 +177,11 @@ def _with(robots: Sequence[Placement]) -> str:
     return f" with {' and '.join(names)}" if names else ""
 
 
-def _wait(simulation: "Simulation", signals: StopSignals, parts: "PartProcesses | None") -> int:
+def _wait(simulation: "Simulation", signals: StopSignals) -> int:
     """Wait until the process is asked to stop; raise the simulation's error if it fails first."""
     while not signals.wait(_LOOK_SEC):
         if simulation.failure is not None:
             raise simulation.failure
-        if parts is not None:
-            parts.look()
-    return OK
-
-
-# How long a process may take to end, seconds.
-_END_SEC = 5.0
-# Tells a part whose process it belongs to: it ends with that one, also if that is killed.
-_PARENT = "SAR_SIM_PARENT"
-
-
-class PartProcesses:
-    """The parts of a simulation in processes of their own.
-
-    Args:
-        processes: The processes by what they are.
-    """
-
-    def __init__(self, processes: "dict[str, subprocess.Popen[bytes]]") -> None:
-        self._processes = processes
-
-    def look(self) -> None:
-        """Say which has ended since the last look."""
-        for part in [part for part, process in self._processes.items() if process.poll() is not None]:
-            process = self._processes.pop(part)
-            print_error(
-                f"sar-sim: {part} (process {process.pid}) has ended with status {process.returncode}; "
-                f"sar-sim run --only {part} starts it again"
-            )
-
-    def end(self) -> None:
-        """End those that are left."""
-        for process in self._processes.values():
-            process.terminate()
-        for process in self._processes.values():
-            _await_end(process)
-
-
-def _await_end(process: "subprocess.Popen[bytes]") -> None:
-    try:
-        process.wait(_END_SEC)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
-@contextmanager
-def other_parts(
-    options: argparse.Namespace, robots: Sequence[Placement], ros: Sequence[str]
-) -> Iterator[PartProcesses]:
-    """Have all parts but the robot's own in processes, and say which these are.
-
-    Args:
-        options: Of `sar-sim run`.
-        robots: The robots.
-        ros: ROS arguments.
-    """
-    command = [sys.executable, "-m", "sar_compiler.cli.sim", "run", options.world, "--like", options.like]
-    command += [word for robot in robots if robot.name for word in ("--robot", robot.name)]
-    command += ["--localised"] if options.localised else []
-    environment = {**os.environ, _PARENT: str(os.getpid())}
-    parts: dict[str, subprocess.Popen[bytes]] = {}
-    for part in PARTS[1:]:
-        words = [*command, "--only", part, "--ros-args", *ros]
-        parts[part] = subprocess.Popen(words, env=environment)  # noqa: S603 - ourselves
-        print(f"sar-sim: {part} is process {parts[part].pid}", flush=True)
-    processes = PartProcesses(parts)
-    try:
-        yield processes
-    finally:
-        processes.end()
-
-
-def _end_with(parent: str) -> None:
-    """End this process when its parent is gone, whatever it waits for: whom an orderly end would serve is gone, too."""
-    while str(os.getppid()) == parent:
-        time.sleep(_LOOK_SEC)
-    os._exit(OK)
-
-
-def run_part(
-    options: argparse.Namespace, robots: Sequence[Placement], ros: Sequence[str], signals: StopSignals
-) -> int:
-    """Be one part of a simulation whose world is in another process; return the exit status."""
-    from sar_compiler.sim.isolation import stay_on_this_machine
-    from sar_compiler.sim.separate import SeparatePart
-
-    world, parent = _world(options.world), os.environ.get(_PARENT)
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    stay_on_this_machine()
-    with ros_up(init_arguments(ros)) as context:
-        part = SeparatePart(options.only, world, robots, context=context, interrupted=lambda: signals.came)
-        print(f"sar-sim: {options.only} runs in '{world.name}'", flush=True)
-        part.run()
     return OK
 
 

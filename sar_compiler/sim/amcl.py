@@ -13,7 +13,6 @@ from sar_compiler.sim.messages import from_pose, tell_state, to_grid, to_pose, t
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.robot import Robot
-from sar_compiler.sim.robot_interface import RemoteRobot
 
 _MAP, _ODOM = "map", "odom"
 # One transform in this many steps (10 Hz at 0.05 s).
@@ -41,7 +40,7 @@ class Amcl:
     def __init__(
         self,
         host: NodeHost,
-        robot: "Robot | RemoteRobot",
+        robot: Robot,
         occupancy: OccupancyMap,
         *,
         localised: bool = False,

@@ -1,8 +1,7 @@
 """The stand-in for Nav2's navigator: `navigate_to_pose` and `navigate_through_poses`, as served by Jazzy's bt_navigator."""
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,7 +30,7 @@ from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
 from sar_compiler.sim.planner_server import PlannerServer
 from sar_compiler.sim.robot import STAND
-from sar_compiler.sim.robot_interface import RemoteRobot, RobotInterface
+from sar_compiler.sim.robot_interface import RobotInterface
 
 NAVIGATE, THROUGH, FOLLOW = "navigate_to_pose", "navigate_through_poses", "follow_path"
 """The actions of Nav2's navigator and of its controller."""
@@ -63,44 +62,6 @@ _LOST_AFTER_SEC = 0.5
 _RECOVERABLE = (NavCode.NO_VALID_PATH, NavCode.FAILED_TO_MAKE_PROGRESS)
 # How long results of ended goals are kept for those who ask late, seconds. Nav2 keeps them 900 s.
 _RESULT_TIMEOUT_SEC = 60
-
-
-class NavigationServer(ABC):
-    """An action of Nav2's, whose goals are those of its navigator, and the lifecycle nodes behind it.
-
-    Attributes:
-        node_name: The name of the node.
-        action: The name of the action.
-        served: The lifecycle nodes that it stands for.
-    """
-
-    node_name, action = "bt_navigator", NAVIGATE
-    served: Sequence[str] = ("bt_navigator",)
-
-    def __init__(self) -> None:
-        self._now = 0.0
-        self._active_at: float | None = None
-
-    @property
-    def active(self) -> bool:
-        """Whether the lifecycle state is active."""
-        return self._active_at is not None and self._now >= self._active_at
-
-    @abstractmethod
-    def _on_goal(self, request: Any) -> GoalResponse:
-        """Return whether a goal is taken."""
-
-    @abstractmethod
-    def _on_accepted(self, handle: ServerGoalHandle) -> None:
-        """Begin with a goal."""
-
-    def _serve(self, node: Node) -> ActionServer:
-        """Have the node serve the action, and say in which state the lifecycle nodes are."""
-        for name in self.served:
-            node.create_service(
-                GetState, f"{name}/get_state", lambda _, response: tell_state(response, active=self.active)
-            )
-        return serve_goals(node, NavigateToPose, self.action, self._on_goal, self._on_accepted)
 
 
 def serve_goals(
@@ -179,13 +140,6 @@ class _Goal(AcceptedGoal):
         self.localised_at = began
         self._looks_back_sec, self._looks_at = manner.looks_back_sec, began
 
-    def go_on_from(self, before: "_Goal") -> None:
-        """Go on with what was done for another goal for the same pose."""
-        self.began, self.localised_at = before.began, before.localised_at
-        self.drive, self.progress = before.drive, before.progress
-        self.recovery, self.left = before.recovery, before.left
-        self.recoveries_begun = before.recoveries_begun
-
     def has_passed(self, here: Pose2D, now: float) -> bool:
         """Whether poses were behind the robot, and are left out from now on; the last one stays."""
         if now < self._looks_at or self.handle.is_cancel_requested:
@@ -251,7 +205,7 @@ class NavigationSetup:
     faults: FaultPlan
 
 
-class BtNavigator(NavigationServer):
+class BtNavigator:
     """Node `bt_navigator`: `navigate_to_pose`, `navigate_through_poses`, `bt_navigator/get_state`.
 
     So are `compute_path_to_pose` and the topic `plan` of Nav2's planner.
@@ -264,22 +218,27 @@ class BtNavigator(NavigationServer):
         rosbot: The robot to drive, by its topic `cmd_vel`.
         navigation: What it shares with others.
         localise: Returns the robot's pose in `map`, or None while there is no such transform.
-        lose_localisation: Makes the localisation disappear, until a simulated time in seconds or for ever (None); one that is another
-            process stays.
+        lose_localisation: Makes the localisation disappear, until a simulated time in seconds or for ever (None).
         manner: How it drives.
+
+    Attributes:
+        node_name: The name of the node.
     """
+
+    node_name = "bt_navigator"
 
     def __init__(
         self,
         host: NodeHost,
-        rosbot: "RobotInterface | RemoteRobot",
+        rosbot: RobotInterface,
         navigation: NavigationSetup,
         localise: Callable[[], Pose2D | None],
         *,
         lose_localisation: Callable[[float | None], object] = lambda _: None,
         manner: Manner = QUICK,
     ) -> None:
-        super().__init__()
+        self._now = 0.0
+        self._active_at: float | None = None
         self._host, self._rosbot, self._localise, self._manner = host, rosbot, localise, manner
         self._lose_localisation = lose_localisation
         self._planner, self._places = navigation.planner, navigation.places
@@ -293,6 +252,11 @@ class BtNavigator(NavigationServer):
         self._through: ActionServer | None = None
         self._planner_server: PlannerServer | None = None
         self._open()
+
+    @property
+    def active(self) -> bool:
+        """Whether the lifecycle state is active."""
+        return self._active_at is not None and self._now >= self._active_at
 
     def step(self, step: int, now_ns: int) -> None:
         """Do the work due at the simulated time *now_ns*, nanoseconds."""
@@ -331,16 +295,11 @@ class BtNavigator(NavigationServer):
     def _open(self) -> None:
         self._active_at = None
         self._node = self._host.create(self.node_name)
-        if self.action != FOLLOW:
-            # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
-            self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._lines: Publisher | None = None
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
-        self._server = self._serve(self._node)
-        # An environment that was made earlier flies without these.
+        self._serve()
+        # An environment that was made earlier flies without it.
         with suppress(ImportError):
-            if self.action != FOLLOW:
-                self._serve_through()
             self._planner_server = PlannerServer(
                 self._node,
                 self._planner,
@@ -348,6 +307,19 @@ class BtNavigator(NavigationServer):
                 lambda: self.active,
                 tolerance=self._manner.tolerance,
             )
+
+    def _serve(self) -> None:
+        """Serve the actions of the navigator, and say in which state it is."""
+        self._node.create_service(
+            GetState,
+            f"{self.node_name}/get_state",
+            lambda _, response: tell_state(response, active=self.active),
+        )
+        # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
+        self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
+        self._server = serve_goals(self._node, NavigateToPose, NAVIGATE, self._on_goal, self._on_accepted)
+        with suppress(ImportError):
+            self._serve_through()
 
     def _serve_through(self) -> None:
         from nav2_msgs.action import NavigateThroughPoses
@@ -582,22 +554,3 @@ class BtNavigator(NavigationServer):
         away = {name: goal.distance_to(Pose2D(*place)) for name, place in self._places.items()}
         nearest = min(away, key=away.__getitem__)
         return nearest if away[nearest] < _PLACE_REACH else None
-
-
-class ControllerServer(BtNavigator):
-    """What drives, where it is a process of its own: node `controller_server`, for the planner and the behaviours, too.
-
-    It plans as well, so that its action takes the goal of the navigator and not a path.
-    """
-
-    node_name, action = "controller_server", FOLLOW
-    served = ("controller_server", "planner_server", "behavior_server")
-
-    def _on_accepted(self, handle: ServerGoalHandle, action_type: Any = NavigateToPose) -> None:
-        before = self._goal
-        super()._on_accepted(handle, action_type)
-        goal = self._goal
-        if before is None or goal is None or before.handle.is_cancel_requested:
-            return
-        if goal.poses[0].pose == before.poses[0].pose:
-            goal.go_on_from(before)

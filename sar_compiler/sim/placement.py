@@ -20,10 +20,6 @@ QUICK_NAME, NAV2_NAME = "quick", "nav2"
 MANNER_NAMES = (QUICK_NAME, NAV2_NAME)
 """The ways in which the stand-in for Nav2 can drive (`sim.navigator`)."""
 
-ROBOT, AMCL, CONTROLLER, NAVIGATOR = "robot", "amcl", "controller_server", "bt_navigator"
-PARTS = (ROBOT, AMCL, CONTROLLER, NAVIGATOR)
-"""What of a simulation can be a process of its own: the world with its robots and the clock, and the parts of the stand-in for Nav2."""
-
 
 class PlacementError(SarError):
     """Robots cannot be placed as requested.
@@ -49,7 +45,6 @@ class Placement:
         odometry: Its pose at time zero by its odometry.
         localised: Whether its localisation knows where it is without being told.
         like: How its stand-in for Nav2 drives, one of `MANNER_NAMES`.
-        separate: Whether that is in other processes (`sim.separate`).
     """
 
     name: str
@@ -57,7 +52,6 @@ class Placement:
     odometry: Pose2D = ORIGIN
     localised: bool = False
     like: str = QUICK_NAME
-    separate: bool = False
 
     @property
     def action(self) -> str:

@@ -1,7 +1,5 @@
-"""One robot's topics, those of a rosbot stack: where it is simulated, and as the other processes of its simulation see it."""
+"""One robot's topics, those of a rosbot stack."""
 
-import math
-import time
 from array import array
 from collections import deque
 from typing import Any
@@ -14,21 +12,17 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import BatteryState, LaserScan
 from tf2_msgs.msg import TFMessage
 
-from sar_compiler.ros.poses import yaw_of
 from sar_compiler.sim.battery import Battery
-from sar_compiler.sim.geometry import ORIGIN, Pose2D
-from sar_compiler.sim.messages import from_pose, to_pose, to_stamp, to_transform
+from sar_compiler.sim.messages import to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
-from sar_compiler.sim.robot import Limits, Robot, RobotState, Twist2D
+from sar_compiler.sim.robot import Robot, RobotState, Twist2D
 from sar_compiler.sim.world import Lidar
 
 # One scan in this many steps (5 Hz at 0.05 s).
 _SCAN_EVERY = 4
 # One state of the battery in this many steps (1 Hz).
 _BATTERY_EVERY = 20
-# The true pose and that of the odometry, of one step.
-_PLACES = "simulator/places"
-_MAP, _ODOM, _BASE = "map", "odom", "base_link"
+_ODOM, _BASE = "odom", "base_link"
 # So many of its own commands can be on their way back to it.
 _OWN_COMMANDS = 100
 _CommandKey = tuple[str, int, int]
@@ -45,15 +39,12 @@ class RobotInterface:
         robot: The robot, which is sent the latest command.
         battery: Its battery.
         seed: Seed of its scanner's noise.
-        tells_truth: Whether to tell its localisation, which is another process, where it truly is.
 
     Attributes:
         limits: The limits of its drive.
     """
 
-    def __init__(
-        self, host: NodeHost, robot: Robot, battery: Battery, *, seed: int = 0, tells_truth: bool = False
-    ) -> None:
+    def __init__(self, host: NodeHost, robot: Robot, battery: Battery, *, seed: int = 0) -> None:
         self._robot, self.limits, self._battery = robot, robot.limits, battery
         self._seed = seed
         self._lidar = Lidar()
@@ -65,9 +56,6 @@ class RobotInterface:
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
         self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
-        self._places = (
-            host.create("simulator_places").create_publisher(TFMessage, _PLACES, 10) if tells_truth else None
-        )
         self._own_commands: deque[_CommandKey] = deque(maxlen=_OWN_COMMANDS)
         self._stamp = to_stamp(0)
         self._odometry_message = Odometry(child_frame_id=_BASE)
@@ -106,10 +94,6 @@ class RobotInterface:
             self._scan_message.header.stamp = stamp
             self._scan_message.ranges = array("f", ranges.astype(np.float32).tobytes())
             self._scan.publish(self._scan_message)
-        if self._places is not None:
-            truth = to_transform(_MAP, _BASE, state.pose, stamp)
-            measured = to_transform(_ODOM, _BASE, state.odometry, stamp)
-            self._places.publish(TFMessage(transforms=[truth, measured]))
 
     def drive(self, twist: Twist2D) -> None:
         """Command the robot, and say so on `cmd_vel` if anybody else listens."""
@@ -148,73 +132,3 @@ def _command(twist: Twist2D, stamp: Time) -> TwistStamped:
 def _key_of(command: TwistStamped) -> _CommandKey:
     stamp = command.header.stamp
     return command.header.frame_id, stamp.sec, stamp.nanosec
-
-
-# A transform from `map` that is older says nothing of now, in seconds of either clock.
-_FRESH_SEC = 0.5
-
-
-class RemoteRobot:
-    """The robot, of which a process knows what it hears, and which it drives by `cmd_vel`.
-
-    Args:
-        host: Creates the node.
-        name: The node's name.
-        knows_truth: Whether its true place is known, as to a localisation; else its odometry is.
-
-    Attributes:
-        limits: The limits of its drive.
-        state: Its state, as far as it is known.
-        is_known: Whether its true place is.
-    """
-
-    def __init__(self, host: NodeHost, name: str, *, knows_truth: bool = False) -> None:
-        self.limits = Limits()
-        self.state = RobotState(ORIGIN)
-        self.is_known = False
-        self._now_ns = 0
-        self._offset: Pose2D | None = None
-        self._heard_at = (-math.inf, -math.inf)
-        node = host.create(name)
-        if knows_truth:
-            node.create_subscription(TFMessage, _PLACES, self._on_places, 10)
-            return
-        node.create_subscription(Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data)
-        node.create_subscription(TFMessage, "/tf", self._on_transforms, 100)
-        self._commands = node.create_publisher(TwistStamped, "cmd_vel", 10)
-
-    def step(self, now_ns: int) -> None:
-        """Note the simulated time, nanoseconds."""
-        self._now_ns = now_ns
-
-    def place(self) -> Pose2D | None:
-        """Return where it is by the last transform from `map` and the odometry; None without a fresh one."""
-        now, wall = self._now_ns / 1e9, time.monotonic()
-        if self._offset is None or min(now - self._heard_at[0], wall - self._heard_at[1]) > _FRESH_SEC:
-            return None
-        return self._offset.compose(self.state.odometry)
-
-    def drive(self, twist: Twist2D) -> None:
-        """Command it."""
-        self._commands.publish(_command(twist, to_stamp(self._now_ns)))
-
-    def _on_places(self, message: Any) -> None:
-        pose, odometry = (_planar(each.transform) for each in message.transforms)
-        self.state, self.is_known = RobotState(pose, odometry=odometry), True
-
-    def _on_odometry(self, message: Any) -> None:
-        twist, odometry = message.twist.twist, from_pose(message.pose.pose)
-        if odometry is not None:
-            velocity = Twist2D(twist.linear.x, twist.angular.z)
-            self.state = RobotState(self.state.pose, velocity, odometry)
-
-    def _on_transforms(self, message: Any) -> None:
-        for each in message.transforms:
-            if each.header.frame_id == _MAP:
-                self._offset = _planar(each.transform)
-                self._heard_at = self._now_ns / 1e9, time.monotonic()
-
-
-def _planar(transform: Any) -> Pose2D:
-    place = transform.translation
-    return Pose2D(place.x, place.y, yaw_of(transform.rotation))

@@ -127,13 +127,11 @@ class SimulatedRobot:
     ) -> None:
         self._host, self._robot = host, robot
         self._battery = Battery(battery, robot.state.pose)
-        self._interface = RobotInterface(
-            host, robot, self._battery, seed=seed, tells_truth=placement.separate
-        )
+        self._interface = RobotInterface(host, robot, self._battery, seed=seed)
         self._amcl: Amcl | None = None
         self._navigator: BtNavigator | None = None
         self._navigation, self._amcl_back_at = navigation, math.inf
-        if navigation is not None and not placement.separate:
+        if navigation is not None:
             self._amcl = Amcl(host, robot, navigation.occupancy, localised=placement.localised)
             self._navigator = BtNavigator(
                 host,
@@ -272,7 +270,7 @@ class Simulation:
         self._listener: ROSClock | None = None
         self._jumps: JumpHandle | None = None
         # Without a map somebody else drives, in whose place a new server may come while the graph still has the dead one.
-        self._actions = [robot.action for robot in robots if navigation is not None and not robot.separate]
+        self._actions = [robot.action for robot in robots if navigation is not None]
         self._robots: dict[str, SimulatedRobot] = {}
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
             host = NodeHost(self._executor, context, namespace, robot.ros_arguments)

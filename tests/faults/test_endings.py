@@ -505,7 +505,6 @@ LONG: dict[str, dict[str, Phase]] = {
     },
     "sar-sim": {
         "running": Phase(["run"], "runs, at most"),
-        "running in parts": Phase(["run", "--separate"], "runs in"),
         "mapping": Phase(["map", "-o", "{folder}/map"], works),
         "importing": Phase(["sweep", "{tree}", "--nodes", "endless"], "blocked"),
         "sweeping": Phase(

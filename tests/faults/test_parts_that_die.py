@@ -3,13 +3,14 @@
 import os
 import re
 import signal
-from pathlib import Path
 
 import pytest
 
 from tests.waiting import Stopwatch
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+PARTS = "python", "-m", "tests.sim.parts"
 
 
 class Flight:
@@ -23,7 +24,7 @@ class Flight:
         self._start, self._ros = start, ros
         self._speed, self._begun = [0.0], []
         serve("survivors")
-        self._world = start("sar-sim", "run", "--separate", "--speed", 2).wait_for("runs,")
+        self._world = start(*PARTS, "--speed", 2).wait_for("the world runs")
         parameters = ("-p", "use_sim_time:=true", "-p", "zone_order:=[zone_a]")
         self.mission = start(
             "sar-run", "search_and_rescue_resilient", "--until", "complete", "--ros-args", *parameters
@@ -52,7 +53,7 @@ class Flight:
         self._ros.spin_until(lambda: not any(self._speed[-10:]), "the robot's standing")
 
     def begin_again(self, part, *options):
-        self._begun.append(self._start("sar-sim", "run", "--only", part, *options).wait_for("runs in"))
+        self._begun.append(self._start(*PARTS, "--part", part, *options).wait_for(f"{part} runs"))
 
     def completes_at_no_cost(self):
         assert self.mission.end() == 0, self.mission.output
@@ -143,15 +144,3 @@ def test_a_goal_is_sent_on_to_the_controller_every_second_as_by_nav2_and_the_dri
     assert aborted not in statuses["navigate_to_pose"].values()
     assert max(driven_sec) >= 5
     flight.completes_at_no_cost()
-
-
-def test_the_parts_end_with_a_world_that_is_killed(start):
-    from tests.waiting import News
-
-    world = start("sar-sim", "run", "--separate")
-    world.wait_until(lambda: world.output.count("runs in") == 3, "the parts")
-    parts = [Path("/proc", found) for found in re.findall(r"is process (\d+)", world.output)]
-    world.kill()
-    news = News()
-    with news:
-        news.wait_until(lambda: not any(part.exists() for part in parts), lambda: f"{parts} do not end")

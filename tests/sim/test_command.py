@@ -116,8 +116,6 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
             ["run", "--fault", "report_survivor:drop=1"],
             "'report_survivor' is no target (known: navigate_to_pose, amcl)",
         ),
-        (["run", "--separate", "--fault", "navigate_to_pose:reject=1"], "--fault is for a simulation in one"),
-        (["run", "--only", "nav2"], "invalid choice: 'nav2'"),
         (["run", "--robot", ""], "the robot has no name; expected NAME, NAME:X,Y"),
         (["run", "--robot", ":1,2"], "robot ':1,2': has no name; expected NAME, NAME:X,Y"),
         (["run", "--robot", "robot-1"], "'robot-1' cannot be a namespace"),
