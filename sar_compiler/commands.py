@@ -41,7 +41,6 @@ _OF_OPTIONS = {
     "record": (("mcap", "lz4", "zstandard"), "--record", ""),
     "report": (("cap_tools", "geojson", "pyproj", "xsdata"), "a report in coordinates of the world", ""),
     "search": (("shapely",), "an area with an outline", ", apt's python3-shapely on a robot"),
-    "sweep": (("dask", "distributed"), "--dask", ""),
     "view": (
         ("rich",),
         "--view text on a terminal",

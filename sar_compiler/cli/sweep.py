@@ -205,12 +205,10 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     first = add("--seed", type=seed, default=0, metavar="N", help=text)
     text = "how many runs go on at the same time (default: as many as there are cores)"
     add("--jobs", type=jobs, default=os.cpu_count() or 1, metavar="N", help=text)
-    text = "run on a Dask cluster instead: the address of its scheduler, such as tcp://host:8786"
-    dask = add("--dask", metavar="ADDRESS", help=text)
     text = "write the smallest failure to this file, if there is one"
     add("-o", "--output", type=FILE, metavar="FAILING", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    parser.hide(half, sure, first, dask)
+    parser.hide(half, sure, first)
 
 
 def probabilities(text: str) -> tuple[float, ...]:
@@ -246,14 +244,13 @@ def run_sweep(
     Args:
         rows: What is to be played.
         batch: The number of runs after each of which a row may end.
-        workers: Returns as many who play, unless `--dask` says who.
+        workers: Returns as many who play.
         write: Writes the smallest failure to the file of `-o`; returns None if that is not possible.
         smallest: What that is, in words.
         arguments: The command's arguments.
         budget: What all may take.
     """
     from sar_compiler.checks.sweep import StoppingRule, smallest_failure, sweep
-    from sar_compiler.checks.sweep.workers import on_dask
     from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
 
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
@@ -265,7 +262,7 @@ def run_sweep(
 
     stopped = False
     try:
-        with on_dask(arguments.dask) if arguments.dask else workers(arguments.jobs) as working:
+        with workers(arguments.jobs) as working:
             budget.run(lambda: sweep(rows, rule, arguments.seed, working, show))
     except (BudgetSpentError, CancelledError):
         stopped = True

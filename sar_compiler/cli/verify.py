@@ -59,7 +59,6 @@ def add_options(parser: CommandParser) -> None:
     add("--export", type=FILE, metavar="PREFIX", help=text)
     text = f"explore at most N states, and leave open what would take more (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
-    parser.hide(add("--jobs", type=count, metavar="N", help="has no effect any more; older scripts say it"))
     add_search_options(parser, "verify")
     parser.set_defaults(run=verify_file)
 
@@ -98,8 +97,6 @@ def verify_file(arguments: argparse.Namespace) -> int:
 
     if arguments.against is not None and arguments.export is not None:
         raise SarError("--export is for one tree: leave --against out")
-    if arguments.jobs is not None:
-        print_error("note: --jobs makes no difference any more: a proof is searched in one process")
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []

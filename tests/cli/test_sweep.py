@@ -5,9 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
-from unittest import mock
 
 import pytest
 
@@ -64,15 +62,10 @@ def test_the_table_has_a_row_for_each_combination(capsys):
     assert out.startswith("unusual  zones_left  runs  success  95 % interval  time (median)")
 
 
-def test_one_process_several_and_a_cluster_give_the_same(capsys):
-    distributed = pytest.importorskip("distributed")
+def test_one_process_and_several_give_the_same(capsys):
     wanted = [*MISSION, "--scenario", "day.yaml", "--runs", 50, "--half-width", 0.12]
     one = run(capsys, *wanted, "--jobs", 1)
     assert run(capsys, *wanted, "--jobs", 2) == one
-    local = partial(distributed.LocalCluster, n_workers=2, threads_per_worker=2, dashboard_address=None)
-    # It leaves what its processes begin with among the variables of whoever starts it.
-    with mock.patch.dict(os.environ), local() as cluster:
-        assert run(capsys, *wanted, "--dask", cluster.scheduler_address) == one
 
 
 def two_workers(process):
@@ -171,7 +164,6 @@ def test_runs_that_would_all_be_the_same_are_refused(capsys):
             ["--vary", TRIES, "--set", ATS],
             "101 x 100 = 10,100 combinations; vary fewer values: 10,000 are the most",
         ),
-        (["--dask", "tcp://127.0.0.1:1"], "no Dask scheduler answers at 'tcp://127.0.0.1:1'"),
     ],
 )
 def test_what_cannot_be_played_is_said(capsys, arguments, words):
@@ -196,13 +188,6 @@ def test_wrong_usage_is_refused(capsys, arguments, words):
         run(capsys, "tree.xml", *arguments)
     assert end.value.code == 2
     assert words in capsys.readouterr().err
-
-
-def test_a_cluster_without_the_library_names_the_extra(capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    status, _, err = run(capsys, "tree.xml", "--unusual", 0.1, "--dask", "tcp://127.0.0.1:1")
-    assert status == 2
-    assert "pip install 'sar_compiler[sweep]'" in err
 
 
 def test_simulate_plays_a_scenario_by_its_seed(capsys):

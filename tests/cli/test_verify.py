@@ -444,9 +444,3 @@ def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found
         terminal.kill()
     assert "stays at home: does not hold\n  it is broken in the last tick:\n    1  " in output
     assert "there are more; it was stopped there." in output
-
-
-def test_a_number_of_processes_is_accepted_and_makes_no_difference(run):
-    status, out, err = run(FINE, "--jobs", "2", "--format", "json")
-    assert (status, json.loads(out)["complete"]) == (0, True)
-    assert err == "note: --jobs makes no difference any more: a proof is searched in one process\n"

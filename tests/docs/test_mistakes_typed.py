@@ -129,10 +129,6 @@ EXTRAS = {
         "shapely",
         f"sar-run search_sweeps --check --params {Path('config/search_sweeps_params.yaml').resolve()}",
     ),
-    "sweep": (
-        "distributed",
-        "sar-compile sweep {folder}/plain.xml --unusual 0.1 --dask tcp://127.0.0.1:8786",
-    ),
     "view": ("rich", "sar-run {folder}/plain.xml --view text"),
     "web": ("uvicorn", "sar-run {folder}/plain.xml --view web"),
 }

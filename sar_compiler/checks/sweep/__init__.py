@@ -47,7 +47,7 @@ def wilson(successes: int, runs: int, confidence: float) -> Interval:
     return Interval(low, 1.0 if successes == runs else centre + spread)
 
 
-# So often may workers end with a batch in hand; Dask has the same limit.
+# So often may workers end with a batch in hand.
 _MOST_ATTEMPTS = 4
 
 

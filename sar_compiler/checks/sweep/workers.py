@@ -1,4 +1,4 @@
-"""Who plays the runs of a sweep: this process, processes on all cores, or a Dask cluster."""
+"""Who plays the runs of a sweep: this process, or processes on all cores."""
 
 import multiprocessing
 import os
@@ -8,16 +8,10 @@ from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from sar_compiler.errors import SarError
-
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 _Result = TypeVar("_Result")
-
-
-class ClusterError(SarError):
-    """A Dask cluster cannot be reached."""
 
 
 class Here(Executor):
@@ -97,30 +91,3 @@ def live_with_parent() -> None:
 def _end_with(parent: Any) -> None:
     parent.join()
     os._exit(1)
-
-
-def on_dask(address: str) -> Workers:
-    """Return the workers of a Dask cluster, which have this package and the files under the same paths.
-
-    Args:
-        address: The scheduler's, such as `tcp://host:8786`.
-
-    Raises:
-        ClusterError: If it cannot be reached, or has no workers.
-        ImportError: If `dask.distributed` is not installed.
-    """
-    from distributed import Client
-
-    try:
-        client = Client(address, timeout="5s")
-    except (OSError, ValueError) as error:
-        raise ClusterError(f"no Dask scheduler answers at '{address}' ({error})") from error
-    count = sum(client.nthreads().values())
-    if not count:
-        raise ClusterError(f"the Dask cluster at '{address}' has no workers")
-
-    def stop(executor: Executor) -> None:
-        executor.shutdown(wait=False)
-        client.close()
-
-    return Workers(lambda: client.get_executor(pure=False), count, stop)
