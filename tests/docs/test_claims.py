@@ -242,13 +242,10 @@ def test_every_beginning_is_that_of_one_statement(page):
     assert {start: count for start, count in counts.items() if count != 1} == {}
 
 
-@pytest.mark.parametrize(
-    ("page", "start"), [(page, start) for page in PAGES for start in HELD_BY[page]], ids=str
-)
-def test_the_tests_of_a_statement_exist(page, start):
-    named = HELD_BY[page][start]
-    assert named
-    assert set(named) - all_tests() == set()
+def test_the_tests_of_every_statement_exist():
+    held = [(page.stem, start, named) for page in PAGES for start, named in HELD_BY[page].items()]
+    assert [(page, start) for page, start, named in held if not named] == []
+    assert [(*each, name) for *each, named in held for name in named if name not in all_tests()] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -6,8 +6,6 @@ from importlib.metadata import entry_points
 from itertools import pairwise, takewhile
 from pathlib import Path
 
-import pytest
-
 from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
@@ -36,10 +34,10 @@ def program(command):
 
 
 def of(*programs):
-    """Parametrise a test with the commands that begin with one of some programs."""
+    """Return the commands that begin with one of some programs."""
     chosen = [command for command in ALL if program(command) in programs]
     assert chosen, f"the documentation never shows {programs}"
-    return pytest.mark.parametrize("command", chosen, ids=str)
+    return chosen
 
 
 def parse(command):
@@ -66,32 +64,31 @@ def refused(command):
     return False
 
 
-@of(*OURS)
-def test_a_command_of_the_project_parses_with_its_own_parser(command):
-    assert not refused(command), f"{command}: see standard error"
+def test_every_command_of_the_project_parses_with_its_own_parser():
+    assert [str(command) for command in of(*OURS) if refused(command)] == []
 
 
-@of(*OURS)
-def test_the_ros_arguments_of_a_command_have_the_form_of_ros(command):
-    ros = split_arguments(command.words[1:]).ros
-    flags = list(pairwise([*ros, ""]))[::2]
-    wrong = [
-        (flag, value) for flag, value in flags if flag in _RULES and not re.fullmatch(_RULES[flag], value)
-    ]
-    unknown = [flag for flag, _ in flags if flag not in {*_RULES, "--params-file", "--log-level"}]
-    assert (wrong, unknown) == ([], []), str(command)
+def test_the_ros_arguments_of_every_command_have_the_form_of_ros():
+    wrong = []
+    for command in of(*OURS):
+        for flag, value in list(pairwise([*split_arguments(command.words[1:]).ros, ""]))[::2]:
+            known = flag in {"--params-file", "--log-level"}
+            if not known and not re.fullmatch(_RULES.get(flag, "(?!)"), value):
+                wrong.append(f"{command}: {flag} {value}")
+    assert wrong == []
 
 
-@of("python", "python3", "bash", "sh", *OURS)
-def test_the_files_that_a_command_names_are_there(command):
-    outputs = written(command)
-    named = [
-        found[1] for word in command.words[1:] if word not in outputs and (found := FILE.fullmatch(word))
-    ]
-    modules = [value for flag, value in pairwise(command.words) if flag == "--nodes"]
-    missing = [name for name in named if not there(command, name)]
-    missing += [name for name in modules if not module_there(command, name)]
-    assert missing == [], str(command)
+def test_the_files_that_commands_name_are_there():
+    missing = []
+    for command in of("python", "python3", "bash", "sh", *OURS):
+        outputs = written(command)
+        named = [
+            found[1] for word in command.words[1:] if word not in outputs and (found := FILE.fullmatch(word))
+        ]
+        modules = [value for flag, value in pairwise(command.words) if flag == "--nodes"]
+        missing += [f"{command}: {name}" for name in named if not there(command, name)]
+        missing += [f"{command}: {name}" for name in modules if not module_there(command, name)]
+    assert missing == []
 
 
 def written(command):
@@ -113,31 +110,42 @@ def module_there(command, name):
     return there(command, f"{path}.py") or there(command, f"{path}/__init__.py")
 
 
-@of("make")
-def test_the_targets_that_make_is_asked_for_exist(command):
+def test_the_targets_that_make_is_asked_for_exist():
     makefile = Path("Makefile").read_text(encoding="utf-8")
     targets = {word for line in re.findall(r"^([\w -]+):", makefile, re.MULTILINE) for word in line.split()}
-    assert {word for word in command.words[1:] if "=" not in word} <= targets, str(command)
     variables = set(re.findall(r"^(\w+) [?:]?=", makefile, re.MULTILINE))
-    assert {word.split("=")[0] for word in command.words[1:] if "=" in word} <= variables, str(command)
+    unknown = [
+        f"{command}: {word}"
+        for command in of("make")
+        for word in command.words[1:]
+        if (word.split("=")[0] not in variables if "=" in word else word not in targets)
+    ]
+    assert unknown == []
 
 
 ROS2 = [command for command in ALL if command.words[0] == "ros2" and "sar_compiler" in command.words]
 
 
-@pytest.mark.parametrize("command", [each for each in ROS2 if each.words[1] == "run"], ids=str)
-def test_what_ros2_runs_is_a_command_of_the_package(command):
-    assert command.words[3] in OURS, str(command)
-    if command.words[3] == "sar-run":
-        sar_run._options(command.words[4:])
+def test_what_ros2_runs_is_a_command_of_the_package():
+    runs = [command for command in ROS2 if command.words[1] == "run"]
+    assert runs
+    assert [str(command) for command in runs if command.words[3] not in OURS] == []
+    for command in runs:
+        if command.words[3] == "sar-run":
+            sar_run._options(command.words[4:])
 
 
-@pytest.mark.parametrize("command", [each for each in ROS2 if each.words[1] == "launch"], ids=str)
-def test_what_ros2_launches_is_a_launch_file_that_declares_the_arguments(command):
-    found = [path for folder in ("launch", "examples") for path in Path(folder).rglob(command.words[3])]
-    assert len(found) == 1, f"{command}: there are {found}"
-    given = {word.split(":=")[0] for word in command.words[4:] if ":=" in word}
-    assert given <= declared_arguments(found[0]), str(command)
+def test_what_ros2_launches_is_a_launch_file_that_declares_the_arguments():
+    wrong = []
+    for command in ROS2:
+        if command.words[1] == "launch":
+            found = [
+                path for folder in ("launch", "examples") for path in Path(folder).rglob(command.words[3])
+            ]
+            given = {word.split(":=")[0] for word in command.words[4:] if ":=" in word}
+            if len(found) != 1 or not given <= declared_arguments(found[0]):
+                wrong.append(f"{command}: {found}")
+    assert wrong == []
 
 
 def declared_arguments(launch_file):

@@ -6,8 +6,6 @@ import re
 from importlib.metadata import entry_points
 from pathlib import Path
 
-import pytest
-
 from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
@@ -220,19 +218,18 @@ def every_parser(parser, prog):
                 yield from every_parser(command, f"{prog} {name}")
 
 
-EVERY = [pytest.param(parser, id=prog) for root in PARSERS for prog, parser in every_parser(root, root.prog)]
+EVERY = [each for root in PARSERS for each in every_parser(root, root.prog)]
 
 
-@pytest.mark.parametrize("parser", EVERY)
-def test_no_two_arguments_say_that_they_mean_the_same(parser):
-    said = [action.help for action in arguments(parser) if action.help]
-    assert [text for text in said if said.count(text) > 1] == []
+def test_no_two_arguments_of_a_command_say_that_they_mean_the_same():
+    said = [(prog, action.help) for prog, parser in EVERY for action in arguments(parser) if action.help]
+    assert [each for each in said if said.count(each) > 1] == []
 
 
-@pytest.mark.parametrize("parser", EVERY)
-def test_every_argument_says_what_it_means_and_its_default(parser):
+def test_every_argument_says_what_it_means_and_its_default():
     silent = [
-        named(action)
+        (prog, named(action))
+        for prog, parser in EVERY
         for action in arguments(parser)
         if not action.help or (is_value(action.default) and not says(action.help, action.default))
     ]

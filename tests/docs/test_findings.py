@@ -133,13 +133,16 @@ def plain(output):
     return "".join(kept).rstrip("\n")
 
 
-@pytest.mark.parametrize("code", CODES)
-def test_the_head_of_a_page_is_as_declared_and_reviewed(code):
-    head, path = f"# `{code}`\n\n*{SEVERITIES[code].value}*\n", PAGES / f"{code}.md"
-    if os.environ.get(RENEW):
-        written = path.read_text(encoding="utf-8") if path.exists() else ""
-        path.write_text(head + _HEAD.sub("", written), encoding="utf-8")
-    assert path.read_text(encoding="utf-8").startswith(head), "renew it: make schemas"
+def test_the_head_of_every_page_is_as_declared_and_reviewed():
+    old = []
+    for code in CODES:
+        head, path = f"# `{code}`\n\n*{SEVERITIES[code].value}*\n", PAGES / f"{code}.md"
+        if os.environ.get(RENEW):
+            written = path.read_text(encoding="utf-8") if path.exists() else ""
+            path.write_text(head + _HEAD.sub("", written), encoding="utf-8")
+        if not path.is_file() or not path.read_text(encoding="utf-8").startswith(head):
+            old.append(code)
+    assert old == [], "renew them: make schemas"
 
 
 def test_the_table_of_findings_is_as_declared_and_reviewed():
@@ -179,8 +182,8 @@ def test_every_code_in_the_sources_is_declared_and_every_kind_is_made_somewhere(
     assert sorted(made) == CODES
 
 
-@pytest.mark.parametrize("code", CODES[:1])
-def test_explain_prints_the_page(code, capsys):
+def test_explain_prints_the_page(capsys):
+    code = CODES[0]
     assert main(["explain", code]) == 0
     assert capsys.readouterr().out == (PAGES / f"{code}.md").read_text(encoding="utf-8")
 

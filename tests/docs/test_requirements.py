@@ -4,18 +4,12 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 from tests.docs.markdown import codes, links, tables
 
 PAGE = Path("docs/requirements.md")
 COURSE = "course only"
 BY_HAND = "by hand"
-ROWS = [
-    pytest.param(cells, id=f"{line} {cells[0][:60]}")
-    for heading, line, cells in tables(PAGE)
-    if len(cells) == 3
-]
+ROWS = [(line, cells) for _, line, cells in tables(PAGE) if len(cells) == 3]
 TEST = re.compile(r"(tests/[\w/]+\.py)((?:::\w+)*)")
 
 
@@ -31,19 +25,28 @@ def names_in(path):
     return names
 
 
-@pytest.mark.parametrize("cells", ROWS)
-def test_a_requirement_names_the_file_and_the_test_that_show_it(cells):
-    _, where, shown_by = cells
-    if COURSE in where:
-        return
-    assert "](" in where, "no file is linked"
-    tests = [TEST.fullmatch(code) for code in codes(shown_by) if code.startswith("tests/")]
-    assert tests or BY_HAND in shown_by, "no test is named"
-    for found in tests:
-        assert found is not None, f"not of the form tests/file.py::name: {shown_by}"
-        path, name = Path(found[1]), found[2].removeprefix("::")
-        assert path.is_file(), f"there is no {path}"
-        assert not name or name in names_in(path), f"{path} has no {name}"
+def test_every_requirement_names_the_file_and_the_test_that_show_it():
+    wrong = []
+    for line, (_, where, shown_by) in ROWS:
+        if COURSE in where:
+            continue
+        named = [code for code in codes(shown_by) if code.startswith("tests/")]
+        if "](" not in where:
+            wrong.append(f"{line}: no file is linked")
+        if not named and BY_HAND not in shown_by:
+            wrong.append(f"{line}: no test is named")
+        wrong += [f"{line}: {code}" for code in named if not is_test(code)]
+    assert ROWS
+    assert wrong == []
+
+
+def is_test(code):
+    """Return whether a text names a file of tests, or one of its tests."""
+    found = TEST.fullmatch(code)
+    if found is None or not Path(found[1]).is_file():
+        return False
+    name = found[2].removeprefix("::")
+    return not name or name in names_in(Path(found[1]))
 
 
 def test_every_task_of_the_text_has_its_row():
