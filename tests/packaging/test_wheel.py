@@ -1,5 +1,6 @@
 """The package installed with pip into an environment of its own."""
 
+import importlib.metadata
 import os
 import re
 import subprocess
@@ -7,6 +8,7 @@ import sys
 import sysconfig
 
 import pytest
+from packaging.requirements import Requirement
 
 from tests.packaging.conftest import made_once
 from tests.packaging.test_workspace import files_below
@@ -27,11 +29,11 @@ def install(folder):
     clone(folder / "repository")
     # Another pip than that of the tests would take longer to unpack than the package.
     done(sys.executable, "-m", "venv", "--without-pip", folder / "environment")
-    done(
-        sys.executable, "-m", "pip", "--python", folder / "environment" / "bin" / "python",
-        "install", "--no-deps", "--disable-pip-version-check", folder / "repository",
-        env={**os.environ, "MYPYC_OPT_LEVEL": "0", "PIP_NO_COMPILE": "1"},
-    )  # fmt: skip
+    pip = (sys.executable, "-m", "pip", "--python", folder / "environment" / "bin" / "python")
+    options = ("--no-deps", "--disable-pip-version-check")
+    variables = {**os.environ, "MYPYC_OPT_LEVEL": "0", "PIP_NO_COMPILE": "1"}
+    done(*pip, "wheel", *options, "--wheel-dir", folder / "wheel", folder / "repository", env=variables)
+    done(*pip, "install", *options, *(folder / "wheel").iterdir(), env=variables)
 
 
 @pytest.fixture(scope="session")
@@ -95,3 +97,54 @@ def test_the_shipped_tree_is_shown_by_its_name_and_the_kernel_is_compiled(instal
     root = "import sar_compiler.resources as r; print(r.shipped_root())"
     printed = done(environment / "bin" / "python", "-c", root, cwd=tmp_path, env=variables)
     assert printed.strip() == str(environment / "share" / "sar_compiler")
+
+
+def test_the_wheel_has_at_most_3_megabytes(installed):
+    [wheel] = (installed[0].parent / "wheel").iterdir()
+    assert wheel.stat().st_size <= 3_000_000
+
+
+FOREIGN = """<root BTCPP_format="4">
+  <BehaviorTree ID="Fetch">
+    <Sequence>
+      <Script code="tries := 0"/>
+      <RetryUntilSuccessful num_attempts="3"><OpenDoor door="front"/></RetryUntilSuccessful>
+    </Sequence>
+  </BehaviorTree>
+  <TreeNodesModel><Action ID="OpenDoor"><input_port name="door" type="std::string"/></Action></TreeNodesModel>
+</root>
+"""
+
+
+def required(names):
+    """Return the distributions that some need, with those that these need in turn, without extras."""
+    found: dict[str, importlib.metadata.Distribution] = {}
+    for name in names:
+        distribution = importlib.metadata.distribution(name)
+        wanted = map(Requirement, distribution.requires or ())
+        more = [each.name for each in wanted if each.marker is None or each.marker.evaluate({"extra": ""})]
+        found |= {name: distribution, **required(more)}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("command", "said"), [("validate", "no findings"), ("show", "OpenDoor"), ("verify", "4 proved")]
+)
+def test_a_foreign_tree_is_checked_with_what_the_package_requires_and_nothing_else(
+    installed, tmp_path, command, said
+):
+    _, environment = installed
+    (metadata,) = environment.rglob("sar_compiler-*.dist-info")
+    needed = map(Requirement, importlib.metadata.Distribution.at(metadata).requires or ())
+    libraries = tmp_path / "libraries"
+    libraries.mkdir()
+    names = [each.name for each in needed if each.marker is None or each.marker.evaluate({"extra": ""})]
+    for distribution in required(names).values():
+        for top in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
+            (libraries / top).symlink_to(distribution.locate_file(top))
+    assert (libraries / "lxml").is_dir()
+    assert not (libraries / "rclpy").exists()
+    tree = tmp_path / "fetch.xml"
+    tree.write_text(FOREIGN, encoding="utf-8")
+    variables = {**os.environ, "PYTHONPATH": str(libraries)}
+    assert said in done(environment / "bin" / "sar-compile", command, tree, cwd=tmp_path, env=variables)
