@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from sar_compiler.nodes.btcpp.port_types import is_number, is_untyped, may_share
+from sar_compiler.nodes.cpp_names import TEXT, normalized
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.model import Element
@@ -39,7 +41,7 @@ class Difference:
         tick: The tick, from 0; -1 if the tree was refused, or should have been.
         what: What differs: refused, accepted, events, root, or the path and key of an entry.
         expected: What BehaviorTree.CPP had.
-        seen: What there is here.
+        seen: What there is here; of a tree that was accepted, the codes of its findings.
         error: What was raised here.
     """
 
@@ -89,8 +91,7 @@ _FRONT = re.compile(r"'-?(?:[0-9]|\.[0-9])[^']*' is not a (?:whole )?number")
 _TYPES = re.compile(r"initially created with type \[([^]]*)\] and, later type \[([^]]*)\]")
 _NO_VARIABLE = re.compile(r"there is no variable '(\w+)'")
 _DECLARED = re.compile(r"Previously declared type \[([^]]*)\], current type \[([^]]*)\]")
-_TEXT, _ANY = "std::string", "BT::Any"
-_NUMBERS = {"int", "unsigned int", "long", "unsigned long", "double", "bool"}
+_OF_TYPES = {"btcpp-version", "cpp-type-mismatch"}
 # The ports of BehaviorTree.CPP, and of the leaves of the traces, that have no default.
 _NO_DEFAULT = {
     *(f"case_{number}" for number in range(1, 7)),
@@ -161,28 +162,30 @@ def _front_of_entry(_: Case, difference: Difference) -> bool:
     )
 
 
-def _numbers_of_two_types(_: Case, difference: Difference) -> bool:
+def _types_of_a_key(case: Case, difference: Difference) -> bool:
+    """Whether types were refused that may not share a key here either, with a warning unless the file does not show both."""
     if difference.what != "accepted":
         return False
     match = _TYPES.search(difference.expected) or _DECLARED.search(difference.expected)
-    return match is not None and set(match.groups()) <= _NUMBERS
-
-
-def _constant_for_a_text(_: Case, difference: Difference) -> bool:
-    match = _TYPES.search(difference.expected) if difference.what == "accepted" else None
-    return match is not None and match.group(1) in _NUMBERS and match.group(2) == _TEXT
+    is_refused = match is not None and not may_share(*map(normalized, match.groups()))
+    is_given = any(f"[{key}]" in difference.expected for key in case.get("bb", {}))
+    return is_refused and (is_given or not _OF_TYPES.isdisjoint(difference.seen.split()))
 
 
 def _text_by_root_key(_: Case, difference: Difference) -> bool:
     """Whether a text came first through a key of the main tree that subtrees are given."""
     match = _DECLARED.search(difference.expected) if difference.what == "accepted" else None
-    return match is not None and match.group(1) == _TEXT and "Blackboard entry [@" in difference.expected
+    is_text = match is not None and normalized(match.group(1)) == TEXT
+    return is_text and "Blackboard entry [@" in difference.expected
 
 
 def _set_over_another(_: Case, difference: Difference) -> bool:
     """Whether a number could not be written there to an entry that was first named by a port of another plain type."""
     match = _DECLARED.search(difference.exception)
-    return match is not None and match.group(1) in {*_NUMBERS, _TEXT} and match.group(2) in {*_NUMBERS, _ANY}
+    if match is None:
+        return False
+    declared, current = map(normalized, match.groups())
+    return (is_number(declared) or declared == TEXT) and (is_number(current) or is_untyped(current))
 
 
 def _never_reached(case: Case, difference: Difference, refusal: Refusal) -> bool:
@@ -311,8 +314,7 @@ _REFUSALS: tuple[tuple[str, RefusalRule], ...] = (
 
 _RULES: tuple[tuple[str, Rule], ...] = (
     ("of a text that begins with a number, the rest is dropped there", _front_of_entry),
-    ("a number is refused there by a port for numbers of another type", _numbers_of_two_types),
-    ("a constant that looks like a number is refused there by a port for texts", _constant_for_a_text),
+    ("types that may not share a key there are a warning here", _types_of_a_key),
     ("a text that comes first by a key of the main tree goes with no other type there", _text_by_root_key),
     ("an entry that was first named by a port of another type takes no number there", _set_over_another),
     ("a loop cannot replace there what a script has written to its output", _loop_over_another),

@@ -24,6 +24,7 @@ if __name__ == "__main__":
     os.environ["SAR_KERNEL"] = "python"
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, compile_tree
 from sar_compiler.nodes.registry import Registry, load_registry
 from sar_compiler.runtime.blackboard import Board, Scope
@@ -202,7 +203,7 @@ def _first_difference(case: Case, run: Run) -> Difference | None:
         seen = next(_ticks(case, run, compiled, clock), None)
         if seen is not None and seen.root == "EXCEPTION":
             return None
-        return Difference(run, -1, "accepted", run["create_exception"], "")
+        return Difference(run, -1, "accepted", run["create_exception"], _findings_of(case["xml"]))
     for index, (expected, seen) in enumerate(
         zip(run["ticks"], _ticks(case, run, compiled, clock), strict=False)
     ):
@@ -210,6 +211,12 @@ def _first_difference(case: Case, run: Run) -> Difference | None:
         if difference is not None:
             return difference
     return None
+
+
+def _findings_of(xml: str) -> str:
+    """Return the codes of the findings about a case's tree."""
+    found = check(Forest.of(parse_xml(xml)), _registry(may_skip=_SKIPS.search(xml) is not None))
+    return " ".join(dict.fromkeys(each.code for each in found))
 
 
 def _is_refused(run: Run) -> bool:
