@@ -1,18 +1,23 @@
 """Conversion of a file to BehaviorTree.CPP 4, with all that BehaviorTree.CPP refuses of it."""
 
+import dataclasses
 from collections.abc import Iterable, Iterator
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.keys import refused_key_types
+from sar_compiler.checks.rules.version_differences import check_literals
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.conversion import Converted, convert
-from sar_compiler.tree.diagnostic import Diagnostic, Form
+from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import TreeFile
 
-_OF_TYPES = ("btcpp-version", "cpp-type-mismatch", "key-of-two-types")
+_WARNINGS = ("btcpp-version", "cpp-type-mismatch")
+"""The warnings about what BehaviorTree.CPP refuses."""
+_MODELLED = ("unknown-node",)
+"""The errors about nodes of which a model is written."""
 
 
 def convert_to_btcpp(
@@ -20,7 +25,7 @@ def convert_to_btcpp(
 ) -> Converted:
     """Write a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
 
-    Besides the notes about what has no counterpart there are the findings about keys whose types it refuses.
+    Besides the notes about what has no counterpart there are the findings because of which it refuses the file that is written.
 
     Args:
         forest: The file, with those that it includes.
@@ -34,12 +39,25 @@ def convert_to_btcpp(
     palettes = tuple(palettes)
     losses = convert(forest.main, Form.XML).losses
     rewritten, notes = to_btcpp(forest.main, registry, palettes, btcpp)
-    context = CheckContext(forest, registry, palettes, btcpp)
-    types = [each for each in _refused_types(context) if each.source is forest.main.source]
-    found = dict.fromkeys((*notes, *types))
+    written = CheckContext(_with_main(forest, rewritten), registry, palettes, btcpp)
+    noted = {each.span for each in notes if each.severity is not Severity.INFO}
+    refused = [
+        each for each in _refused(written) if each.source is forest.main.source and each.span not in noted
+    ]
+    found = dict.fromkeys((*notes, *refused))
     return Converted(convert(rewritten, Form.XML).text, (*losses, *sorted(found, key=lambda each: each.span)))
 
 
-def _refused_types(context: CheckContext) -> Iterator[Diagnostic]:
-    yield from (each for each in context.bound.findings if each.code in _OF_TYPES)
-    yield from refused_key_types(context)
+def _with_main(forest: Forest, main: TreeFile) -> Forest:
+    """Return a forest with a rewritten main file, whose elements have kept their places."""
+    files = tuple(main if each is forest.main else each for each in forest.files)
+    meant = {each.place: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
+    targets = {id(each): tree for each in main.root.iterate() if (tree := meant.get(each.place)) is not None}
+    return dataclasses.replace(forest, main=main, files=files, targets=targets)
+
+
+def _refused(context: CheckContext) -> Iterator[Diagnostic]:
+    for finding in (*context.bound.findings, *refused_key_types(context), *check_literals(context)):
+        is_error = finding.severity is Severity.ERROR and finding.code not in _MODELLED
+        if is_error or finding.code in _WARNINGS:
+            yield finding

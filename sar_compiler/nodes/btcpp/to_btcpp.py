@@ -16,7 +16,7 @@ from sar_compiler.nodes.cpp_names import normalized
 from sar_compiler.nodes.models import Model, read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.numbers import milliseconds_in, plain_duration
-from sar_compiler.nodes.registry import Registry, subtree
+from sar_compiler.nodes.registry import Registry, is_own_word, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import (
     ConversionError,
@@ -236,7 +236,7 @@ class _Conversion:
             self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
         built_in = is_built_in(specs)
         if not built_in:
-            if not spec.kind.is_leaf and spec.semantics.counterpart.hint:
+            if spec.semantics.counterpart.hint and (not spec.kind.is_leaf or is_own_word(draft.tag)):
                 message = f"BehaviorTree.CPP has no <{draft.tag}>"
                 self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
             for parameter in spec.references:
