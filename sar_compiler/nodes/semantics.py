@@ -124,6 +124,7 @@ class Semantics(NamedTuple):
         with_memory: The tag of its non-reactive counterpart, which ticks only the child that was running.
         keys: Its use of the keys of some of its ports.
         copies: The port of a key whose value it writes, with its type, to its other key; empty if it does not.
+        counts: The ports that are numbers of its children; negative ones are counted from the end.
         counterpart: Its counterpart in BehaviorTree.CPP.
     """
 
@@ -143,6 +144,7 @@ class Semantics(NamedTuple):
     with_memory: str = ""
     keys: Mapping[str, KeyRole] = {}
     copies: str = ""
+    counts: tuple[str, ...] = ()
     counterpart: Counterpart = Counterpart()
 
     @classmethod
@@ -170,13 +172,14 @@ class Semantics(NamedTuple):
         return cls(outcome_sets.in_order(F, pauses=pauses), Order.IN_ORDER, F, reactive=reactive)
 
     @classmethod
-    def parallel(cls, possible: Possible | None = None) -> "Semantics":
+    def parallel(cls, possible: Possible | None = None, counts: tuple[str, ...] = ()) -> "Semantics":
         """Return the semantics of a node that ticks its children in parallel.
 
         Args:
             possible: Its outcome set as a function of its children's, if known.
+            counts: Its ports that are numbers of children.
         """
-        return cls(possible, Order.TOGETHER)
+        return cls(possible, Order.TOGETHER, counts=counts)
 
     @classmethod
     def turning(cls, turns: "Mapping[Status, Status] | Mapping[int, int]") -> "Semantics":

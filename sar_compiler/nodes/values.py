@@ -45,6 +45,7 @@ _NO_DIGITS = r"-?([iI][nN][fF]([iI][nN][iI][tT][yY])?|[nN][aA][nN])"
 _NOT_BLANK = r"[\s\S]*\S[\s\S]*"
 _SEPARATOR = ";"
 _VECTOR = "std::vector<"
+_JSON_LIST = r"json:\s*\[[\s\S]*\]\s*"
 _NAME_OF_KEY = r"(?a) *@?[A-Za-z_]\w* *"
 JSON = "json:"
 """The prefix of a JSON text, for ports that take any value."""
@@ -52,8 +53,7 @@ _LARGEST_UNSIGNED = 2**32 - 1
 MOST_LISTED = 10
 """The largest number of names that a message lists."""
 
-# The texts that BehaviorTree.CPP reads as a bool.
-_BOOLS = {
+TRUTH_VALUES = {
     "true": True,
     "false": False,
     "True": True,
@@ -63,6 +63,7 @@ _BOOLS = {
     "1": True,
     "0": False,
 }
+"""The texts that BehaviorTree.CPP reads as a bool."""
 
 
 @dataclass(eq=False)
@@ -163,6 +164,8 @@ class ValueType(NamedTuple):
             if self.python not in _NUMBERS:
                 whole = isinstance(value, float) and value.is_integer()
                 return self.convert(as_text(int(value) if whole else value))
+            if self.python is bool and isinstance(value, float) and not value < 0:
+                return value != 0  # as C++ casts it
             with suppress(OverflowError, ValueError):  # infinity, or a whole number beyond every float
                 if value == self.python(value):
                     return self.python(value)
@@ -312,7 +315,7 @@ def without_none(annotation: object) -> object:
 
 def _boolean(text: str) -> bool:
     try:
-        return _BOOLS[text]
+        return TRUTH_VALUES[text]
     except KeyError:
         message = f"'{text}' is neither true nor false"
         raise ConversionError(message, nearest(text.strip(), ("true", "false"))) from None
@@ -521,8 +524,23 @@ def list_of(item: ValueType) -> ValueType:
         else f"several with ; between them, each {item.label}"
     )
     cpp = f"std::vector<{item.cpp}>"
-    convert = functools.partial(items_of, convert=item.convert)
+    if pattern:
+        pattern = f"{pattern}|{_JSON_LIST}"
+    convert = functools.partial(_list, item, label)
     return ValueType(f"{item.name}.list", label, convert, pattern=pattern, python=list, cpp=cpp)
+
+
+def _list(item: ValueType, label: str, text: str) -> list[object]:
+    """Read items between semicolons, or a list in JSON as BehaviorTree.CPP does for some types."""
+    if not text.startswith(JSON):
+        return items_of(text, item.convert)
+    items = _anything(text)
+    are_texts = item.python is str
+    if not isinstance(items, list) or any(isinstance(each, str) is not are_texts for each in items):
+        raise ConversionError(
+            f"'{text}' is not a list of {label.removesuffix(' with ; between them')} in JSON"
+        )
+    return [item.fit(each) for each in items]
 
 
 def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) -> list[T]:
@@ -564,7 +582,13 @@ def _anything(text: str) -> object:
 
 _PLAIN: dict[type, ValueType] = {
     bool: ValueType(
-        "boolean", "true or false", _boolean, choices=tuple(_BOOLS), python=bool, cpp="bool", example="true"
+        "boolean",
+        "true or false",
+        _boolean,
+        choices=tuple(TRUTH_VALUES),
+        python=bool,
+        cpp="bool",
+        example="true",
     ),
     int: ValueType("integer", "a whole number", whole_number, pattern=INTEGER, python=int, cpp="int"),
     float: ValueType("number", "a number", real_number, pattern=REAL, python=float, cpp="double"),
@@ -629,7 +653,8 @@ NO_VALUE = ValueType("", "", str, python=object, cpp=TEXT)
 """In place of the type of a value, for what is none: another node, whose name is written, or an object of the mission."""
 
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
-_STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+"""The texts that BehaviorTree.CPP reads as a status."""
 _SIZES = {"int8_t": 8, "int16_t": 16, INT: 32, LONG: 64}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
@@ -644,9 +669,9 @@ _CPP_TYPES = {
     TEXT: _PLAIN[str],
     STATUS: ValueType(
         "status",
-        f"one of {', '.join(_STATUSES)}",
-        functools.partial(_choose_text, _STATUSES),
-        choices=_STATUSES,
+        f"one of {', '.join(STATUSES)}",
+        functools.partial(_choose_text, STATUSES),
+        choices=STATUSES,
         cpp=STATUS,
     ),
 }

@@ -120,3 +120,33 @@ def test_a_text_is_found_at_the_end_of_a_long_chain_of_copies():
     body = "\n".join(["<Script code=\"k0 := 'fast'\"/>", *chain])
     last = f'<SetBlackboard value="{{k{len(chain)}}}" output_key="value"/>'
     assert ("key-of-two-types", 4 + len(chain), 23) in found(f"{body}\n{last}")
+
+
+@pytest.mark.parametrize(
+    ("written", "suggestion"), [("+5", "5"), ("-5", None), ("5", None), ("1e3", None), ("+.5", ".5")]
+)
+def test_a_plus_before_a_number_is_warned_of_since_btcpp_cannot_read_it(written, suggestion):
+    text = TREE.format(body="<AlwaysSuccess/>", port="word").replace('word="{value}"', f'speed="{written}"')
+    findings = [
+        each for each in check(forest_of(text), default_registry()) if each.code == "cpp-type-mismatch"
+    ]
+    assert [(each.suggestion, each.span.line) for each in findings] == (
+        [(suggestion, 4)] if suggestion else []
+    )
+
+
+@pytest.mark.parametrize(("children", "codes"), [(1, ["out-of-reach"]), (2, ["out-of-reach"]), (3, [])])
+def test_a_count_of_children_that_a_script_writes_is_compared_with_their_number(children, codes):
+    parallel = f'<Parallel success_count="{{n}}">{"<AlwaysSuccess/>" * children}</Parallel>'
+    enough = '<Parallel success_count="{n}"><AlwaysSuccess/><AlwaysSuccess/><AlwaysSuccess/></Parallel>'
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Script code="n := 3"/>{enough}{parallel}</Sequence></BehaviorTree></root>'
+    found = [each.code for each in check(forest_of(text), default_registry())]
+    assert [code for code in found if code != "needless-node"] == codes
+
+
+@pytest.mark.parametrize("items", ["1;x", "x", "1;2.5"])
+def test_each_item_of_a_loop_is_compared_with_the_ports_that_read_it(items):
+    loop = f'<LoopString queue="{items}" value="{{k}}"><Drive count="{{k}}"/></LoopString>'
+    text = TREE.format(body=loop, port="any").replace('<Drive any="{value}"/>', "")
+    codes = [each.code for each in check(forest_of(text), default_registry())]
+    assert codes.count("key-of-two-types") == 1

@@ -289,9 +289,6 @@ RIGHT = {
         "</Parallel>"
     ),
     "a leaf that may write any key": '<Sequence><Meddle/><Say text="{greeting}"/></Sequence>',
-    "a script that may write any key": (
-        '<Sequence><SetBlackboard value="a:=1" output_key="s"/><Script code="{s}"/><ScriptCondition code="a"/></Sequence>'
-    ),
     "a key in the middle of a text": '<Say text="hello {name}, good morning"/>',
     "what one branch or another writes": (
         '<Sequence><Fallback><Find at="{p}"/><Find at="{p}"/></Fallback><Say text="{p}"/></Sequence>'
@@ -304,6 +301,21 @@ RIGHT = {
 def test_nothing_is_said_of_keys_that_are_used_rightly(name):
     findings = [f.render() for f in check(forest_of(document(RIGHT[name])), REGISTRY)]
     assert findings == []
+
+
+def test_a_script_in_an_entry_may_write_any_key_and_is_too_late_for_btcpp():
+    body = '<Sequence><SetBlackboard value="a:=1" output_key="s"/><Script code="{s}"/><ScriptCondition code="a"/></Sequence>'
+    (finding,) = check(forest_of(document(body)), REGISTRY)
+    assert (finding.code, finding.severity) == ("cpp-type-mismatch", Severity.WARNING)
+    assert "needs the script in 's' before <SetBlackboard> writes it" in finding.message
+
+
+def test_a_script_that_a_subtree_is_given_is_there_in_time_for_btcpp():
+    text = (
+        '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><SubTree ID="P" s="a:=1"/></BehaviorTree>'
+        '<BehaviorTree ID="P"><Script code="{s}"/></BehaviorTree></root>'
+    )
+    assert check(forest_of(text), REGISTRY) == []
 
 
 def test_a_key_that_is_written_for_nobody_is_only_worth_knowing():

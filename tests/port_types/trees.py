@@ -56,6 +56,9 @@ TAKERS = {
     "if_empty": '<LoopInt queue="1" if_empty="{k}" value="{v}"><AlwaysSuccess/></LoopInt>',
     "updated": '<SkipUnlessUpdated entry="{k}"><AlwaysSuccess/></SkipUnlessUpdated>',
     "set": '<SetBlackboard value="{k}" output_key="other"/>',
+    "code": '<Script code="{k}"/>',
+    "condition": '<ScriptCondition code="{k}"/>',
+    "if": '<Precondition if="{k}"><AlwaysSuccess/></Precondition>',
 }
 """Nodes of BehaviorTree.CPP that read `k`."""
 

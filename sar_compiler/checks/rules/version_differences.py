@@ -7,6 +7,7 @@ from typing import NamedTuple
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode, Collector
+from sar_compiler.nodes.binding.key_types import severity_there
 from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
 from sar_compiler.nodes.btcpp import (
     DROPS_EXPLICIT,
@@ -19,6 +20,9 @@ from sar_compiler.nodes.btcpp import (
     VERSIONS,
     Version,
 )
+from sar_compiler.nodes.btcpp.port_types import can_be_converted, is_loop_queue
+from sar_compiler.nodes.cpp_names import normalized
+from sar_compiler.nodes.spec import Direction, NodeSpec
 from sar_compiler.runtime.expressions import Literal, Operation, Script, parts
 from sar_compiler.runtime.tokens import TokenKind, tokenize
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
@@ -45,6 +49,36 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
     yield from collector.findings
     yield from _newer_nodes(context)
     yield from _explicit(context)
+
+
+def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield literals that a port can read here, and BehaviorTree.CPP cannot."""
+    for bound, types in context.nodes_with(_readable_types):
+        for name, cpp in types.items():
+            text = bound.element.attributes.get(name)
+            if not text or bound.values.get(name) is None or can_be_converted(text, cpp, context.version):
+                continue
+            kind = "items" if is_loop_queue(cpp) else cpp
+            message = f"{name}: '{text}' is read here, and BehaviorTree.CPP cannot read it as {kind}"
+            plain = text.replace("+", "")
+            is_meant = plain and can_be_converted(plain, cpp, context.version)
+            yield bound.element.finding(
+                "cpp-type-mismatch",
+                message,
+                value=name,
+                suggestion=plain if is_meant else None,
+                hint=f"write a key of the type {kind}",
+                severity=severity_there(context.btcpp),
+            )
+
+
+def _readable_types(spec: NodeSpec) -> dict[str, str]:
+    """Return the C++ types of the ports that a node reads, or the names of its queues' types."""
+    ports = (each for each in spec.ports if each.direction is not Direction.OUTPUT)
+    kinds = {each.name: each.value_type for each in ports}
+    return {
+        name: kind.name if is_loop_queue(kind.name) else normalized(kind.cpp) for name, kind in kinds.items()
+    }
 
 
 def _report_tags(context: CheckContext, collector: Collector) -> None:

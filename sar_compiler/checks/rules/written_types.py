@@ -5,29 +5,41 @@ from typing import NamedTuple, TypeAlias
 
 from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, EntryTable
 from sar_compiler.nodes.binding.bound import BoundNode, file_of
-from sar_compiler.nodes.binding.key_types import EntryType, EntryTypes, cpp_type, fits, port_label
+from sar_compiler.nodes.binding.key_types import (
+    EntryType,
+    EntryTypes,
+    agree,
+    cpp_type,
+    fits,
+    port_label,
+    severity_there,
+)
 from sar_compiler.nodes.btcpp import NEWEST, NUMBERS, Version
 from sar_compiler.nodes.btcpp.port_types import (
+    can_be_converted,
     can_be_copied,
     can_be_read,
     is_loop_queue,
     is_number,
     is_untyped,
     is_whole,
+    may_share,
     type_of_constant,
 )
-from sar_compiler.nodes.cpp_names import ANY, LONG, REAL, TEXT
+from sar_compiler.nodes.cpp_names import ANY, LONG, REAL, STATUS, TEXT
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.nodes.spec import Direction, Parameter
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.expressions import Assignment, Expression, Literal, Name, Prefix
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
+from sar_compiler.runtime.expressions import Assignment, Expression, Literal, Name, Prefix, Script
+from sar_compiler.runtime.queues import queue_items
+from sar_compiler.tree.diagnostic import Diagnostic, Span
 from sar_compiler.tree.model import Element
 
 _MOST_COPIES = 50
 _MOST_VALUES = 100
 _SETTING = (":=", "=")
+_QUEUE = "queue"
 _WRITING = (AccessKind.WRITE, AccessKind.CHANGE, AccessKind.BOTH)
 
 
@@ -67,11 +79,13 @@ class _WrittenValue(NamedTuple):
         cpp: Its C++ type, normalized.
         value: The value itself, where the file shows it.
         is_shown: Whether the file shows it.
+        text: The text of a number that is a text in BehaviorTree.CPP; None for any other value.
     """
 
     cpp: str
     value: object = None
     is_shown: bool = False
+    text: str | None = None
 
 
 _PossibleValues: TypeAlias = tuple[_WrittenValue, ...] | None
@@ -86,9 +100,10 @@ class _KeyWrite(NamedTuple):
         key: The key, by its name there.
         place: The attribute and the part of its value that is written; None for all of it.
         values: What may be written; None if that is not known.
-        port: The port that writes; None for a script, a constant or a copy.
+        port: The port that writes; None for a script, a constant, a copy or an item.
         is_copy: Whether a node copies it with its type.
         is_constant: Whether a subtree is given it.
+        is_item: Whether it is an item of a loop.
     """
 
     element: Element
@@ -99,6 +114,7 @@ class _KeyWrite(NamedTuple):
     port: _TypedPort | None = None
     is_copy: bool = False
     is_constant: bool = False
+    is_item: bool = False
 
     @property
     def span(self) -> Span:
@@ -122,10 +138,10 @@ class KeyTypeRules:
         self._board = board
         self._types = types
         self._version = btcpp or NEWEST
-        self._severity = Severity.WARNING if btcpp is None else Severity.ERROR
+        self._severity = severity_there(btcpp)
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
         # Kinds of ports that have one type, and need no comparison where they alone use an entry.
-        self._of_one_type: set[tuple[int, ...]] = set()
+        self._of_one_type: set[tuple[tuple[int, int], ...]] = set()
         # What may be in the entries that were asked for; a copy of a copy is asked for often.
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
@@ -134,20 +150,12 @@ class KeyTypeRules:
         first = self._types.get((entry.scope, entry.key))
         if first is None:
             return
-        # Of an entry with many uses, each port of a kind of node is compared once.
-        kinds: dict[int, EntryAccess] = {}
-        others_write = bool(entry.given)
-        for use in entry.uses:
-            access = use.access
-            bound, name = access.bound, access.attribute
-            if access.place is None and name in bound.keys:
-                kinds.setdefault(id(bound.spec.parameters.get(name)), use)
-            if not others_write and access.kind in _WRITING:
-                others_write = access.place is not None or bool(bound.spec.semantics.copies)
+        kinds, others_write = _kinds_of_ports(entry)
         if not others_write and tuple(kinds) in self._of_one_type:
             return
         ports = [port for use in kinds.values() if (port := self._port(use)) is not None]
-        if not others_write and len({port.cpp for port in ports}) <= 1:
+        is_script = any(port.parameter.value_type.python is Script for port in ports)
+        if not others_write and not is_script and len({port.cpp for port in ports}) <= 1:
             self._of_one_type.add(tuple(kinds))
             return
         # Most entries without a type are passed over: whatever is written to them, each port takes it.
@@ -155,11 +163,17 @@ class KeyTypeRules:
             return
         writes = [*self._constants(entry), *self._writes(entry)]
         for write in writes:
-            yield from self._misfit(write, ports, first)
+            found = [*self._misfit(write, ports, first)]
+            yield from found
+            if found and write.is_item:
+                break
         if not entry.is_parameter:
             # Of an entry with a type, all ports have been compared with that.
-            readers = [port for port in ports if is_untyped(first.cpp) or is_loop_queue(port.cpp)]
+            is_open = is_untyped(first.cpp) or first.cpp == TEXT
+            readers = [port for port in ports if is_open or is_loop_queue(port.cpp)]
             yield from self._unreadable(writes, readers)
+            if not entry.given:
+                yield from self._late_scripts(writes, ports, first)
 
     def _port(self, use: EntryAccess) -> _TypedPort | None:
         bound, name = use.bound, use.access.attribute
@@ -185,15 +199,19 @@ class KeyTypeRules:
             yield _KeyWrite(element, entry.key, entry.key, written, values, is_constant=True)
 
     def _constant(self, text: str) -> _WrittenValue:
-        return _WrittenValue(
-            type_of_constant(text, self._version) or TEXT, literal_value(text), is_shown=True
-        )
+        cpp = type_of_constant(text, self._version) or TEXT
+        return _WrittenValue(cpp, literal_value(text), is_shown=True, text=text if cpp == TEXT else None)
 
     def _writes(self, entry: EntryAccesses) -> Iterator[_KeyWrite]:
         for use in entry.of(*_WRITING):
             access, semantics = use.access, use.bound.spec.semantics
             port, place = self._port(use), (access.attribute, access.place or access.place_in_braces)
             expression, is_copy = None, False
+            if port is not None and _QUEUE in use.bound.values:
+                for item in _items_of(use.bound, port.cpp):
+                    yield _KeyWrite(
+                        use.bound.element, access.attribute, access.key, place, (item,), is_item=True
+                    )
             if access.place is not None:
                 expression = _assigned(use)
                 if expression is not None:
@@ -269,25 +287,52 @@ class KeyTypeRules:
             if not any(_is_taken(value, port, write) for value in values):
                 yield _misfit_here(write, values[0], port)
                 return
+            if all(_exceeds_children(value, port) for value in values):
+                yield _out_of_reach(write, values[0], port)
+                return
         types = [value.cpp for value in values]
         shown = " or ".join(dict.fromkeys(types))
         if write.is_copy and not any(can_be_copied(each, first.cpp) for each in types):
             what = f"{shown} is copied with its type to '{write.key}', which is {first.label(element)}"
             yield self._refused(f"{write.attribute}: {what}", element, write.span, None)
             return
-        is_given = first.parameter is None
-        refuses_text = first.cpp == ANY and types == [TEXT] and not is_given
         for port in ports:
-            if is_given and not is_loop_queue(port.cpp):
-                continue  # the types of constants and ports are compared where the tree is bound
-            is_overwritten = port.writes and all(_is_lost(value, port.cpp) for value in values)
-            is_read = any(can_be_read(each, port.cpp, self._version) for each in types)
-            if refuses_text or is_overwritten or not is_read:
-                whose = port_label(port.parameter.name, port.bound, element)
-                what = f"'{write.key}' is {shown} here, and {port.shown} for {whose}"
-                is_new = is_given and types != [TEXT]
-                yield self._refused(f"{write.attribute}: {what}", element, write.span, port, is_new=is_new)
+            finding = self._refused_by(port, write, values, first)
+            if finding is not None:
+                yield finding
                 return
+
+    def _refused_by(
+        self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
+    ) -> Diagnostic | None:
+        """Return the finding about values over which BehaviorTree.CPP raises an error because of a port; None for none."""
+        types = [value.cpp for value in values]
+        shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
+        # The types of constants, items and ports are compared where the tree is bound.
+        is_compared = (is_given or write.is_item) and not is_loop_queue(port.cpp)
+        is_lost = port.writes and all(_is_lost(value, port.cpp) for value in values)
+        is_read = any(can_be_read(each, port.cpp, self._version) for each in types)
+        is_text_refused = first.cpp == ANY and types == [TEXT] and not is_given
+        if not is_compared and (is_text_refused or is_lost or not is_read):
+            is_new = is_given and types != [TEXT]
+        elif any(self._is_converted(value, port, write) for value in values):
+            return None
+        else:
+            shown = f"'{values[0].value}'"
+        whose = port_label(port.parameter.name, port.bound, write.element)
+        what = f"{write.attribute}: '{write.key}' is {shown} here, and {port.shown} for {whose}"
+        return self._refused(what, write.element, write.span, port, is_new=is_new)
+
+    def _is_converted(self, value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
+        """Return whether BehaviorTree.CPP can convert a value that the file shows to the type of a port."""
+        written = value.value if value.text is None else value.text
+        if not value.is_shown or (not port.reads and (write.is_constant or write.is_item)):
+            return True
+        if port.cpp == STATUS and isinstance(written, str) and not (write.is_constant or write.is_item):
+            # A script takes a status that is there for a number, and knows no words for one.
+            is_number_there = written in ("true", "false") or _begins_as_number(written)
+            return not write.is_copy and not port.reads and is_number_there
+        return can_be_converted(written, port.cpp, self._version)
 
     def _unreadable(self, writes: list[_KeyWrite], ports: list[_TypedPort]) -> Iterator[Diagnostic]:
         """Yield the first port that can read none of the values that other ports write."""
@@ -305,6 +350,27 @@ class KeyTypeRules:
                 yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
                 return
 
+    def _late_scripts(
+        self, writes: list[_KeyWrite], ports: list[_TypedPort], first: EntryType
+    ) -> Iterator[Diagnostic]:
+        """Yield scripts in an entry that a node writes: BehaviorTree.CPP reads them when it creates the tree."""
+        for port in ports if writes else ():
+            spec, name, element = port.bound.spec, port.parameter.name, port.bound.element
+            if port.parameter.value_type.python is not Script or not spec.semantics.counterpart.built_in:
+                continue
+            if may_share(first.cpp, port.cpp) and (
+                first.parameter is None or agree(first.parameter, port.parameter)
+            ):
+                line = f"line {writes[0].element.line}{file_of(writes[0].element, element)}"
+                message = (
+                    f"{name}: BehaviorTree.CPP refuses the tree, because it needs the script in '{port.bound.keys[name]}' "
+                    f"before <{writes[0].element.tag}> writes it ({line}), although the tree runs here"
+                )
+                hint = f'write the script in {name}="…", or give it to a subtree: <SubTree ID="…" {port.bound.keys[name]}="…"/>'
+                yield element.finding(
+                    "cpp-type-mismatch", message, value=name, hint=hint, severity=self._severity
+                )
+
     def _refused(
         self, message: str, element: Element, span: Span, port: _TypedPort | None, *, is_new: bool = False
     ) -> Diagnostic:
@@ -316,6 +382,25 @@ class KeyTypeRules:
         elif port is not None and not port.bound.spec.is_foreign and not is_loop_queue(port.cpp):
             message = f"{message}, although it is converted here"
         return element.finding(code, message, span, hint="use two keys", severity=self._severity)
+
+
+def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[tuple[int, int], EntryAccess], bool]:
+    """Return a use of an entry for each kind of port, and whether anything but a port with a type writes it.
+
+    Of an entry with many uses, each port of a kind of node is compared once; one that counts children, once for each number of them.
+    """
+    kinds: dict[tuple[int, int], EntryAccess] = {}
+    others_write = bool(entry.given)
+    for use in entry.uses:
+        access = use.access
+        bound, name = access.bound, access.attribute
+        if access.place is None and name in bound.keys:
+            children = len(bound.children) if bound.spec.semantics.counts else 0
+            kinds.setdefault((id(bound.spec.parameters.get(name)), children), use)
+        if not others_write and access.kind in _WRITING:
+            is_typed = access.place is None and not bound.spec.semantics.copies
+            others_write = not is_typed or _QUEUE in bound.values
+    return kinds, others_write
 
 
 def _is_lost(value: _WrittenValue, cpp: str) -> bool:
@@ -336,7 +421,36 @@ def _is_taken(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
     if port.reads or write.is_constant or not isinstance(written, str):
         return not port.reads
     # BehaviorTree.CPP converts a script's text to the type of the entry, and reads a number at its front.
-    return port.parameter.value_type.python is not bool and written.lstrip("-")[:1].isdecimal()
+    return port.parameter.value_type.python is not bool and _begins_as_number(written)
+
+
+def _begins_as_number(text: str) -> bool:
+    return text.removeprefix("-")[:1].isdecimal()
+
+
+def _items_of(bound: BoundNode, cpp: str) -> Iterator[_WrittenValue]:
+    """Yield the items that a loop writes, if the file shows them."""
+    text, kind = bound.values[_QUEUE], bound.spec.fixed.get("kind")
+    if isinstance(text, str) and isinstance(kind, type):
+        for item in queue_items(text, kind):
+            yield _WrittenValue(cpp, item, is_shown=True)
+
+
+def _exceeds_children(value: _WrittenValue, port: _TypedPort) -> bool:
+    """Return whether a port counts children, and a value is larger than their number."""
+    there, name = len(port.bound.children), port.parameter.name
+    if name not in port.bound.spec.semantics.counts or not value.is_shown or not there:
+        return False
+    kind = port.parameter.value_type
+    number = kind.fit(value.value) if fits(kind, value.value) else None
+    return isinstance(number, int) and number > there
+
+
+def _out_of_reach(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:
+    there = len(port.bound.children)
+    whose = port_label(port.parameter.name, port.bound, write.element)
+    message = f"{write.attribute}: '{write.key}' is {value.value} here, for {whose}, and of {there} children that can never be"
+    return write.element.finding("out-of-reach", message, write.span, hint=f"write {there} or fewer")
 
 
 def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:

@@ -116,7 +116,7 @@ def fits(value_type: ValueType, value: object) -> bool:
 def _may_share(first: EntryType, later: EntryType, key: str, collector: Collector) -> bool:
     """Return whether a port may share the key of the first one, after a report if it may not."""
     assert later.parameter is not None  # noqa: S101 - a constant comes first
-    if first.parameter is not None and not _agree(first.parameter, later.parameter):
+    if first.parameter is not None and not agree(first.parameter, later.parameter):
         _report_here(first, later, key, collector)
     elif not may_share(first.cpp, later.cpp):
         if first.parameter is None:
@@ -128,7 +128,7 @@ def _may_share(first: EntryType, later: EntryType, key: str, collector: Collecto
     return False
 
 
-def _agree(first: Parameter, later: Parameter) -> bool:
+def agree(first: Parameter, later: Parameter) -> bool:
     """Return whether a port can share the key of the first one here; from a text every type can be read."""
     known, other = first.value_type.python, later.value_type.python
     return other is None or known in _TEXTS or known is other
@@ -154,15 +154,15 @@ def _report_there(first: EntryType, later: EntryType, key: str, collector: Colle
     if is_number(first.cpp) and (is_number(later.cpp) or later.cpp == TEXT):
         copy = f"{key.removeprefix(ROOT_SIGN)}_{later.name}"
         hint = f'copy it by <Script code="{copy} := {key}"/>, and write {later.name}="{{{copy}}}"'
-    severity = severity_there(collector)
+    severity = severity_there(collector.btcpp)
     collector.add(
         "cpp-type-mismatch", message, later.bound.element, value=later.name, hint=hint, severity=severity
     )
 
 
-def severity_there(collector: Collector) -> Severity:
-    """Return the severity of what only BehaviorTree.CPP refuses: an error where the trees are said to be for it."""
-    return Severity.ERROR if collector.btcpp is not None else Severity.WARNING
+def severity_there(btcpp: Version | None) -> Severity:
+    """Return the severity of what only BehaviorTree.CPP refuses: an error where the trees are said to be for a version."""
+    return Severity.ERROR if btcpp is not None else Severity.WARNING
 
 
 def _report_constant(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
@@ -178,7 +178,7 @@ def _report_constant(first: EntryType, later: EntryType, key: str, collector: Co
     is_plain = is_number(later.cpp) and re.fullmatch(_PLAIN_NUMBER, written)
     value = written if is_plain else f"'{written}'"
     hint = f'write {first.name}="{{k}}" around it, and before that <Script code="k := {value}"/>'
-    severity = severity_there(collector)
+    severity = severity_there(collector.btcpp)
     collector.refused_since(
         NUMBERS, later.bound.element, message, value=later.name, hint=hint, severity=severity
     )

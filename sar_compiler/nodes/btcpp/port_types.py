@@ -9,7 +9,7 @@ import re
 
 from sar_compiler.nodes.btcpp import LISTS, NUMBERS, Version
 from sar_compiler.nodes.cpp_names import ANY, INT, LONG, REAL, STATUS, TEXT, UNSIGNED_INT, normalized
-from sar_compiler.nodes.values import literal_value
+from sar_compiler.nodes.values import JSON, STATUSES, TRUTH_VALUES, literal_value, type_of_cpp_name
 
 _INT_RANGE = range(-(2**31), 2**31)
 _UNTYPED = ("", ANY)
@@ -18,6 +18,11 @@ _NUMBERS = frozenset((*_INTEGERS, "float", REAL, "bool", "long long", "unsigned 
 _QUEUE = re.compile(r"std::(?:vector|shared_ptr<std::deque)<([^<>]*)>>?")
 _ITEMS = {"LoopInt": INT, "LoopDouble": REAL, "LoopBool": "bool", "LoopString": TEXT}
 _QUEUE_NAME = "queue."
+_LIST = re.compile(r"std::vector<(.*)>")
+_POINTER, _POINTER_TO_TEXT = "std::shared_ptr<", "std::shared_ptr<std::deque<"
+# As std::from_chars and std::stod read them.
+_NUMBER = re.compile(r"-?(\.?\d|inf|nan)", re.IGNORECASE)
+_OLD_REAL = re.compile(r"\s*[+-]?(\.?\d|inf|nan)", re.IGNORECASE)
 
 
 def may_share(first: str, later: str) -> bool:
@@ -74,8 +79,51 @@ def can_be_read(written: str, port: str, version: Version) -> bool:
             return is_untyped(written) or (is_list and written.startswith("std::shared_ptr"))
         return written == TEXT or is_untyped(written) or is_list
     if may_share(written, port):
-        return True
+        return written != TEXT or not _is_pointer(port)
     return is_number(written) and (is_number(port) or port == TEXT)
+
+
+def can_be_converted(value: object, port: str, version: Version) -> bool:
+    """Return whether BehaviorTree.CPP can convert a value to the type of a port, if a port of this project can.
+
+    A type of a user is read from texts if the user's C++ says so, which is not known; but for a pointer, that is hardly done.
+
+    Args:
+        value: The text, or the number.
+        port: The type of the port, or the name of a loop's queue type, normalized.
+        version: The version.
+    """
+    if not isinstance(value, str):
+        is_whole_number = not isinstance(value, float) or value.is_integer()
+        return _is_in_range(value, port) and (port != STATUS or is_whole_number)
+    item, items = port, [value]
+    if is_loop_queue(port):
+        item, items = _ITEMS[port.removeprefix(_QUEUE_NAME)], value.split(";") if value else []
+    elif match := _LIST.fullmatch(port):
+        if value.startswith(JSON):
+            return version >= LISTS.since
+        item, items = match[1], value.split(";") if value else []
+    words = {STATUS: STATUSES, "bool": TRUTH_VALUES}.get(item)
+    if words is not None:
+        return all(each in words for each in items)
+    if item in _NUMBERS:
+        is_old_real = item not in _INTEGERS and version < LISTS.since
+        number = _OLD_REAL if is_old_real else _NUMBER
+        return all(number.match(each) and _is_in_range(literal_value(each), item) for each in items)
+    return not _is_pointer(item)
+
+
+def _is_in_range(value: object, cpp: str) -> bool:
+    """Return whether a value is no whole number that a type of whole numbers lacks."""
+    kind = type_of_cpp_name(cpp) if isinstance(value, int) else None
+    if kind is None or kind.least is None or kind.most is None:
+        return True
+    return kind.least <= value <= kind.most  # type: ignore[operator]
+
+
+def _is_pointer(cpp: str) -> bool:
+    """Return whether a type is a pointer that no text can be read as."""
+    return cpp.startswith(_POINTER) and not cpp.startswith(_POINTER_TO_TEXT)
 
 
 def can_be_copied(written: str, entry: str) -> bool:

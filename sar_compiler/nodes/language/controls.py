@@ -142,7 +142,7 @@ SPECS = [
         input_port(
             "failure_count", int, "How many failures make a failure; negative: counted from the end.", 1
         ),
-        semantics=Semantics.parallel(outcome_sets.counting)._replace(
+        semantics=Semantics.parallel(outcome_sets.counting, ("success_count", "failure_count"))._replace(
             counterpart=Counterpart(rewrite=rewrites.parallel)
         ),
         former_attributes={
@@ -150,7 +150,7 @@ SPECS = [
             "success_threshold": "success_count",
             "failure_threshold": "failure_count",
         },
-        rule=partial(report_out_of_reach, ("success_count", "failure_count")),
+        rule=report_out_of_reach,
     ),
     stock(
         Kind.CONTROL,
@@ -188,8 +188,8 @@ SPECS = [
             "With how many failures it fails; negative: counted from the end, 0: always.",
             1,
         ),
-        semantics=Semantics.parallel(outcome_sets.counting_all),
-        rule=partial(report_out_of_reach, ("max_failures",)),
+        semantics=Semantics.parallel(outcome_sets.counting_all, ("max_failures",)),
+        rule=report_out_of_reach,
     ),
     _branching(
         "IfThenElse",

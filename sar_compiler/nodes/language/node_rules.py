@@ -8,10 +8,10 @@ HOW_TO_SELECT = 'write the names of the children that have to succeed: selected=
 NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
 
 
-def report_out_of_reach(names: tuple[str, ...], bound: BoundNode, collector: Collector) -> None:
+def report_out_of_reach(bound: BoundNode, collector: Collector) -> None:
     """Report attributes that exceed the number of children; negative ones are counted from the end, and always valid."""
     there = len(bound.element.children)
-    for name in names:
+    for name in bound.spec.semantics.counts:
         wanted = bound.values.get(name)
         if isinstance(wanted, int) and wanted > there > 0:
             message = f"{name}: {wanted} of {there} children can never be"
