@@ -25,8 +25,8 @@ from sar_compiler.journal.situation import (
     with_author,
 )
 
-RUNNING, SUCCESS, FAILURE, HALTED = "RUNNING", "SUCCESS", "FAILURE", "HALTED"
-_RESTING = ("IDLE", HALTED)
+RUNNING, SUCCESS, FAILURE, HALTED, IDLE = "RUNNING", "SUCCESS", "FAILURE", "HALTED", "IDLE"
+_RESTING = (IDLE, HALTED)
 _WARN = 30
 _OF_PHASE = (
     events.RUN_BEGAN,
@@ -151,6 +151,62 @@ def answer_words(status: str, label: str | None) -> str:
     return f"{status} ({label or 'answer not said'})"
 
 
+class LastStatus(NamedTuple):
+    """The last status of a node that was no reset, and what it came to before.
+
+    Attributes:
+        status: As in the entries.
+        since: When it got that status, in seconds since the run's beginning, as all times.
+        entered: The tick in which its activation began.
+        time: When anything of it has changed last.
+        tick: In which tick that was.
+        message: What it says.
+        failed: When it has failed last; None if it has not.
+        failure: What it has said then.
+        label: Which answer its status is; empty if that is not known.
+        ends: How often each end was noted: SUCCESS, FAILURE, HALTED. One that is the same tick after tick is noted once.
+        ran: How many seconds it was running until the ends of that.
+        longest: The longest of these times.
+    """
+
+    status: str = ""
+    since: float = 0.0
+    entered: int = 0
+    time: float = 0.0
+    tick: int = 0
+    message: str = ""
+    failed: float | None = None
+    failure: str = ""
+    label: str = ""
+    ends: tuple[int, int, int] = (0, 0, 0)
+    ran: float = 0.0
+    longest: float = 0.0
+
+    def followed_by(
+        self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
+    ) -> "LastStatus":
+        """Return what it is after another status, with which a new activation begins if the node was reset before."""
+        is_same = self.status == status and not was_reset
+        has_failed = status == FAILURE
+        took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
+        successes, failures, halts = self.ends
+        return LastStatus(
+            status,
+            self.since if is_same else now,
+            # An activation goes on while the node is running, and ends with what comes after that.
+            self.entered if self.status == RUNNING else tick,
+            now,
+            tick,
+            message,
+            now if has_failed else self.failed,
+            message if has_failed else self.failure,
+            label,
+            (successes + (status == SUCCESS), failures + has_failed, halts + (status == HALTED)),
+            self.ran + took,
+            max(self.longest, took),
+        )
+
+
 @dataclass
 class NodeState:
     """A node of the tree.
@@ -171,6 +227,7 @@ class NodeState:
         label: The label of its answer, of a leaf; empty if it has not said which of several, None if it has declared none.
         since: The moment of its last change of status.
         tick: The number of the tick in which it has changed last.
+        last: Its last status that was no reset.
     """
 
     number: int
@@ -188,6 +245,7 @@ class NodeState:
     label: str | None = None
     since: Instant | None = None
     tick: int = 0
+    last: LastStatus = LastStatus()  # noqa: RUF009 - cannot be changed
 
     @property
     def words(self) -> str:
@@ -438,6 +496,11 @@ class MissionState:
         self, node: int, tick: int, status: str, message: str, label: str | None = None, **_last: object
     ) -> None:
         state = self.nodes[node]
+        if status != IDLE:
+            was_reset, now = state.status == IDLE, self.now.time
+            state.last = state.last.followed_by(
+                str(status), str(message), str(label or ""), int(tick), now, was_reset=was_reset
+            )
         if state.status != status:
             state.status, state.since = str(status), self.now
         state.message, state.tick = str(message) if state.has_part else "", int(tick)

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
-from sar_compiler.journal.mission_state import FAILURE, HALTED, RUNNING, SUCCESS, MissionState, RunProcess
+from sar_compiler.journal.mission_state import IDLE, MissionState, RunProcess
 from sar_compiler.journal.situation import FactTime, Landmark, with_author
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
@@ -19,38 +19,6 @@ _LATE = 50
 
 PageChange = dict[str, Any]
 """What has changed of a page's state, as JSON values: what `PageState.change` returns."""
-
-
-class ShownStatus(NamedTuple):
-    """The last status of a node; a reset does not change it.
-
-    Attributes:
-        status: As in the entries.
-        since: When it got that status, in seconds since the run's beginning, as all times.
-        entered: The tick in which its activation began.
-        time: When anything of it has changed last.
-        tick: In which tick that was.
-        message: What it says.
-        failed: When it has failed last; None if it has not.
-        failure: What it has said then.
-        label: Which answer its status is; empty if that is not known.
-        ends: How often each end was noted: SUCCESS, FAILURE, HALTED. One that is the same tick after tick is noted once.
-        ran: How many seconds it was running until the ends of that.
-        longest: The longest of these times.
-    """
-
-    status: str = ""
-    since: float = 0.0
-    entered: int = 0
-    time: float = 0.0
-    tick: int = 0
-    message: str = ""
-    failed: float | None = None
-    failure: str = ""
-    label: str = ""
-    ends: tuple[int, int, int] = (0, 0, 0)
-    ran: float = 0.0
-    longest: float = 0.0
 
 
 class GrowingList:
@@ -107,9 +75,6 @@ class PageState:
         self._passed = 0.0
         self._began = 0.0
         self._mission = MissionState()
-        self._statuses: dict[int, ShownStatus] = {}
-        # The nodes that were reset since their last status.
-        self._reset: set[int] = set()
         # What others have found out of the run.
         self._why: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
@@ -178,7 +143,7 @@ class PageState:
         elif self._touched:
             change = {"robot": self.robot, **{part: self._READ[part](self) for part in self._touched}}
             if self._nodes:
-                change["states"] = {str(number): self._statuses[number] for number in self._nodes}
+                change["states"] = {str(number): self._mission.nodes[number].last for number in self._nodes}
             if self._landmarks:
                 change["landmarks"] = {"/".join(key): self._landmark(key) for key in self._landmarks}
             if self._rasters:
@@ -196,7 +161,7 @@ class PageState:
             "begin": True,
             "robot": self.robot,
             **{part: read(self) for part, read in self._READ.items()},
-            "states": {str(number): status for number, status in self._statuses.items()},
+            "states": {str(each.number): each.last for each in self._mission.nodes if each.last.status},
             "landmarks": {"/".join(key): self._landmark(key) for key in self._mission.situation.landmarks},
             "rasters": {name: self._raster(name) for name in self._mission.situation.rasters},
             **{name: {"at": 0, "values": each.values[:]} for name, each in self._lists()},
@@ -208,7 +173,7 @@ class PageState:
     def _on_run_began(self, entry: JournalEntry) -> None:
         self._began, self._times = entry.time, {}
         self._why = None
-        self._statuses, self._nodes, self._reset = {}, set(), set()
+        self._nodes = set()
         node = self._mission.runs[-1].about.get("node")
         self._add_line("fact", f"The run began{f' on {node}' if node else ''}.")
 
@@ -219,33 +184,8 @@ class PageState:
         )
 
     def _on_status(self, entry: JournalEntry) -> None:
-        data, now = entry.data, self._mission.now.time
-        number, status, tick = data["node"], str(data["status"]), int(data["tick"])
-        if status == "IDLE":  # it is shown, as something former, until there is something else
-            self._reset.add(number)
-            return
-        was = self._statuses.get(number, ShownStatus())
-        is_same = was.status == status and number not in self._reset
-        self._reset.discard(number)
-        message = str(data["message"])
-        has_failed = status == FAILURE
-        took = now - was.since if was.status == RUNNING and status != RUNNING else 0.0
-        self._statuses[number] = ShownStatus(
-            status,
-            was.since if is_same else now,
-            # An activation goes on while the node is running, and ends with what comes after that.
-            was.entered if was.status == RUNNING else tick,
-            now,
-            tick,
-            message,
-            now if has_failed else was.failed,
-            message if has_failed else was.failure,
-            str(data.get("label") or ""),
-            _counted(was.ends, status),
-            was.ran + took,
-            max(was.longest, took),
-        )
-        self._nodes.add(number)
+        if entry.data["status"] != IDLE:  # a status stays, as something former, until there is something else
+            self._nodes.add(entry.data["node"])
 
     def _on_pose(self, _: JournalEntry) -> None:
         for pose in self._mission.trail:
@@ -444,8 +384,3 @@ class PageState:
 def all_changes(states: Iterable[PageState]) -> list[PageChange]:
     """Return what has changed of robots' states since the last call."""
     return [change for state in states if (change := state.change()) is not None]
-
-
-def _counted(ends: tuple[int, int, int], status: str) -> tuple[int, int, int]:
-    successes, failures, halts = ends
-    return successes + (status == SUCCESS), failures + (status == FAILURE), halts + (status == HALTED)
